@@ -1,18 +1,88 @@
 #include "bench/bench_methods.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
+#include <atomic>
+#include <cmath>
 #include <tuple>
+#include <vector>
 
-#include "bench/bench_timing.h"
 #include "bench/published_method.h"
 #include "core/program/errors.h"
-#include "core/time/cpu_time.h"
+#include "core/statistics/distributions.h"
+#include "core/time/clock.h"
 #include "sim/scene/bench_poses.h"
+#include "sim/sensor/sensor_model.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
+namespace {
+
+// Seven repetitions at least; of short work more, up to so much time, as its first runs are slower.
+constexpr std::size_t repetitions = 7;
+constexpr double long_enough_ms = 150.0;
+constexpr double long_run_ms = 1000.0;
+
+double run_ms(const std::function<void()>& work) {
+    const double start = thread_cpu_ms();
+    work();
+    return thread_cpu_ms() - start;
+}
+
+// After a run that only warms the processor's caches: one, or as many as take 50 ms. Their median.
+double add_warm_runs(const std::function<void()>& work, std::vector<double>& times) {
+    constexpr double long_enough_ms = 50.0;
+    run_ms(work);
+    std::vector<double> of_turn;
+    double sum = 0.0;
+    while (sum < long_enough_ms) {
+        of_turn.push_back(run_ms(work));
+        sum += of_turn.back();
+    }
+    times.insert(times.end(), of_turn.begin(), of_turn.end());
+    return median(of_turn);
+}
+
+}  // namespace
+
+void keep_freed_memory() {
+    mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest that glibc takes
+    mallopt(M_TRIM_THRESHOLD, 1 << 30);
+}
+
+double median_cpu_ms(const std::function<void()>& work) {
+    const double first = run_ms(work);
+    if (first > long_run_ms)
+        return first;
+    std::vector<double> times;
+    double sum = 0.0;
+    while (times.size() < repetitions ||
+           (sum < long_enough_ms && times.size() < 20 * repetitions)) {
+        times.push_back(run_ms(work));
+        sum += times.back();
+    }
+    return median(times);
+}
+
+TimesByTurns cpu_ms_by_turns(const std::function<void()>& one, const std::function<void()>& other) {
+    constexpr int turns = 9;
+    std::vector<double> ones, others;
+    double sum = 0.0, squares = 0.0;
+    for (int turn = 0; turn < turns; ++turn) {
+        const double one_ms = add_warm_runs(one, ones);
+        const double log_ratio = std::log(add_warm_runs(other, others) / one_ms);
+        sum += log_ratio;
+        squares += log_ratio * log_ratio;
+    }
+    const double variance = std::max(0.0, squares - sum * sum / turns) / (turns - 1);
+    return {median(ones), median(others), std::sqrt(variance / turns)};
+}
+
 namespace {
 
 using Undistortion = PublishedMethod::Undistortion;
@@ -278,6 +348,72 @@ BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan
          1e6 * by_default.cpu_ms / pixels},
         {"cloud", "published", published_setting, by_published.cpu_ms,
          compare_with_truth(by_published.values, truth), 1e6 * by_published.cpu_ms / pixels}};
+    return result;
+}
+
+namespace {
+
+// `render` makes the frame of a pose. One pose per task, because one may take 100 times as long as
+// another; each renders in an arena of one thread: only the loop over the poses is parallel.
+template <class Render>
+RenderRate rate(const std::vector<Rigid>& poses, const Render& render) {
+    tbb::enumerable_thread_specific<tbb::task_arena> serial([] { return tbb::task_arena(1); });
+    const auto start = std::chrono::steady_clock::now();
+    const double cpu_start = process_cpu_ms();
+    tbb::parallel_for(
+        std::size_t{0}, poses.size(),
+        [&](std::size_t i) { serial.local().execute([&] { render(poses[i]); }); },
+        tbb::simple_partitioner());
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+    return {static_cast<int>(poses.size()), static_cast<double>(poses.size()) / wall.count(),
+            1e-3 * (process_cpu_ms() - cpu_start) / wall.count()};
+}
+
+std::vector<Rigid> every_nth(const std::vector<Rigid>& poses, std::size_t count) {
+    std::vector<Rigid> some;
+    count = std::min(count, poses.size());
+    for (std::size_t i = 0; i < count; ++i)
+        some.push_back(poses[i * poses.size() / count]);
+    return some;
+}
+
+}  // namespace
+
+Throughput measure_throughput(const BenchmarkScene& scene, const std::vector<Rigid>& poses) {
+    const auto posed = [&](const Rigid& pose) {
+        Scene result = scene.scene;
+        result.markers.front().camera_from_marker = pose;
+        return result;
+    };
+    const Renderer renderer(scene.camera);
+    const PublishedMethod published(scene.camera, 256, PublishedMethod::Undistortion::per_ray);
+    const SensorModel sensor(scene.camera);
+    std::atomic<int> refused = 0;
+    const auto render = [&](const Rigid& pose) {
+        try {
+            sensor.expose(renderer.render_part(posed(pose)));
+        } catch (const NumericalError&) {
+            ++refused;
+        }
+    };
+    for (const Rigid& pose : every_nth(poses, 100))  // fills the caches
+        render(pose);
+
+    Throughput result;
+    refused = 0;
+    std::atomic<std::size_t> done = 0;
+    std::atomic<double> early_peak = 0.0;
+    result.by_default = rate(poses, [&](const Rigid& pose) {
+        render(pose);
+        if (++done == std::max<std::size_t>(1, poses.size() / 10))
+            early_peak = peak_memory_mib();
+    });
+    result.refused = refused;
+    result.early_peak_mib = early_peak;
+    result.final_peak_mib = peak_memory_mib();
+    result.by_published =
+        rate(every_nth(poses, std::max<std::size_t>(20, poses.size() / 20)),
+             [&](const Rigid& pose) { sensor.expose(published.render(posed(pose)).radiance); });
     return result;
 }
 

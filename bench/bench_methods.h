@@ -6,9 +6,30 @@
 #include <string>
 #include <vector>
 
+#include "bench/benchmark_scenes.h"
 #include "bench/render_comparison.h"
 
 namespace etalon {
+
+// How long work takes, and memory kept for it, for `etalon bench`. glibc.
+
+// From now on this process keeps the memory that it frees. glibc would hand every image of some MiB
+// back to the kernel and have its pages cleared again in the next frame: 1.5 of the published
+// method's 6 ms, and none of the default plan's, which holds one image at a time.
+void keep_freed_memory();
+
+// Median CPU time of `work` in the calling thread, without what it may give to others: limit TBB to
+// one thread. `work` runs once before, then seven times, or for 150 ms if that is more (at most 140
+// times); where the first run takes more than a second, it is the only one.
+double median_cpu_ms(const std::function<void()>& work);
+
+// The same of two whose ratio is wanted, by turns, so that what slows the machine for a while slows
+// both: nine turns of one warm run each, or of 50 ms if that is more.
+struct TimesByTurns {
+    double one_ms = 0.0, other_ms = 0.0;
+    double ratio_error = 0.0;  // relative standard error of their ratio, by the turns' own ratios
+};
+TimesByTurns cpu_ms_by_turns(const std::function<void()>& one, const std::function<void()>& other);
 
 // How much is measured.
 struct BenchPlan {
@@ -37,11 +58,11 @@ struct BenchScene {
     std::string name;
     std::vector<BenchRow> rows;  // `default` first
     double cache_ms = 0.0;       // CPU time to build what the renderer keeps for this camera
-    int refined_pixels = 0;   // within blur radius + 1 px of an edge (the published method's); of a
-                              // wide lens those of the tiles that are not uniform
-    double ratio_error = 0.0;  // relative standard error of the promised ratio of times
-    double ns_per_ray = 0.0;   // of the published method, from its two largest settings
-    int refused_poses = 0;    // of the cloud, with NumericalError; not in the rows
+    int refined_pixels = 0;  // within blur radius + 1 px of an edge (the published method's); of a
+                             // wide lens those of the tiles that are not uniform
+    double ratio_error = 0.0;           // relative standard error of the promised ratio of times
+    double ns_per_ray = 0.0;            // of the published method, from its two largest settings
+    int refused_poses = 0;              // of the cloud, with NumericalError; not in the rows
     std::vector<std::string> left_out;  // settings not measured, and why
 
     // Nothing where the setting was not measured.
@@ -59,5 +80,27 @@ BenchScene measure_scene(const BenchmarkScene& scene, const BenchPlan& plan);
 // poses are done.
 BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan& plan,
                          const std::function<void(int)>& progress);
+
+// Frames per second: many poses of a marker rendered to sensor frames in memory, on all cores.
+
+struct RenderRate {
+    int frames = 0;
+    double frames_per_s = 0.0;
+    double cores_used = 0.0;  // CPU time over wall time
+};
+
+struct Throughput {
+    RenderRate by_default, by_published;  // the published method at 256 rays, on fewer frames
+    int refused = 0;                      // of the default plan's frames, with NumericalError
+    double early_peak_mib = 0.0;          // peak memory after a tenth of the default plan's frames
+    double final_peak_mib = 0.0;          // and at their end
+
+    double ratio() const { return by_default.frames_per_s / by_published.frames_per_s; }
+};
+
+// The scene's camera and marker at the poses; each frame is rendered on one thread, exposed by the
+// sensor model (no noise) and thrown away. The published method gets every n-th pose, a twentieth
+// of them but at least 20.
+Throughput measure_throughput(const BenchmarkScene& scene, const std::vector<Rigid>& poses);
 
 }  // namespace etalon

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include "calib/camera/projector.h"
-#include "calib/camera/viewing_geometry.h"
 #include "core/program/errors.h"
 
 namespace etalon {

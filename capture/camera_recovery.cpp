@@ -4,7 +4,7 @@
 
 #include <optional>
 
-#include "capture/frame/camera_busy.h"
+#include "capture/frame/camera.h"
 #include "core/program/errors.h"
 
 namespace etalon {

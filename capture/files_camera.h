@@ -7,8 +7,10 @@
 
 #include <filesystem>
 #include <memory>
+#include <vector>
 
 #include "capture/frame/camera.h"
+#include "capture/frame/frame_log.h"
 
 namespace etalon {
 
@@ -18,5 +20,22 @@ namespace etalon {
 // depth, format, black level, trigger or control, and an exposure or gain other than 0 ("its own")
 // and the recorded one.
 std::unique_ptr<Camera> open_files_camera(const std::filesystem::path& folder, Clock& clock);
+
+// What a folder has to replay: the frames of a recorded run (etalon qualify, etalon capture) in the
+// order in which they were taken, incomplete ones included, or any images in the order of their
+// names.
+
+struct RecordedFrames {
+    std::filesystem::path folder;
+    // At least one. Of plain images the file is the only thing that is known; they are numbered
+    // from 1.
+    std::vector<FrameRecord> frames;
+    bool are_logged = false;
+};
+
+// A run's frames are those that its events.jsonl lists; without such a file all PNG, TIFF and JPEG
+// images count, hidden ones excepted. Throws ConfigError, with the line of the log, when the folder
+// or its log cannot be read or holds no frame.
+RecordedFrames recorded_frames(const std::filesystem::path& folder);
 
 }  // namespace etalon

@@ -6,7 +6,7 @@
 #include <Eigen/LU>
 #include <limits>
 
-#include "calib/camera/parameter_names.h"
+#include "calib/camera/camera_model.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/camera_formats.h"
 #include "calib/intrinsics/calibration_model.h"

@@ -6,7 +6,7 @@
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
-#include "stage/motion/limited_stage.h"
+#include "stage/motion/motion_guard.h"
 
 namespace etalon {
 

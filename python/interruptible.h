@@ -5,10 +5,14 @@
 
 #include <pybind11/pybind11.h>
 
+#include <cstdio>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <stop_token>
 #include <utility>
+
+#include "core/time/progress.h"
 
 namespace etalon {
 
@@ -32,5 +36,26 @@ auto without_gil(Work&& work) {
     const pybind11::gil_scoped_release released;
     return std::forward<Work>(work)();
 }
+
+// How far a run is, where its caller wants to see it.
+
+// To stderr, or to nobody.
+class RunProgress {
+public:
+    explicit RunProgress(bool is_shown)
+        : nobody_(is_shown ? nullptr : std::fopen("/dev/null", "w")),
+          progress_(nobody_ ? nobody_.get() : stderr, false, clock_) {}
+
+    Clock& clock() { return clock_; }
+    Progress& progress() { return progress_; }
+
+private:
+    struct Close {
+        void operator()(std::FILE* file) const { std::fclose(file); }
+    };
+    SteadyClock clock_;
+    std::unique_ptr<std::FILE, Close> nobody_;
+    Progress progress_;
+};
 
 }  // namespace etalon

@@ -2,7 +2,6 @@
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
-#include "python/progress.h"
 #include "study/study_report.h"
 #include "study/study_run.h"
 

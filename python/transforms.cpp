@@ -5,7 +5,7 @@
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
-#include "report/pose_numbers.h"
+#include "report/number_text.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {

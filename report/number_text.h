@@ -3,6 +3,9 @@
 
 #include <optional>
 #include <string>
+#include <vector>
+
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 
@@ -26,5 +29,24 @@ int decimals_of(double uncertainty);
 
 // "1 photograph", "7 photographs"; "2 quantities" where the plural is said.
 std::string counted(std::size_t count, const std::string& noun, const std::string& plural = "");
+
+// Poses and covariances as the numbers of files and tables: rotation vector in rad, then
+// translation in mm.
+
+std::vector<double> pose_numbers(const Rigid& transform);
+std::vector<std::vector<double>> row_numbers(const Matrix6d& matrix);
+
+// Of any Eigen vector.
+template <class Vector>
+std::vector<double> numbers_of(const Vector& vector) {
+    return {vector.begin(), vector.end()};
+}
+
+// Six columns of 9 characters with a blank between them.
+std::string pose_columns(const Rigid& transform);
+// Below them the standard deviations, which are small: two more digits.
+std::string deviation_columns(const Vector6d& deviations);
+// What stands above the columns.
+std::string pose_heading();
 
 }  // namespace etalon

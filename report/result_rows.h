@@ -5,10 +5,11 @@
 //   results.csv    so many rows for each unit, in the order of the units
 //
 // Units are written in order, so an interrupted work is a whole beginning of the full one and goes
-// on where it ended. A shard (report/shard.h) holds every n-th unit; read in turn, the shards' rows
-// are those of the work in one piece. No more than a row is in memory.
+// on where it ended. A shard (report/result_rows.h) holds every n-th unit; read in turn, the
+// shards' rows are those of the work in one piece. No more than a row is in memory.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -17,9 +18,23 @@
 
 #include "core/file/file_lock.h"
 #include "core/program/errors.h"
-#include "report/shard.h"
 
 namespace etalon {
+
+// A part of a work of many equal units (poses, runs) that several machines do together: every n-th
+// unit, so that the parts take the same time.
+
+// Part `index` of `count`: the units index - 1, index - 1 + count, ...
+struct Shard {
+    std::size_t index = 1, count = 1;
+
+    bool is_all() const { return count == 1; }
+    bool holds(std::size_t unit) const { return unit % count == index - 1; }
+    std::size_t units(std::size_t of) const { return (of + count - index) / count; }
+};
+
+// "2/5", of at most a million; "" is all. Throws ConfigError at --shard for anything else.
+Shard parse_shard(const std::string& text);
 
 // A kind of work that is done in shards, in words.
 struct ShardedWork {

@@ -1,15 +1,11 @@
 #include "station/commands.h"
 
 #include "station/calibrate/commands.h"
-#include "station/certify/commands.h"
 #include "station/compare/commands.h"
 #include "station/devices/commands.h"
-#include "station/history/commands.h"
-#include "station/planning/commands.h"
 #include "station/qualify/commands.h"
-#include "station/register/commands.h"
 #include "station/render/commands.h"
-#include "station/serve/commands.h"
+#include "station/shell/commands.h"
 #include "station/studies/commands.h"
 
 namespace etalon {

@@ -9,7 +9,6 @@
 
 #include "capture/frame/camera.h"
 #include "core/program/errors.h"
-#include "core/program/exit_codes.h"
 #include "core/program/version.h"
 #include "report/software_versions.h"
 #include "station/commands.h"

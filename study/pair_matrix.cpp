@@ -3,10 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "core/file/text.h"
 #include "core/program/errors.h"
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
+#include "report/svg_plot.h"
 
 namespace etalon {
 namespace {
@@ -132,6 +135,467 @@ std::string freedom_label(std::size_t component) {
 std::string error_label(std::size_t component) {
     return fmt::format("{} error / {}", error_measures.at(component).name,
                        error_measures.at(component).unit);
+}
+
+namespace {
+
+constexpr double gap = 12, left = 74, right = 52, top = 64, bottom = 62;
+constexpr double picture_width = left + 6 * panel_width + 5 * gap + right;
+constexpr double picture_height = top + 6 * panel_height + 5 * gap + bottom;
+
+double panel_x(std::size_t freedom) {
+    return left + static_cast<double>(freedom) * (panel_width + gap);
+}
+double panel_y(std::size_t error) {
+    return top + static_cast<double>(error) * (panel_height + gap);
+}
+
+// Within a panel.
+double across(const PairAxis& axis, double value) {
+    return panel_width * (value - axis.low) / (axis.high - axis.low);
+}
+double down(const PairAxis& axis, double value) {
+    return panel_rim +
+           (panel_height - 2.0 * panel_rim) * (axis.high - value) / (axis.high - axis.low);
+}
+
+// Of five or more; fewer stay as they are.
+std::vector<double> every_second(const std::vector<double>& values) {
+    if (values.size() < 5)
+        return values;
+    std::vector<double> kept;
+    for (std::size_t i = 0; i < values.size(); i += 2)
+        kept.push_back(values[i]);
+    return kept;
+}
+
+// At least three of them where round numbers allow; angles over a wide range at parts of a turn.
+// A tick a hundredth beyond the axis is one at its end: sampled poses come no nearer.
+std::vector<double> ticks(const PairAxis& axis, std::size_t component) {
+    const double span = axis.high - axis.low, low = axis.low - 0.01 * span,
+                 high = axis.high + 0.01 * span;
+    if (component < 3 || span < 60.0) {
+        const std::vector<double> few = axis_ticks(low, high, 4);
+        return few.size() >= 3 ? few : every_second(axis_ticks(low, high, 6));
+    }
+    const double step = span > 300.0 ? 120.0 : span > 185.0 ? 90.0 : span > 95.0 ? 45.0 : 30.0;
+    std::vector<double> values;
+    for (double tick = std::ceil(low / step) * step; tick <= high; tick += step)
+        values.push_back(tick);
+    return values;
+}
+
+using Colour = std::array<double, 3>;  // red, green, blue
+
+// Sequential schemes of ColorBrewer (Harrower and Brewer, The Cartographic Journal 40, 2003): Blues
+// inside the axis, Oranges beyond it, from the level at which single poses are still seen.
+constexpr std::array<Colour, 4> blues{{{158, 202, 225}, {66, 146, 198}, {8, 81, 156}, {5, 36, 88}}};
+constexpr std::array<Colour, 4> oranges{
+    {{253, 174, 107}, {241, 105, 19}, {200, 66, 2}, {127, 39, 4}}};
+
+Colour mixed(const std::array<Colour, 4>& scheme, double level) {
+    const double place = std::clamp(level, 0.0, 1.0) * 3.0;
+    const auto i = std::min<std::size_t>(static_cast<std::size_t>(place), 2);
+    const double part = place - static_cast<double>(i);
+    Colour colour{};
+    for (std::size_t c = 0; c < 3; ++c)
+        colour[c] = (1.0 - part) * scheme[i][c] + part * scheme[i + 1][c];
+    return colour;
+}
+
+// From 0 for one pose to 1 for the fullest cell, in steps (a picture of few colours is small).
+double log_level(std::uint32_t count, std::uint32_t highest) {
+    constexpr double steps = 24.0;
+    if (highest < 2)
+        return 0.5;
+    return std::round(steps * std::log(count) / std::log(highest)) / steps;
+}
+
+cv::Vec4b pixel(std::uint32_t count, std::uint32_t highest, bool inside) {
+    if (count == 0)
+        return {0, 0, 0, 0};
+    const Colour colour = mixed(inside ? blues : oranges, log_level(count, highest));
+    return {static_cast<unsigned char>(colour[2]), static_cast<unsigned char>(colour[1]),
+            static_cast<unsigned char>(colour[0]), 255};
+}
+
+// One pixel per cell, transparent where there is no pose.
+cv::Mat density(const PairPanel& panel, std::uint32_t highest) {
+    constexpr int last = static_cast<int>(PairMatrix::rows) + 5;
+    cv::Mat picture(last + 1, static_cast<int>(PairMatrix::columns), CV_8UC4, cv::Scalar::all(0));
+    for (std::size_t r = 0; r < PairMatrix::rows + 2; ++r)
+        for (std::size_t c = 0; c < PairMatrix::columns; ++c) {
+            const bool inside = r > 0 && r <= PairMatrix::rows;
+            const auto colour = pixel(panel.counts[r * PairMatrix::columns + c], highest, inside);
+            const int x = static_cast<int>(c), y = static_cast<int>(r) + 2;
+            if (inside)
+                picture.at<cv::Vec4b>(y, x) = colour;
+            else
+                for (const int rim : {r == 0 ? 0 : last - 1, r == 0 ? 1 : last})
+                    picture.at<cv::Vec4b>(rim, x) = colour;
+        }
+    return picture;
+}
+
+// Through the bins' middles at mean + deviations * standard deviation; broken where a bin has none,
+// and a dot (a line of no length with round ends) where its neighbours have none.
+std::string bin_path(const PairPanel& panel, const PairAxis& freedom, const PairAxis& error,
+                     double deviations) {
+    std::string path;
+    bool pen_down = false;
+    for (const PairBin& bin : panel.bins) {
+        const auto mean = bin.inside.mean(), deviation = bin.inside.standard_deviation();
+        if (!mean || (deviations != 0.0 && !deviation)) {
+            pen_down = false;
+            continue;
+        }
+        const double value = *mean + (deviations != 0.0 ? deviations * *deviation : 0.0);
+        path += fmt::format("{}{:.1f} {:.1f}{}", pen_down ? "L" : "M",
+                            across(freedom, 0.5 * (bin.low + bin.high)),
+                            std::clamp(down(error, value), panel_rim, panel_height - panel_rim),
+                            pen_down ? "" : "h0");
+        pen_down = true;
+    }
+    return path;
+}
+
+std::string spread_text(const RunningMoments& moments) {
+    if (!moments.standard_deviation())
+        return moments.mean() ? fmt::format("{:.3g}", *moments.mean()) : "none";
+    return fmt::format("{:.3g} ± {:.3g}", *moments.mean(), *moments.standard_deviation());
+}
+
+std::string bin_text(const PairBin& bin, std::size_t e, std::size_t f) {
+    const std::size_t beyond = bin.all.count() - bin.inside.count();
+    std::string text =
+        fmt::format("{}: {:.4g} to {:.4g}\n{} poses\n{}: {}", freedom_label(f), bin.low, bin.high,
+                    bin.all.count(), error_label(e), spread_text(bin.inside));
+    if (beyond > 0)
+        text += fmt::format("\n{} beyond the axis; with them {}", beyond, spread_text(bin.all));
+    return text;
+}
+
+class Picture {
+public:
+    Picture(const PairMatrix& matrix, PairPicture kind)
+        : matrix_(matrix), kind_(kind), highest_(matrix.highest_count()) {}
+
+    std::string text() const {
+        std::string svg = fmt::format(
+            "<svg class='plot pairs' viewBox='0 0 {} {}' role='img' aria-label='pose errors of {} "
+            "against the true pose'{}>",
+            picture_width, picture_height, escape_html(matrix_.detector),
+            in_page() ? "" : " xmlns:xlink='http://www.w3.org/1999/xlink'");
+        svg += heading();
+        if (matrix_.detected == 0)
+            return svg + "</svg>";
+        for (std::size_t e = 0; e < pose_component_count; ++e) {
+            svg += row_labels(e);
+            for (std::size_t f = 0; f < pose_component_count; ++f)
+                svg += panel(e, f);
+        }
+        for (std::size_t f = 0; f < pose_component_count; ++f)
+            svg += column_labels(f);
+        return svg + footnote() + "</svg>";
+    }
+
+private:
+    bool in_page() const { return kind_ == PairPicture::in_page; }
+
+    std::string heading() const {
+        std::string text =
+            fmt::format("<text class='title' x='{}' y='22'>{}: {} of {} poses detected</text>",
+                        left, escape_html(matrix_.detector), matrix_.detected, matrix_.poses);
+        return matrix_.detected == 0 ? text : text + legend();
+    }
+
+    std::string legend() const {
+        std::string text = fmt::format("<text x='{}' y='46'>poses per cell</text>", left);
+        double x = left + 88;
+        text += fmt::format("<text x='{}' y='46' text-anchor='end'>1</text>", x + 8);
+        x += 12;
+        text += ramp(blues, x, 38) + ramp(oranges, x, 43);
+        text += fmt::format("<text x='{}' y='46'>{} (logarithmic)</text>", x + 126, highest_);
+        x += 260;
+        text += fmt::format(
+            "<rect fill='#4292c6' x='{0}' y='36' width='12' height='12'/><text x='{1}' "
+            "y='46'>inside the axis</text><rect fill='#f16913' x='{2}' y='36' width='12' "
+            "height='12'/>"
+            "<text x='{3}' y='46'>beyond it (▲ ▼ how many)</text>",
+            x, x + 17, x + 118, x + 135);
+        x += 310;
+        return text + fmt::format(
+                          "<path class='mean' d='M{0} 42h26'/><text x='{1}' y='46'>mean</text>"
+                          "<path class='spread' d='M{2} 42h26'/><text x='{3}' y='46'>± standard "
+                          "deviation, inside</text>",
+                          x, x + 32, x + 84, x + 116);
+    }
+
+    static std::string ramp(const std::array<Colour, 4>& scheme, double x, double y) {
+        constexpr int steps = 24;
+        std::string text = "<g class='density' shape-rendering='crispEdges'>";
+        for (int i = 0; i < steps; ++i) {
+            const Colour colour = mixed(scheme, i / (steps - 1.0));
+            text +=
+                fmt::format("<rect x='{}' y='{}' width='5' height='5' fill='#{:02x}{:02x}{:02x}'/>",
+                            x + 5 * i, y, static_cast<int>(colour[0]), static_cast<int>(colour[1]),
+                            static_cast<int>(colour[2]));
+        }
+        return text + "</g>";
+    }
+
+    std::string row_labels(std::size_t e) const {
+        const double y = panel_y(e), x = left + 6 * panel_width + 5 * gap + 6;
+        std::string text = fmt::format(
+            "<text class='label' transform='translate(16 {:.1f}) rotate(-90)' "
+            "text-anchor='middle'>{}</text>",
+            y + 0.5 * panel_height, error_label(e));
+        for (const double tick : ticks(matrix_.errors[e], e))
+            text += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='end'>{:.4g}</text>",
+                                left - 6, y + down(matrix_.errors[e], tick) + 4, tick);
+        return text + fmt::format(
+                          "<text x='{0:.1f}' y='{1:.1f}'>▲ {2}</text><text x='{0:.1f}' "
+                          "y='{3:.1f}'>▼ {4}</text>",
+                          x, y + 10, matrix_.above[e], y + panel_height - 2, matrix_.below[e]);
+    }
+
+    // Labels near a panel's edge stay within its width, or they would touch their neighbours.
+    std::string column_labels(std::size_t f) const {
+        const double x = panel_x(f), y = top + 6 * panel_height + 5 * gap;
+        std::string text =
+            fmt::format("<text class='label' x='{:.1f}' y='{:.1f}' text-anchor='middle'>{}</text>",
+                        x + 0.5 * panel_width, y + 36, freedom_label(f));
+        for (const double tick : ticks(matrix_.freedoms[f], f)) {
+            const double place = across(matrix_.freedoms[f], tick);
+            const char* anchor = place < 12 ? "start" : place > panel_width - 12 ? "end" : "middle";
+            text += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='{}'>{:.4g}</text>",
+                                x + place, y + 16, anchor, tick);
+        }
+        return text;
+    }
+
+    std::string panel(std::size_t e, std::size_t f) const {
+        const PairAxis& freedom = matrix_.freedoms[f];
+        const PairAxis& error = matrix_.errors[e];
+        const PairPanel& data = matrix_.panels[e][f];
+        std::string text = fmt::format("<g class='panel' transform='translate({} {})'{}>",
+                                       panel_x(f), panel_y(e), in_page() ? page_data(e, f) : "");
+        text +=
+            fmt::format("<rect class='paper' width='{}' height='{}'/>", panel_width, panel_height);
+        text += grid(e, f);
+        text += fmt::format(
+            "<image class='density' width='{}' height='{}' preserveAspectRatio='none' "
+            "image-rendering='optimizeSpeed' {}='{}'/>",
+            panel_width, panel_height, in_page() ? "href" : "xlink:href",
+            png_data_uri(density(data, highest_)));
+        const std::string mean = bin_path(data, freedom, error, 0.0);
+        for (const double deviations : {-1.0, 1.0})
+            text += fmt::format("<path class='spread' d='{}'/>",
+                                bin_path(data, freedom, error, deviations));
+        text += fmt::format("<path class='halo' d='{0}'/><path class='mean' d='{0}'/>", mean);
+        text +=
+            fmt::format("<rect class='axis' width='{}' height='{}'/>", panel_width, panel_height);
+        if (in_page())
+            text += bins(e, f);
+        return text + "</g>";
+    }
+
+    std::string page_data(std::size_t e, std::size_t f) const {
+        const PairAxis &freedom = matrix_.freedoms[f], &error = matrix_.errors[e];
+        return fmt::format(
+            " tabindex='0' role='button' aria-label='enlarge' data-name='{}' data-x='{}|{:.6g}|"
+            "{:.6g}' data-y='{}|{:.6g}|{:.6g}'",
+            escape_html(matrix_.detector), freedom_label(f), freedom.low, freedom.high,
+            error_label(e), error.low, error.high);
+    }
+
+    std::string grid(std::size_t e, std::size_t f) const {
+        std::string path;
+        for (const double tick : ticks(matrix_.errors[e], e))
+            path += fmt::format("M0 {:.1f}H{}", down(matrix_.errors[e], tick), panel_width);
+        for (const double tick : ticks(matrix_.freedoms[f], f))
+            path += fmt::format("M{:.1f} {}V{}", across(matrix_.freedoms[f], tick), panel_rim,
+                                panel_height - panel_rim);
+        return "<path class='grid' d='" + path + "'/>";
+    }
+
+    std::string bins(std::size_t e, std::size_t f) const {
+        std::string text;
+        const double width = panel_width / PairMatrix::bins;
+        double x = 0.0;
+        for (const PairBin& bin : matrix_.panels[e][f].bins) {
+            text += fmt::format(
+                "<rect class='bin' x='{}' width='{}' height='{}'><title>{}</title>"
+                "</rect>",
+                x, width, panel_height, bin_text(bin, e, f));
+            x += width;
+        }
+        return text;
+    }
+
+    std::string footnote() const {
+        return fmt::format(
+            "<text class='note' x='{}' y='{}'>An error's axis spans its median ± {} robust "
+            "standard deviations, or less where the data end before; what lies beyond is shown in "
+            "the "
+            "panels' rims.</text>",
+            left, picture_height - 8, PairMatrix::robust_deviations);
+    }
+
+    const PairMatrix& matrix_;
+    PairPicture kind_;
+    std::uint32_t highest_;
+};
+
+}  // namespace
+
+std::string pair_matrix_style(PairPicture kind) {
+    const bool page = kind == PairPicture::in_page;
+    const auto colour = [page](const char* in_page, const char* plain) {
+        return page ? in_page : plain;
+    };
+    return fmt::format(
+        ".pairs .title{{font-size:15px;font-weight:600}}.pairs .label{{font-weight:600}}"
+        ".pairs .note{{font-size:11px}}"
+        ".panel .paper{{fill:{}}}.panel .grid{{fill:none;stroke-width:1}}"
+        ".panel image{{image-rendering:pixelated}}"
+        ".plot "
+        ".halo{{fill:none;stroke:{};stroke-width:4;stroke-linejoin:round;stroke-linecap:round}}"
+        ".plot .mean,.plot "
+        ".spread{{fill:none;stroke:{};stroke-width:1.8;stroke-linejoin:round;stroke-linecap:round}}"
+        ".plot .spread{{stroke-width:1.3;stroke-dasharray:4 3}}",
+        colour("var(--card)", "#fff"), colour("var(--card)", "#fff"),
+        colour("var(--mean)", "#d1131f"));
+}
+
+std::string pair_matrix_picture(const PairMatrix& matrix, PairPicture kind) {
+    return Picture(matrix, kind).text();
+}
+
+std::string pair_matrix_svg(const PairMatrix& matrix) {
+    std::string svg = pair_matrix_picture(matrix, PairPicture::stand_alone);
+    svg = stand_alone_svg(std::move(svg));
+    const std::string end = "</style>";
+    return svg.insert(svg.find(end), pair_matrix_style(PairPicture::stand_alone));
+}
+
+namespace {
+
+// Densities are drawn for light paper; on dark paper lightness is turned around and hues are kept.
+constexpr const char* page_style = R"css(
+:root{--mean:#d1131f}
+@media(prefers-color-scheme:dark){:root{--mean:#ffd54a}@media screen{.pairs .density,.pair-large .density{filter:invert(1) hue-rotate(180deg) brightness(1.25)}}}
+.pair-tabs>input{position:absolute;opacity:0;pointer-events:none}
+.pair-tabs>label{display:inline-block;padding:6px 14px;margin:0 4px 10px 0;border:1px solid var(--line);
+border-radius:6px;cursor:pointer;background:var(--card);color:var(--soft)}
+.pair-tabs>input:checked+label{color:var(--text);border-color:var(--text);font-weight:600}
+.pair-tabs>input:focus-visible+label{outline:2px solid var(--text);outline-offset:2px}
+.pair-page{display:none;overflow-x:auto;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:8px}
+.pair-page svg{min-width:900px}
+.panel{cursor:zoom-in}.panel:focus-visible{outline:2px solid var(--text)}
+.panel .bin{fill:var(--text);fill-opacity:0}.panel .bin:hover{fill-opacity:.12}
+.pair-says{position:fixed;z-index:9;pointer-events:none;white-space:pre-line;background:var(--paper);color:var(--text);
+border:1px solid var(--soft);border-radius:6px;padding:5px 9px;font-size:.8rem;line-height:1.35;
+font-variant-numeric:tabular-nums;box-shadow:0 2px 8px #0004;max-width:260px}
+.pair-large{border:1px solid var(--line);border-radius:8px;background:var(--card);color:var(--text);padding:12px;max-width:96vw;overflow:hidden}
+.pair-large::backdrop{background:#0009}.pair-large .panel{cursor:zoom-out}.pair-large .panel>.grid,.pair-large .panel>.axis{display:none}
+.pair-large path{vector-effect:non-scaling-stroke}.pair-large .mean{stroke-width:3}.pair-large .spread{stroke-width:2}.pair-large .halo{stroke-width:6}
+.pair-large .title{font-size:14px;font-weight:600}
+@media print{.pair-tabs>label{display:none}.pair-page{display:block;break-inside:avoid;margin-bottom:1em}.pair-page svg{min-width:0}}
+)css";
+
+// Without it everything is still there but enlarging: bins have their <title>.
+constexpr const char* script = R"js(
+<script>
+(() => {
+  const says = document.createElement('div'), large = document.createElement('dialog');
+  says.className = 'pair-says'; says.hidden = true; large.className = 'pair-large';
+  document.body.append(says, large);
+  document.querySelectorAll('.bin').forEach(bin => {
+    bin.setAttribute('aria-label', bin.textContent); bin.replaceChildren();
+  });
+  const show = event => {
+    const bin = event.target.closest && event.target.closest('.bin');
+    says.hidden = !bin;
+    if (!bin) return;
+    (large.open ? large : document.body).append(says);
+    says.textContent = bin.getAttribute('aria-label');
+    const box = says.getBoundingClientRect();
+    says.style.left = Math.max(4, Math.min(event.clientX + 14, innerWidth - box.width - 6)) + 'px';
+    says.style.top = (event.clientY + 18 + box.height < innerHeight ? event.clientY + 18
+                                                                    : event.clientY - box.height - 10) + 'px';
+  };
+  document.addEventListener('pointermove', show);
+  document.addEventListener('scroll', () => { says.hidden = true; }, true);
+
+  const ticks = (low, high, most, angle) => {
+    const raw = (high - low) / most, power = 10 ** Math.floor(Math.log10(raw));
+    const steps = angle && high - low >= 60 ? [15, 30, 45, 90] : [1, 2, 5, 10].map(f => f * power);
+    const step = steps.find(s => s >= raw * 0.999) || steps[3], all = [], end = 0.01 * (high - low);
+    for (let i = Math.ceil((low - end) / step); i * step <= high + end; ++i) all.push(+(i * step).toPrecision(6));
+    return all;
+  };
+  const enlarge = panel => {
+    const [xName, x0, x1] = panel.dataset.x.split('|'), [yName, y0, y1] = panel.dataset.y.split('|');
+    const W = Math.min(940, innerWidth - 60), H = Math.max(260, Math.min(0.68 * W, innerHeight - 90));
+    const l = 66, t = 30, w = W - l - 22, h = H - t - 46, rim = h * %RIM%;
+    const X = v => l + w * (v - x0) / (x1 - x0), Y = v => t + rim + (h - 2 * rim) * (y1 - v) / (y1 - y0);
+    let axes = `<text class='title' x='${l}' y='17'></text>`;
+    for (const v of ticks(+x0, +x1, Math.max(4, W / 90), xName.endsWith('deg')))
+      axes += `<line class='grid' x1='${X(v)}' x2='${X(v)}' y1='${t}' y2='${t + h}'/><text x='${X(v)}' y='${t + h + 16}' text-anchor='middle'>${v}</text>`;
+    for (const v of ticks(+y0, +y1, H / 50, yName.endsWith('deg')))
+      axes += `<line class='grid' x1='${l}' x2='${l + w}' y1='${Y(v)}' y2='${Y(v)}'/><text x='${l - 6}' y='${Y(v) + 4}' text-anchor='end'>${v}</text>`;
+    axes += `<text x='${l + w / 2}' y='${H - 8}' text-anchor='middle'>${xName}</text>` +
+      `<text transform='translate(14 ${t + h / 2}) rotate(-90)' text-anchor='middle'>${yName}</text>`;
+    large.innerHTML = `<svg class='plot' style='width:${W}px' viewBox='0 0 ${W} ${H}'>` +
+      `<rect width='${W}' height='${H}' fill='var(--card)'/>${axes}<rect class='axis' x='${l}' y='${t}' width='${w}' height='${h}'/></svg>`;
+    large.querySelector('.title').textContent = panel.dataset.name;
+    const copy = panel.cloneNode(true);
+    copy.setAttribute('transform', `translate(${l} ${t}) scale(${w / %WIDTH%} ${h / %HEIGHT%})`);
+    copy.removeAttribute('tabindex');
+    copy.querySelector('.paper').remove();
+    large.firstChild.append(copy);
+    large.showModal();
+  };
+  document.querySelectorAll('.pair-page .panel').forEach(panel => {
+    panel.addEventListener('click', () => enlarge(panel));
+    panel.addEventListener('keydown', event => {
+      if (event.key === 'Enter' || event.key === ' ') { event.preventDefault(); enlarge(panel); }
+    });
+  });
+  large.addEventListener('click', () => { document.body.append(says); says.hidden = true; large.close(); });
+})();
+</script>
+)js";
+
+std::string with(std::string text, const std::string& word, double value) {
+    return text.replace(text.find(word), word.size(), fmt::format("{:.6g}", value));
+}
+
+std::string sized_script() {
+    std::string text = with(script, "%RIM%", panel_rim / panel_height);
+    text = with(std::move(text), "%WIDTH%", panel_width);
+    return with(std::move(text), "%HEIGHT%", panel_height);
+}
+
+}  // namespace
+
+void add_pair_matrices(HtmlPage& page, std::span<const PairMatrix> matrices) {
+    if (matrices.empty())
+        return;
+    page.add_style(pair_matrix_style(PairPicture::in_page) + page_style);
+    std::string tabs, pages, rules;
+    for (std::size_t i = 0; i < matrices.size(); ++i) {
+        tabs += fmt::format(
+            "<input type=\"radio\" name=\"pairs\" id=\"pairs{0}\"{1}><label for=\"pairs{0}\">{2}"
+            "</label>",
+            i, i == 0 ? " checked" : "", escape_html(matrices[i].detector));
+        pages += fmt::format("<div class=\"pair-page pairs{}\">{}</div>", i,
+                             pair_matrix_picture(matrices[i], PairPicture::in_page));
+        rules += fmt::format("#pairs{0}:checked~.pairs{0}{{display:block}}", i);
+    }
+    page.add_style(rules);
+    page.add_html("<div class=\"pair-tabs\">" + tabs + pages + "</div>" + sized_script());
 }
 
 }  // namespace etalon

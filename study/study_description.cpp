@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "calib/camera/camera_hash.h"
+#include "calib/camera/camera_model.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"

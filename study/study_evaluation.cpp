@@ -9,7 +9,7 @@
 
 #include "calib/files/camera_file.h"
 #include "core/program/errors.h"
-#include "core/time/cpu_time.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 namespace {

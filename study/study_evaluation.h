@@ -2,7 +2,7 @@
 // by every detector, and their poses judged against the truth.
 //
 // Detectors with the same marker see the same image; variants of the study
-// (study/study_switches.h) share renders, exposures and detections as far as they do not differ
+// (study/study_file.h) share renders, exposures and detections as far as they do not differ
 // in them: half-pixel and undistortion cost a pose estimate each, noise and tone no render.
 #pragma once
 

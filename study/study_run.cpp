@@ -6,7 +6,7 @@
 #include <tbb/task_arena.h>
 
 #include "core/program/errors.h"
-#include "core/time/cpu_time.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 namespace {

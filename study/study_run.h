@@ -4,7 +4,7 @@
 #include <stop_token>
 
 #include "core/time/progress.h"
-#include "study/study_record.h"
+#include "study/study_results.h"
 
 namespace etalon {
 

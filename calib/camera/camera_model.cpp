@@ -2,10 +2,11 @@
 
 #include <fmt/format.h>
 
+#include "core/file/sha256.h"
+#include "core/file/text.h"
 #include "core/program/errors.h"
 
 namespace etalon {
-
 namespace {
 
 void refuse_much_skew(const CameraModel& camera) {
@@ -141,6 +142,19 @@ void require_point_of_view(const CameraModel& camera, const char* purpose) {
     if (camera.projection.kind == Projection::telecentric)
         throw NumericalError(fmt::format(
             "{} needs rays from one point; those of a telecentric camera are parallel", purpose));
+}
+
+std::string camera_sha256(const std::filesystem::path& file, const CameraModel& camera) {
+    std::string text = read_text(file);
+    const auto add = [&](const std::vector<std::pair<double, double>>& table) {
+        for (const auto& [a, b] : table)
+            text += fmt::format("\n{},{}", a, b);
+    };
+    if (camera.lens)
+        add(camera.lens->psf.profile);
+    if (camera.sensor)
+        add(camera.sensor->transfer.table);
+    return sha256(text);
 }
 
 }  // namespace etalon

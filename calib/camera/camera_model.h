@@ -6,15 +6,18 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
+#include <filesystem>
 #include <limits>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "calib/camera/lens_projection.h"
-#include "core/image/mosaic.h"
+#include "core/image/image.h"
 
 namespace etalon {
 
@@ -219,5 +222,28 @@ void require_perspective(const CameraModel& camera, const char* purpose);
 
 // The same for what needs rays from one point, as perspective cameras and wide lenses have them.
 void require_point_of_view(const CameraModel& camera, const char* purpose);
+
+// What a camera's file says, as one hash: for folders whose content follows from it.
+
+// SHA-256 of the file, and of the tables in other files that it names: those as they were read into
+// `camera`. Throws ConfigError when the file cannot be read.
+std::string camera_sha256(const std::filesystem::path& file, const CameraModel& camera);
+
+// The names of a camera's parameters in files and covariances: fx fy cx cy, then the distortion
+// coefficients, OpenCV's fourteen first and in its order, then those of the projections, and skew.
+
+inline constexpr std::array<const char*, 4> intrinsic_names{"fx", "fy", "cx", "cy"};
+inline constexpr std::array<const char*, 15> distortion_names{
+    "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y", "k7"};
+inline constexpr std::array<const char*, 4> projection_parameter_names{"xi", "omega", "beta",
+                                                                       "alpha"};
+
+inline bool is_camera_parameter(std::string_view name) {
+    const auto is_name = [name](const char* known) { return name == known; };
+    return name == "skew" || std::any_of(intrinsic_names.begin(), intrinsic_names.end(), is_name) ||
+           std::any_of(distortion_names.begin(), distortion_names.end(), is_name) ||
+           std::any_of(projection_parameter_names.begin(), projection_parameter_names.end(),
+                       is_name);
+}
 
 }  // namespace etalon

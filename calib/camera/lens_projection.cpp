@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "calib/camera/lens_table.h"
 #include "core/program/errors.h"
 
 namespace etalon {

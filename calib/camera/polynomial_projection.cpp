@@ -1,6 +1,6 @@
 #include <Eigen/Eigenvalues>
 
-#include "calib/camera/lens_table.h"
+#include "calib/camera/lens_projection.h"
 #include "core/optimize/root_search.h"
 #include "core/program/errors.h"
 

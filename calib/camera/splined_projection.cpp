@@ -1,4 +1,4 @@
-#include "calib/camera/lens_table.h"
+#include "calib/camera/lens_projection.h"
 #include "calib/camera/valid_region.h"
 #include "core/optimize/damped_newton.h"
 #include "core/program/errors.h"

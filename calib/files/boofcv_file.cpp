@@ -1,10 +1,8 @@
-#include "calib/files/boofcv_file.h"
+#include "calib/files/foreign_camera.h"
 
 #include <fmt/format.h>
 
-#include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_value.h"
-#include "calib/files/pixel_origin.h"
 #include "core/file/text.h"
 
 namespace etalon {

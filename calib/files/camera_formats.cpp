@@ -2,15 +2,9 @@
 
 #include <fmt/format.h>
 
-#include "calib/camera/parameter_names.h"
-#include "calib/files/boofcv_file.h"
-#include "calib/files/colmap_file.h"
-#include "calib/files/kalibr_file.h"
-#include "calib/files/matlab_file.h"
-#include "calib/files/mrcal_file.h"
-#include "calib/files/opencv_file.h"
-#include "calib/files/ros_file.h"
-#include "core/config/range.h"
+#include "calib/camera/camera_model.h"
+#include "calib/files/foreign_camera.h"
+#include "core/config/strict_reader.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
 

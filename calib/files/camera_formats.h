@@ -2,7 +2,7 @@
 // and writing a camera for a tool.
 //
 // What the formats are, and what of a camera each can hold: the headers of the tools' files
-// (calib/files/opencv_file.h, kalibr_file.h, ...) and docs/files.md.
+// (calib/files/foreign_camera.h, kalibr_file.h, ...) and docs/files.md.
 #pragma once
 
 #include <filesystem>
@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "calib/files/pixel_origin.h"
+#include "calib/files/foreign_camera.h"
 
 namespace etalon {
 

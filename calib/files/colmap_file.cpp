@@ -1,4 +1,4 @@
-#include "calib/files/colmap_file.h"
+#include "calib/files/foreign_camera.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -7,9 +7,7 @@
 #include <array>
 #include <string_view>
 
-#include "calib/camera/parameter_names.h"
-#include "calib/files/foreign_camera.h"
-#include "calib/files/pixel_origin.h"
+#include "calib/camera/camera_model.h"
 #include "core/file/text.h"
 
 namespace etalon {

@@ -1,13 +1,11 @@
-#include "calib/files/kalibr_file.h"
+#include "calib/files/foreign_camera.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <array>
 
-#include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_value.h"
-#include "calib/files/pixel_origin.h"
 #include "core/file/text.h"
 
 namespace etalon {

@@ -1,11 +1,9 @@
-#include "calib/files/matlab_file.h"
+#include "calib/files/foreign_camera.h"
 
 #include <fmt/format.h>
 
-#include "calib/camera/lens_table.h"
-#include "calib/files/foreign_camera.h"
+#include "calib/camera/lens_projection.h"
 #include "calib/files/foreign_value.h"
-#include "calib/files/pixel_origin.h"
 #include "core/file/text.h"
 
 namespace etalon {

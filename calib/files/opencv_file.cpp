@@ -1,4 +1,4 @@
-#include "calib/files/opencv_file.h"
+#include "calib/files/foreign_camera.h"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,7 @@
 #include <opencv2/core.hpp>
 #include <span>
 
-#include "calib/camera/parameter_names.h"
-#include "calib/files/foreign_camera.h"
-#include "calib/files/pixel_origin.h"
+#include "calib/camera/camera_model.h"
 #include "core/file/text.h"
 
 namespace etalon {

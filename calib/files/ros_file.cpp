@@ -1,11 +1,9 @@
-#include "calib/files/ros_file.h"
+#include "calib/files/foreign_camera.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_value.h"
-#include "calib/files/pixel_origin.h"
 #include "core/file/text.h"
 
 namespace etalon {

@@ -8,8 +8,8 @@
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_outliers.h"
+#include "calib/intrinsics/calibration_start.h"
 #include "calib/intrinsics/camera_fit.h"
-#include "calib/intrinsics/wide_lens.h"
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -19,9 +19,7 @@
 #include "calib/intrinsics/calibration_covariance.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/calibration_view.h"
-#include "calib/intrinsics/cross_validation.h"
 #include "calib/intrinsics/model_advice.h"
-#include "calib/intrinsics/profile_interval.h"
 #include "calib/intrinsics/projection_uncertainty.h"
 #include "core/geometry/rigid.h"
 
@@ -80,8 +78,8 @@ struct CameraCalibration {
 
 struct CalibrationOptions {
     std::optional<std::string> model = std::nullopt;  // nothing: the advised one
-    // Of every model that may follow the lens (calib/intrinsics/wide_lens.h), of a named one those
-    // of its kind; without it "standard", or "kannala_brandt", when no model is named.
+    // Of every model that may follow the lens (calib/intrinsics/calibration_start.h), of a named
+    // one those of its kind; without it "standard", or "kannala_brandt", when no model is named.
     bool leave_one_out = true;
     int resamples = bootstrap_resamples;  // 0: no bootstrap
     bool fit_board = false;               // the board's shape with the camera

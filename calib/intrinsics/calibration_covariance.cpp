@@ -1,11 +1,16 @@
 #include "calib/intrinsics/calibration_covariance.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "calib/intrinsics/calibration_model.h"
+#include "calib/intrinsics/calibration_start.h"
 #include "core/program/errors.h"
 #include "core/statistics/covariance.h"
+#include "core/statistics/distributions.h"
 #include "core/statistics/random.h"
 
 namespace etalon {
@@ -139,6 +144,198 @@ Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, cv::Siz
         else
             ++bootstrap.without_result;
     return bootstrap;
+}
+
+namespace {
+
+// The pixels' sigma that the mean weight belongs to.
+double typical_sigma(std::span<const CalibrationView> views) {
+    double weights = 0.0;
+    for (const CalibrationView& view : views)
+        for (std::size_t i = 0; i < view.pixels.size(); ++i)
+            weights += 1.0 / (view.sigma(i) * view.sigma(i));
+    return std::sqrt(static_cast<double>(point_count(views)) / weights);
+}
+
+// Exact views of bad geometry have no residuals to tell of it: pixels are taken to be no better
+// than 0.1 px.
+double noise_of(std::span<const CalibrationView> views, const CameraFit& fit) {
+    constexpr double min_noise_px = 0.1;
+    return std::max(std::sqrt(fit.variance), min_noise_px / typical_sigma(views));
+}
+
+bool frees(const CalibrationModel& model, std::string_view parameter) {
+    return std::ranges::find(model.parameters, parameter) != model.parameters.end();
+}
+
+// A plane tells the magnification along the axis that it is tilted about: of relative changes of fx
+// and fy cos^2 of the one and sin^2 of the other. Where all tell nearly the same, what else they
+// seem to tell is noise in the directions of their axes, however small. A tilt of a few degrees may
+// be that of the camera above a table, common to all views, for which flat on does as well.
+void check_tilts(const CameraFit& fit, std::span<const ViewEquations> equations, double noise) {
+    constexpr double max_share = 0.01, least_ratio = 0.01;
+    Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+    for (std::size_t v = 0; v < equations.size(); ++v) {
+        const auto columns = equations[v].triangle.leftCols<2>();
+        if (tilt_rad(fit.camera_from_target[v].rotation) > hardly_tilted_rad)
+            information += columns.transpose() * columns;
+    }
+    const Intrinsics& i = fit.camera.intrinsics;
+    const Eigen::Matrix2d of_shares = Eigen::Vector2d(i.fx, i.fy).asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+        Eigen::MatrixXd(of_shares * information * of_shares));
+    const double least = eigen.eigenvalues()[0], most = eigen.eigenvalues()[1];
+    if (!(least > least_ratio * most && least * max_share * max_share > noise * noise))
+        throw NumericalError(
+            "these views do not tell fy / fx of a telecentric camera: planes are needed that are "
+            "tilted by 15 degrees or more, about the image's rows and about its columns");
+}
+
+void check_focal_length(const std::string& name, double value, double deviation,
+                        std::span<const ViewEquations> equations, const CalibrationModel& model) {
+    constexpr double max_share = 0.1;
+    if (!(deviation < max_share * value))
+        throw NumericalError(
+            fmt::format("these views do not determine the focal length: {} {:.5g} with a standard "
+                        "deviation of {:.2g} px; views of different tilt are needed, weakest is {}",
+                        name, value, deviation, weakest_direction(equations, model).combination));
+}
+
+// Without distortion its centre is nowhere, whatever noise makes of it.
+void check_centre(const std::string& name, double deviation, const CameraFit& fit,
+                  const CalibrationModel& model) {
+    if (!(deviation < 0.5 * std::max(fit.camera.width, fit.camera.height)))
+        throw NumericalError(fmt::format(
+            "these views do not determine the centre of the distortion: {} has a standard "
+            "deviation of {:.2g} px; the distortion is too weak for model {}",
+            name, deviation, model.name));
+}
+
+}  // namespace
+
+void check_determinacy(std::span<const CalibrationView> views, const CameraFit& fit,
+                       const CalibrationModel& model, std::span<const ViewEquations> equations) {
+    const double noise = noise_of(views, fit);
+    const bool is_telecentric = model.projection == Projection::telecentric;
+    if (is_telecentric && frees(model, "fx") && frees(model, "fy"))
+        check_tilts(fit, equations, noise);
+    const Eigen::MatrixXd inverse = inverse_information(equations, model);
+    const Eigen::VectorXd values = parameters_of(fit.camera, model);
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+        const std::string& name = model.parameters[static_cast<std::size_t>(i)];
+        const double deviation = noise * std::sqrt(inverse(i, i));
+        if (name == "fx" || name == "fy")
+            check_focal_length(name, values[i], deviation, equations, model);
+        else if (is_telecentric && (name == "cx" || name == "cy"))
+            check_centre(name, deviation, fit, model);
+    }
+}
+
+namespace {
+
+// The least sum of squares over all parameters but one, which is held.
+class Profile {
+public:
+    Profile(std::span<const CalibrationView> views, cv::Size image_size,
+            const CalibrationModel& model, const CameraFit& fit)
+        : views_(views),
+          image_size_(image_size),
+          model_(model),
+          fit_(fit),
+          least_squares_(weighted_squares(views, fit)),
+          covariance_(fit.variance *
+                      inverse_information(view_equations(views, fit, model), model)) {}
+
+    // From where the profile t is -t to where it is t. `linear` is how far that is from the value
+    // where the parameter acts linearly.
+    std::optional<ProfileInterval> interval(Eigen::Index parameter, double t, double linear) const {
+        const double value = parameters_of(fit_.camera, model_)[parameter];
+        const auto low = way(parameter, t, -linear), high = way(parameter, t, linear);
+        if (!low || !high)
+            return std::nullopt;
+        return ProfileInterval{value + *low, value + *high};
+    }
+    double formal_deviation(Eigen::Index parameter) const {
+        return std::sqrt(covariance_(parameter, parameter));
+    }
+
+private:
+    // From the value to where the profile t is `t`: secants through the value until that is passed,
+    // then between the ends; halfway back from where there is no fit.
+    std::optional<double> way(Eigen::Index parameter, double t, double first) const {
+        constexpr int most_steps = 15;
+        constexpr double settled = 0.01, longest_stride = 2.0;
+        double near = 0.0, near_t = 0.0, way = first;
+        std::optional<double> far, far_t;
+        for (int step = 0; step < most_steps; ++step) {
+            const auto reached = t_at(parameter, way);
+            if (reached && std::abs(*reached - t) < settled * t)
+                return way;
+            const bool is_passed = !reached || *reached > t;
+            if (is_passed) {
+                far = way;
+                far_t = reached;
+            } else {
+                near = way;
+                near_t = *reached;
+            }
+            if (far_t)
+                way = near + (*far - near) * (t - near_t) / (*far_t - near_t);
+            else if (far)
+                way = 0.5 * (near + *far);
+            else
+                way *= std::min(t / near_t, longest_stride);
+        }
+        return std::nullopt;
+    }
+
+    // Started where the others would be if all were linear.
+    std::optional<double> t_at(Eigen::Index parameter, double way) const {
+        CalibrationModel held = model_;
+        held.parameters.erase(held.parameters.begin() + parameter);
+        CameraStart start{fit_.camera, fit_.camera_from_target};
+        set_parameters(start.camera, model_,
+                       parameters_of(fit_.camera, model_) +
+                           covariance_.col(parameter) * (way / covariance_(parameter, parameter)));
+        const auto fit =
+            attempted([&] { return fit_camera(views_, image_size_, held, {.start = start}); });
+        if (!fit || !fit.value->converged)
+            return std::nullopt;
+        return std::sqrt((weighted_squares(views_, *fit.value) - least_squares_) / fit_.variance);
+    }
+
+    std::span<const CalibrationView> views_;
+    cv::Size image_size_;
+    const CalibrationModel& model_;
+    const CameraFit& fit_;
+    double least_squares_;
+    Eigen::MatrixXd covariance_;
+};
+
+}  // namespace
+
+double profile_quantile(std::span<const CalibrationView> views, const CalibrationModel& model) {
+    const int freedom = static_cast<int>(2 * point_count(views) - model.parameters.size()) -
+                        pose_parameters(model.projection) * static_cast<int>(views.size());
+    return student_t_quantile(0.025, freedom);
+}
+
+std::vector<std::optional<ProfileInterval>> profile_intervals(
+    std::span<const CalibrationView> views, cv::Size image_size, const CalibrationModel& model,
+    const CameraFit& fit, const Eigen::VectorXd& deviations) {
+    std::vector<std::optional<ProfileInterval>> intervals(model.parameters.size());
+    if (!(fit.variance > 0.0) || !fit.pull.isZero())
+        return intervals;
+    const Profile profile(views, image_size, model, fit);
+    const double quantile = profile_quantile(views, model);
+    cv::parallel_for_(
+        cv::Range(0, static_cast<int>(intervals.size())), [&](const cv::Range& range) {
+            for (int i = range.start; i < range.end; ++i)
+                intervals[static_cast<std::size_t>(i)] =
+                    profile.interval(i, quantile * deviations[i] / profile.formal_deviation(i),
+                                     quantile * deviations[i]);
+        });
+    return intervals;
 }
 
 }  // namespace etalon

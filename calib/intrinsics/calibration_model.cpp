@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "calib/camera/parameter_names.h"
+#include "calib/camera/camera_model.h"
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -1,7 +1,7 @@
 // Which parameters a calibration leaves free: named sets, each containing the one before, and the
 // parameters of a camera by name. The others keep the values that they have (zero distortion).
 //
-// The names are those of calib/camera/parameter_names.h and of files.
+// The names are those of calib/camera/camera_model.h and of files.
 #pragma once
 
 #include <Eigen/Core>

@@ -5,7 +5,7 @@
 
 #include "calib/intrinsics/calibration_start.h"
 #include "core/program/errors.h"
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {

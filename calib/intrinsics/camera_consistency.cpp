@@ -8,8 +8,8 @@
 
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "calib/intrinsics/calibration_outliers.h"
+#include "calib/intrinsics/calibration_start.h"
 #include "calib/intrinsics/camera_fit.h"
-#include "calib/intrinsics/wide_lens.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 

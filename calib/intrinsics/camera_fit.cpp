@@ -8,9 +8,8 @@
 
 #include "calib/camera/pixel_model.h"
 #include "calib/intrinsics/bundle_adjustment.h"
+#include "calib/intrinsics/calibration_covariance.h"
 #include "calib/intrinsics/calibration_start.h"
-#include "calib/intrinsics/identifiability.h"
-#include "calib/intrinsics/telecentric_start.h"
 #include "core/program/errors.h"
 
 namespace etalon {

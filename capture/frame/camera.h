@@ -19,6 +19,8 @@
 // One thread owns a camera; only the stop_token may be triggered from another.
 #pragma once
 
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -26,6 +28,8 @@
 #include <vector>
 
 #include "core/image/image.h"
+#include "core/program/errors.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 
@@ -139,5 +143,56 @@ struct CameraLink {
 // Opens by URI: `genicam:ID-or-IP`, `v4l2:/dev/video0`, `libcamera:ID`, `files:FOLDER`. Throws
 // ConfigError for a URI that no backend knows and DeviceError when the device does not answer.
 std::unique_ptr<Camera> open_camera(const std::string& uri, const CameraLink& link, Clock& clock);
+
+// Why a camera cannot be opened now, but perhaps soon.
+
+// Another program controls it, or one that was killed still seems to: the camera lets go of that
+// one when its heartbeat has been missing for so long.
+class CameraBusy : public DeviceError {
+public:
+    CameraBusy(const std::string& device, std::chrono::milliseconds heartbeat_timeout)
+        : DeviceError(device, "open", "it is controlled by another program"),
+          heartbeat_timeout_(heartbeat_timeout) {}
+
+    std::chrono::milliseconds heartbeat_timeout() const { return heartbeat_timeout_; }
+
+private:
+    std::chrono::milliseconds heartbeat_timeout_;
+};
+
+// A device's clock mapped to the station's: what a stamp of the device means, from a reading of its
+// clock that is known to lie between two instants. Rates may differ by 200 ppm, more than any
+// quartz does, and the uncertainty grows by that with the distance from the reading.
+//
+// Epochs do not matter, so a clock that PTP disciplines is treated like any other: TAI and UTC
+// cannot be confused.
+
+// A moment within [earliest, latest].
+struct TimeWindow {
+    Instant earliest{}, latest{};
+
+    bool empty() const { return earliest > latest; }
+    Instant middle() const { return earliest + (latest - earliest) / 2; }
+    Duration half_width() const { return (latest - earliest) / 2; }
+};
+TimeWindow intersection(const TimeWindow& a, const TimeWindow& b);
+
+class DeviceClock {
+public:
+    // The device's clock showed `device_ns` at some moment within the window.
+    void read(std::uint64_t device_ns, const TimeWindow& window);
+    void forget() { reading_.reset(); }
+    bool known() const { return reading_.has_value(); }
+
+    // Throws std::bad_optional_access where nothing was read.
+    TimeWindow station_time(std::uint64_t device_ns) const;
+
+private:
+    struct Reading {
+        std::uint64_t device_ns;
+        TimeWindow window;
+    };
+    std::optional<Reading> reading_;
+};
 
 }  // namespace etalon

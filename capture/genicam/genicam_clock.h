@@ -1,7 +1,7 @@
 // Reading a GenICam device's clock, and whether PTP governs it.
 #pragma once
 
-#include "capture/frame/device_clock.h"
+#include "capture/frame/camera.h"
 #include "capture/genicam/genicam_device.h"
 
 namespace etalon {

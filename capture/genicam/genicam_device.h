@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "capture/frame/camera.h"
+#include "core/image/image.h"
 
 typedef struct _ArvCamera ArvCamera;  // Aravis' own declarations
 typedef struct _ArvDevice ArvDevice;
@@ -112,5 +113,15 @@ private:
 // Asked of the kernel for a stream, in bytes; without it a 1.3-megapixel camera at 50 Hz delivers
 // nothing on loopback (measured).
 inline constexpr int receive_buffer_bytes = 4 << 20;
+
+// What the GenICam backend needs besides the camera itself: the kernel's say on the receive buffer,
+// and the library's buffer status in this project's words.
+
+// What the kernel grants of a UDP receive buffer of `asked` bytes; `asked` where it will not say.
+int granted_receive_buffer(int asked);
+
+// `status` is an ArvBufferStatus.
+FrameStatus genicam_frame_status(int status);
+const char* describe_buffer_status(int status);
 
 }  // namespace etalon

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "capture/frame/frame_checks.h"
-#include "capture/genicam/genicam_support.h"
+#include "capture/genicam/genicam_device.h"
 
 namespace etalon {
 namespace {

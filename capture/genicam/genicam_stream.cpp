@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "capture/frame/frame_checks.h"
-#include "capture/genicam/genicam_support.h"
+#include "capture/genicam/genicam_device.h"
 #include "core/program/errors.h"
 
 namespace etalon {

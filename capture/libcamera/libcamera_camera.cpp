@@ -10,7 +10,7 @@
 #include <thread>
 #include <utility>
 
-#include "capture/libcamera/libcamera_support.h"
+#include "capture/libcamera/libcamera_device.h"
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "capture/frame/camera.h"
-#include "capture/v4l2/v4l2_system.h"
+#include "capture/v4l2/v4l2_device.h"
 
 namespace etalon {
 

@@ -7,7 +7,6 @@
 #include <functional>
 #include <map>
 
-#include "compare/characterise/characterise_blur.h"
 #include "compare/detect/detector.h"
 #include "compare/photometric/compared_area.h"
 #include "core/program/errors.h"

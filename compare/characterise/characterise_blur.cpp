@@ -1,4 +1,4 @@
-#include "compare/characterise/characterise_blur.h"
+#include "compare/characterise/characterisation.h"
 
 #include <fmt/format.h>
 

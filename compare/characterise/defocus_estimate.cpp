@@ -10,9 +10,7 @@
 #include <optional>
 #include <vector>
 
-#include "compare/edges/edge_blur_models.h"
 #include "compare/edges/edge_fit.h"
-#include "compare/edges/edge_response.h"
 #include "core/program/errors.h"
 
 namespace etalon {

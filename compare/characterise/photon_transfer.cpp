@@ -1,19 +1,243 @@
 #include "compare/characterise/photon_transfer.h"
 
 #include <fmt/format.h>
+#include <opencv2/imgproc.hpp>
 
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
 #include "compare/characterise/code_statistics.h"
-#include "compare/characterise/repeated_view.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
-#include "core/statistics/median.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {
+namespace {
+
+// The mean image and its derivatives in x and y (central differences), by pixel.
+struct Regressors {
+    cv::Mat level, along_x, along_y;
+};
+
+Regressors regressors_of(const cv::Mat& mean, int step) {
+    cv::Mat padded;
+    cv::copyMakeBorder(mean, padded, step, step, step, step, cv::BORDER_REPLICATE);
+    const cv::Rect inside(step, step, mean.cols, mean.rows);
+    const auto derivative = [&](cv::Point to) -> cv::Mat {
+        return (padded(inside + to) - padded(inside - to)) / (2.0 * step);
+    };
+    return {mean, derivative({step, 0}), derivative({0, step})};
+}
+
+// Least squares of `difference` on the regressors: relative brightness, and minus the shift in x
+// and y.
+Eigen::Vector3d change_of(const cv::Mat& difference, const Regressors& r, const cv::Mat& use) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (int y = 0; y < use.rows; ++y)
+        for (int x = 0; x < use.cols; ++x) {
+            if (!use.at<uchar>(y, x))
+                continue;
+            const Eigen::Vector3d row(r.level.at<float>(y, x), r.along_x.at<float>(y, x),
+                                      r.along_y.at<float>(y, x));
+            normal += row * row.transpose();
+            right += difference.at<float>(y, x) * row;
+        }
+    // A uniform view has no derivatives: a shift that cannot be seen is none.
+    const double scale = std::max(normal(0, 0), 1e-30);
+    for (int i = 1; i < 3; ++i)
+        normal(i, i) += 1e-9 * scale;
+    return normal.ldlt().solve(right);
+}
+
+}  // namespace
+
+ViewNoise view_noise(std::span<const cv::Mat> signals, const cv::Mat& use, int step) {
+    if (signals.size() < 2 || cv::countNonZero(use) == 0)
+        throw NumericalError("repeats: two photos with pixels that are not clipped are needed");
+    const double n = static_cast<double>(signals.size());
+    ViewNoise noise;
+    noise.mean = cv::Mat::zeros(use.size(), CV_32FC1);
+    for (const cv::Mat& signal : signals)
+        noise.mean += signal / n;
+    const Regressors regressors = regressors_of(noise.mean, step);
+    noise.variance = cv::Mat::zeros(use.size(), CV_32FC1);
+    double least = 0.0, most = 0.0;
+    for (const cv::Mat& signal : signals) {
+        const cv::Mat difference = signal - noise.mean;
+        const Eigen::Vector3d change = change_of(difference, regressors, use);
+        least = std::min(least, change(0));
+        most = std::max(most, change(0));
+        noise.shift_px = std::max(noise.shift_px, change.tail<2>().norm());
+        noise.residual.push_back(difference - change(0) * regressors.level -
+                                 change(1) * regressors.along_x - change(2) * regressors.along_y);
+        noise.variance += noise.residual.back().mul(noise.residual.back()) / (n - 1.0);
+    }
+    noise.brightness_drift = most - least;
+    return noise;
+}
+
+cv::Mat smooth_pixels(const cv::Mat& mean, const cv::Mat& most, int step) {
+    cv::Mat smooth(mean.size(), CV_8UC1, cv::Scalar(0));
+    for (int y = step; y < mean.rows - step; ++y)
+        for (int x = step; x < mean.cols - step; ++x) {
+            const float level = mean.at<float>(y, x), limit = most.at<float>(y, x);
+            const bool is_smooth = std::abs(mean.at<float>(y, x - step) - level) < limit &&
+                                   std::abs(mean.at<float>(y, x + step) - level) < limit &&
+                                   std::abs(mean.at<float>(y - step, x) - level) < limit &&
+                                   std::abs(mean.at<float>(y + step, x) - level) < limit;
+            smooth.at<uchar>(y, x) = is_smooth ? 255 : 0;
+        }
+    return smooth;
+}
+
+cv::Mat local_level(const cv::Mat& mean, const cv::Mat& use, int step) {
+    cv::Mat kernel = cv::Mat::zeros(4 * step + 1, 4 * step + 1, CV_32FC1);
+    for (int y = 0; y < 5; ++y)
+        for (int x = 0; x < 5; ++x)
+            kernel.at<float>(y * step, x * step) = 1.0f;
+    cv::Mat weight, sum, count;
+    use.convertTo(weight, CV_32F, 1.0 / 255.0);
+    cv::filter2D(mean.mul(weight), sum, CV_32F, kernel, {-1, -1}, 0.0, cv::BORDER_CONSTANT);
+    cv::filter2D(weight, count, CV_32F, kernel, {-1, -1}, 0.0, cv::BORDER_CONSTANT);
+    return sum / cv::max(count, 1.0);
+}
+
+double neighbour_correlation(std::span<const cv::Mat> residuals, const cv::Mat& use, int dx,
+                             int dy) {
+    double product = 0.0, square = 0.0;
+    for (const cv::Mat& residual : residuals)
+        for (int y = 0; y < use.rows - dy; ++y)
+            for (int x = 0; x < use.cols - dx; ++x) {
+                if (!use.at<uchar>(y, x) || !use.at<uchar>(y + dy, x + dx))
+                    continue;
+                const double a = residual.at<float>(y, x), b = residual.at<float>(y + dy, x + dx);
+                product += a * b;
+                square += 0.5 * (a * a + b * b);
+            }
+    return square > 0.0 ? product / square : 0.0;
+}
+
+namespace {
+
+constexpr double max_at_floor = 1e-3;
+constexpr double max_fixed_pattern = 0.03;  // of full scale
+
+// Sums over the frames of each pixel's code and its square, less the first frame's (so that nothing
+// cancels).
+struct PixelSums {
+    cv::Mat difference, square;  // CV_64FC1
+};
+
+PixelSums pixel_sums(std::span<const CodeImage> frames) {
+    PixelSums sums{cv::Mat::zeros(frames.front().pixels.size(), CV_64FC1),
+                   cv::Mat::zeros(frames.front().pixels.size(), CV_64FC1)};
+    for (const CodeImage& frame : frames) {
+        cv::Mat difference;
+        cv::subtract(frame.pixels, frames.front().pixels, difference, cv::noArray(), CV_64F);
+        sums.difference += difference;
+        sums.square += difference.mul(difference);
+    }
+    return sums;
+}
+
+// Mean over the pixels of their sample variance over the frames.
+double temporal_variance(const PixelSums& sums, double frames) {
+    const cv::Mat deviation = sums.square - sums.difference.mul(sums.difference) / frames;
+    return std::max(cv::mean(deviation)[0] / (frames - 1.0), 0.0);
+}
+
+double fixed_pattern(std::span<const CodeImage> frames, const PixelSums& sums,
+                     double temporal_variance_dn2) {
+    const double n = static_cast<double>(frames.size());
+    cv::Mat first;
+    frames.front().pixels.convertTo(first, CV_64F);
+    const cv::Mat mean = first + sums.difference / n;
+    cv::Scalar level, deviation;
+    cv::meanStdDev(mean, level, deviation);
+    return std::sqrt(std::max(deviation[0] * deviation[0] - temporal_variance_dn2 / n, 0.0));
+}
+
+// Noise before rounding, of codes with this variance: rounding's own part and what it may have
+// added beyond are taken out.
+double least_noise(double code_variance) {
+    const double square = std::max(code_variance - rounding_variance, 0.0);
+    const double doubt = rounding_uncertainty_of_variance(std::sqrt(square));
+    return std::sqrt(std::max(square - doubt, 0.0));
+}
+
+void refuse_floor(std::span<const CodeImage> frames) {
+    double share = 0.0;
+    for (const CodeImage& frame : frames)
+        share = std::max(share, share_at_floor(frame));
+    if (share > max_at_floor)
+        throw NumericalError(fmt::format(
+            "black level: {:.3g} % of a dark photo's pixels are at code 0, where it is cut off: "
+            "raise the camera's black level",
+            100.0 * share));
+}
+
+void refuse_drift(const BlackLevel& black) {
+    const double noise = std::sqrt(black.temporal_variance_dn2);
+    if (black.drift_dn > 0.5 * std::max(noise, 1.0))
+        throw NumericalError(
+            fmt::format("black level: the dark photos' means drift by {:.3g} DN (noise of a pixel "
+                        "{:.3g} DN): let the camera warm up",
+                        black.drift_dn, noise));
+}
+
+void refuse_light(const BlackLevel& black, int full_scale) {
+    if (black.fixed_pattern_dn > max_fixed_pattern * full_scale)
+        throw NumericalError(fmt::format(
+            "black level: the dark photos show a picture (pixels' means differ by {:.3g} "
+            "DN RMS): is the lens covered?",
+            black.fixed_pattern_dn));
+}
+
+}  // namespace
+
+BlackLevel measure_black_level(std::span<const CodeImage> frames) {
+    if (frames.empty())
+        throw NumericalError("black level: no dark photos");
+    require_alike(frames, "black level");
+    refuse_floor(frames);
+    const double n = static_cast<double>(frames.size());
+    const double pixels = static_cast<double>(frames.front().pixels.total());
+    cv::Mat means(1, static_cast<int>(frames.size()), CV_64FC1);
+    for (std::size_t i = 0; i < frames.size(); ++i)
+        means.at<double>(static_cast<int>(i)) = cv::mean(frames[i].pixels)[0];
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(means, mean, deviation);
+    double lowest, highest;
+    cv::minMaxLoc(means, &lowest, &highest);
+
+    const PixelSums sums = pixel_sums(frames);
+    BlackLevel black;
+    black.frames = static_cast<int>(n);
+    black.dn = mean[0];
+    black.drift_dn = highest - lowest;
+    if (n > 1.0) {
+        black.temporal_variance_dn2 = temporal_variance(sums, n);
+        black.temporal_variance_standard_uncertainty =
+            black.temporal_variance_dn2 * std::sqrt(2.0 / ((n - 1.0) * pixels));
+    }
+    black.fixed_pattern_dn = fixed_pattern(frames, sums, black.temporal_variance_dn2);
+    refuse_light(black, frames.front().full_scale());
+    refuse_drift(black);
+
+    // With one frame the noise is not told from the fixed pattern: their sum is an upper bound.
+    const double variance =
+        n > 1.0 ? black.temporal_variance_dn2 : black.fixed_pattern_dn * black.fixed_pattern_dn;
+    const double scatter = n > 1.0 ? deviation[0] * deviation[0] / (n - 1.0) : 0.0;
+    const double rounding = rounding_uncertainty_of_mean(least_noise(variance));
+    black.standard_uncertainty_dn =
+        std::sqrt(std::max(variance / (n * pixels), scatter) + rounding * rounding);
+    return black;
+}
+
 namespace {
 
 constexpr int bins = 64;

@@ -6,9 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "compare/edges/edge_blur_models.h"
 #include "compare/edges/edge_fit.h"
-#include "compare/edges/edge_response.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 #include "sim/psf/diffraction.h"

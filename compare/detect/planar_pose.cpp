@@ -8,7 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <opencv2/calib3d.hpp>
 
-#include "calib/camera/viewing_geometry.h"
+#include "calib/camera/projector.h"
 #include "compare/detect/detector.h"
 #include "core/optimize/least_squares.h"
 #include "core/program/errors.h"

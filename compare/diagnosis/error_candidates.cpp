@@ -8,7 +8,7 @@
 #include <numbers>
 #include <optional>
 
-#include "calib/camera/viewing_geometry.h"
+#include "calib/camera/projector.h"
 #include "compare/diagnosis/pixel_evidence.h"
 #include "core/program/errors.h"
 

@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "compare/detect/detector.h"
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {

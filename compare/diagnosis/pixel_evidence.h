@@ -38,7 +38,7 @@ struct PhotoEvidence {
     PixelInformation information = PixelInformation::Zero();
     PixelDeviation score = PixelDeviation::Zero();
     // The score that a noise larger by the factor e than stated would add, first order: mean codes
-    // follow the noise (compare/photometric/mean_code.h).
+    // follow the noise (compare/photometric/photometric_model.h).
     PixelDeviation score_by_log_noise = PixelDeviation::Zero();
     // The largest change of a pixel's radiance by a deviation of 1; 0 for the tone, which is no
     // matter of the render.

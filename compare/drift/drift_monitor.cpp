@@ -1,15 +1,225 @@
 #include "compare/drift/drift_monitor.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
+#include <vector>
 
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
-#include "core/statistics/median.h"
 
 namespace etalon {
+namespace {
+
+// The least-squares line of one or more quantities over time.
+struct Lines {
+    Eigen::Matrix4Xd residuals;
+    Movement slope;
+    double time_squares = 0.0;  // sum of (t - mean)^2, min^2
+};
+
+Lines fit_lines(std::span<const DriftBlock> blocks) {
+    const auto n = static_cast<Eigen::Index>(blocks.size());
+    Eigen::VectorXd times(n);
+    Eigen::Matrix4Xd values(4, n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        times[i] = blocks[static_cast<std::size_t>(i)].time.count();
+        values.col(i) = blocks[static_cast<std::size_t>(i)].movement;
+    }
+    times.array() -= times.mean();
+    const Movement mean = values.rowwise().mean();
+    values.colwise() -= mean;
+    Lines lines;
+    lines.time_squares = times.squaredNorm();
+    lines.slope = values * times / lines.time_squares;
+    lines.residuals = values - lines.slope * times.transpose();
+    return lines;
+}
+
+double correlation_of_neighbours(const Eigen::Matrix4Xd& residuals) {
+    const double squares = residuals.squaredNorm();
+    if (squares == 0.0)
+        return 0.0;
+    const Eigen::Index n = residuals.cols();
+    const double products =
+        residuals.leftCols(n - 1).cwiseProduct(residuals.rightCols(n - 1)).sum();
+    return std::max(0.0, products / squares);
+}
+
+// Slope of a point's residuals; nothing where less than half of the blocks have the point.
+std::optional<Eigen::Vector2d> residual_slope(std::span<const DriftBlock> blocks, int id) {
+    std::vector<std::pair<double, Eigen::Vector2d>> rows;
+    for (const DriftBlock& block : blocks)
+        if (const auto at = block.residuals.find(id); at != block.residuals.end())
+            rows.emplace_back(block.time.count(), at->second);
+    if (2 * rows.size() < blocks.size())
+        return std::nullopt;
+    double middle = 0.0;
+    for (const auto& [time, residual] : rows)
+        middle += time / static_cast<double>(rows.size());
+    double squares = 0.0;
+    Eigen::Vector2d products = Eigen::Vector2d::Zero();
+    for (const auto& [time, residual] : rows) {
+        squares += (time - middle) * (time - middle);
+        products += (time - middle) * residual;
+    }
+    return squares > 0.0 ? std::optional<Eigen::Vector2d>(products / squares) : std::nullopt;
+}
+
+double shape_drift(std::span<const DriftBlock> blocks, const TargetPoints& points) {
+    double squares = 0.0;
+    int count = 0;
+    for (const auto& [id, pixel] : points)
+        if (const auto slope = residual_slope(blocks, id)) {
+            squares += slope->squaredNorm();
+            ++count;
+        }
+    // Two points' worth of freedom went into the movement.
+    return count > 2 ? std::sqrt(squares / (count - 2)) : 0.0;
+}
+
+// Standard deviation in the direction in which it is largest.
+double largest_deviation(const Eigen::Matrix2d& covariance) {
+    return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
+                                       Eigen::MatrixXd(covariance), Eigen::EigenvaluesOnly)
+                                       .eigenvalues()[1]));
+}
+
+void find_worst(DriftRate& rate, const Eigen::Matrix4d& covariance,
+                const TargetReference& reference, cv::Size image) {
+    rate.worst_px_per_min = -1.0;
+    for (const double x : {-0.5, image.width - 0.5})
+        for (const double y : {-0.5, image.height - 0.5}) {
+            const auto at = reference.at({x, y});
+            const double drift = (at * rate.per_min).norm();
+            const double u = largest_deviation(at * covariance * at.transpose());
+            rate.bound_px_per_min =
+                std::max(rate.bound_px_per_min, drift + rate.coverage_factor * u);
+            if (drift > rate.worst_px_per_min) {
+                rate.worst_px_per_min = drift;
+                rate.worst_pixel = {x, y};
+                rate.standard_uncertainty_px_per_min = u;
+            }
+        }
+    rate.expanded_uncertainty_px_per_min =
+        rate.coverage_factor * rate.standard_uncertainty_px_per_min;
+}
+
+}  // namespace
+
+std::optional<DriftRate> estimate_drift(std::span<const DriftBlock> blocks,
+                                        const TargetReference& reference, cv::Size image,
+                                        double chance_of_error) {
+    if (blocks.size() < min_blocks || !(blocks.back().time > blocks.front().time))
+        return std::nullopt;
+    const Lines lines = fit_lines(blocks);
+    const auto freedoms = static_cast<int>(blocks.size()) - 2;
+    DriftRate rate;
+    rate.from = blocks.front().time;
+    rate.to = blocks.back().time;
+    rate.per_min = lines.slope;
+    rate.block_correlation = correlation_of_neighbours(lines.residuals);
+    const double widening = (1.0 + rate.block_correlation) / (1.0 - rate.block_correlation);
+    const Eigen::Matrix4d covariance =
+        widening / (freedoms * lines.time_squares) * lines.residuals * lines.residuals.transpose();
+    rate.standard_uncertainty = covariance.diagonal().cwiseSqrt();
+    rate.coverage_factor = student_t_quantile(chance_of_error, freedoms);
+    find_worst(rate, covariance, reference, image);
+    rate.shape_px_per_min = shape_drift(blocks, reference.points());
+    return rate;
+}
+
+namespace {
+
+constexpr std::size_t half = 5;  // frames before and after
+constexpr std::size_t min_steps = 20, max_steps = 300;
+constexpr double chance_of_false_jump = 1e-7;  // per frame and component
+constexpr double min_jump_px = 0.01;
+
+// Of normal values: standard deviation of the difference of two medians of five over that of the
+// difference of two values. The variance of a median of five is 0.2868 (Teichroew 1956).
+const double medians_over_steps = std::sqrt(0.2868);
+
+// A standard deviation from the median deviation of n values is as uncertain as the usual one of
+// 0.37 n values.
+constexpr double median_efficiency = 0.37;
+
+std::vector<double> component(const std::deque<Movement>& movements, int index) {
+    std::vector<double> values;
+    for (const Movement& movement : movements)
+        values.push_back(movement[index]);
+    return values;
+}
+
+Movement medians(std::span<const Movement> movements) {
+    Movement result;
+    for (int i = 0; i < 4; ++i) {
+        std::vector<double> values;
+        for (const Movement& movement : movements)
+            values.push_back(movement[i]);
+        result[i] = median(std::move(values));
+    }
+    return result;
+}
+
+void push(std::deque<Movement>& movements, const Movement& movement, std::size_t most) {
+    movements.push_back(movement);
+    if (movements.size() > most)
+        movements.pop_front();
+}
+
+}  // namespace
+
+double JumpFinder::noise_of_difference(int component_index) const {
+    return std::max(medians_over_steps * median_deviation(component(steps_, component_index)),
+                    median_deviation(component(differences_, component_index)));
+}
+
+bool JumpFinder::is_jump(const Movement& difference) const {
+    if (steps_.size() < min_steps || differences_.size() < half)
+        return false;
+    const int freedoms = static_cast<int>(median_efficiency * static_cast<double>(steps_.size()));
+    for (int i = 0; i < 4; ++i) {
+        const double by_drift = median(component(differences_, i));
+        const double size = std::abs(difference[i] - by_drift);
+        if (size > min_jump_px && size > student_t_quantile(0.5 * chance_of_false_jump, freedoms) *
+                                             noise_of_difference(i))
+            return true;
+    }
+    return false;
+}
+
+// Where the last frames fall into two parts, and how far apart these are.
+TargetJump JumpFinder::largest_step() const {
+    const std::vector<Movement> frames(recent_.begin(), recent_.end());
+    std::size_t first_after = 1;
+    for (std::size_t i = 2; i < frames.size(); ++i)
+        if ((frames[i] - frames[i - 1]).norm() >
+            (frames[first_after] - frames[first_after - 1]).norm())
+            first_after = i;
+    const std::span<const Movement> all(frames);
+    return {static_cast<int>(frames.size() - first_after),
+            medians(all.subspan(first_after)) - medians(all.first(first_after))};
+}
+
+std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
+    if (!recent_.empty())
+        push(steps_, movement - recent_.back(), max_steps);
+    push(recent_, movement, 2 * half);
+    if (recent_.size() < 2 * half)
+        return std::nullopt;
+    const std::vector<Movement> frames(recent_.begin(), recent_.end());
+    const Movement difference =
+        medians(std::span(frames).last(half)) - medians(std::span(frames).first(half));
+    if (is_jump(difference))
+        return largest_step();
+    push(differences_, difference, max_steps);
+    return std::nullopt;
+}
+
 namespace {
 
 constexpr std::size_t frames_to_look_back = 10;            // of JumpFinder

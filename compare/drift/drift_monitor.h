@@ -2,19 +2,106 @@
 // is below the limit, and whether something jumped. Knows nothing of cameras or clocks.
 //
 // Time is cut into blocks; whenever one is full the drift over the last 20 is estimated, and over
-// the last 40 and 80 where there are as many (compare/drift/drift_rate.h): a short window sees the
-// end of a warm-up soon, a long one decides where the points are few or noisy. After a jump
+// the last 40 and 80 where there are as many (compare/drift/drift_monitor.h): a short window sees
+// the end of a warm-up soon, a long one decides where the points are few or noisy. After a jump
 // everything starts anew with the frames behind it.
 #pragma once
 
+#include <opencv2/core.hpp>
+
+#include <chrono>
 #include <deque>
 #include <optional>
+#include <span>
 #include <vector>
 
-#include "compare/drift/drift_rate.h"
-#include "compare/drift/jump_finder.h"
+#include "compare/drift/target_movement.h"
 
 namespace etalon {
+
+// How fast the image of a static target drifts, from its movement over some minutes, and how well
+// that is known. The method, to be repeated by hand, is in docs/cameras.md, "Drift".
+//
+// A straight line through the medians of equal pieces of time (blocks): medians, so that single bad
+// frames do not count; blocks, so that vibration and the detector's noise average out before the
+// scatter about the line is taken as the uncertainty. Slower fluctuations make neighbouring blocks
+// alike: their correlation widens it (Santer et al., J. Geophys. Res. 105, 7337, 2000).
+
+using Minutes = std::chrono::duration<double, std::ratio<60>>;
+
+// One piece of time.
+struct DriftBlock {
+    Minutes time{};          // mean of its frames
+    Movement movement;       // median of its frames, each of the four
+    TargetPoints residuals;  // the same of each point
+};
+
+struct DriftRate {
+    Minutes from{}, to{};           // the first and the last block
+    Movement per_min;               // px/min, see Movement
+    Movement standard_uncertainty;  // of each
+    // The largest drift over the image. It is that of one of its four corners, as the drift is
+    // linear in the pixel, even where the target does not reach: then the uncertainty is large.
+    double worst_px_per_min = 0.0;
+    Eigen::Vector2d worst_pixel = Eigen::Vector2d::Zero();
+    double standard_uncertainty_px_per_min = 0.0;  // of the worst
+    double coverage_factor = 0.0;
+    double expanded_uncertainty_px_per_min = 0.0;  // their product
+    // Largest over the image's corners of value + U: what the drift is below.
+    double bound_px_per_min = 0.0;
+    // How fast the points drift against each other, root mean square over them, its noise included:
+    // what shift, growth and turn do not explain (a tilt, a bending target, the distortion).
+    double shape_px_per_min = 0.0;
+    double block_correlation = 0.0;  // of neighbouring blocks' residuals; 0 where it is negative
+
+    bool below(double limit_px_per_min) const {
+        return bound_px_per_min < limit_px_per_min && shape_px_per_min < limit_px_per_min;
+    }
+};
+
+inline constexpr std::size_t min_blocks = 15;
+
+// `chance_of_error` is how likely a drift that is as large as the limit or larger may be called
+// below it: bound < limit for a true worst drift >= limit has at most this probability, since the
+// true worst corner alone would need an error of U in one direction. Nothing for fewer than
+// min_blocks blocks or blocks at one time. Times must rise.
+std::optional<DriftRate> estimate_drift(std::span<const DriftBlock> blocks,
+                                        const TargetReference& reference, cv::Size image,
+                                        double chance_of_error);
+
+// Tells a jump of a static target's image from its drift and its noise: somebody touched the
+// target, the camera or what they stand on.
+//
+// The medians of the last five frames and of the five before them are compared: two bad frames
+// cannot move them. How much they differ by drift is the median of earlier such differences, how
+// much by noise follows from the scatter of these and of the steps from frame to frame, whichever
+// says more. The threshold is Student's quantile for the number of steps seen, at a chance of 1e-7
+// per frame and component: with normal noise a false jump in some 2.5 million frames.
+
+struct TargetJump {
+    int frames_after = 0;  // how many of the last frames came after it
+    Movement movement;
+};
+
+class JumpFinder {
+public:
+    // The jump that this frame gives away; it then has 3 frames or more behind it. Never before 20
+    // frames, and none below 0.01 px.
+    std::optional<TargetJump> add(const Movement& movement);
+
+    // Movements now refer to something else: those before are not compared with. What was learnt
+    // of noise and drift stays.
+    void restart() { recent_.clear(); }
+
+private:
+    bool is_jump(const Movement& difference) const;
+    double noise_of_difference(int component_index) const;
+    TargetJump largest_step() const;
+
+    std::deque<Movement> recent_;       // the last ten
+    std::deque<Movement> steps_;        // from frame to frame
+    std::deque<Movement> differences_;  // of the medians
+};
 
 struct DriftPlan {
     cv::Size image;

@@ -6,8 +6,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <map>
 #include <optional>
+#include <string>
+
+#include "core/image/image.h"
 
 namespace etalon {
 
@@ -55,5 +59,14 @@ private:
 // Root mean square of a coordinate of the residuals that a movement left, px, with its 4 degrees of
 // freedom taken off; 0 for no more than two points.
 double misfit(const TargetPoints& residuals);
+
+// The points of a target in a photograph, whatever detector of ours finds them.
+
+// Empty where the target is not seen. For one thread.
+using TargetFinder = std::function<TargetPoints(const CodeImage&)>;
+
+// For every marker and board that has a detector (sim/marker/marker.h,
+// compare/detect/board/calibration_target.h). Throws ConfigError at `place` for any other.
+TargetFinder make_target_finder(const std::string& spec, const std::string& place);
 
 }  // namespace etalon

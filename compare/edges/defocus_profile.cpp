@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compare/edges/edge_blur_models.h"
+#include "compare/edges/edge_fit.h"
 #include "core/program/errors.h"
 #include "core/statistics/covariance.h"
 

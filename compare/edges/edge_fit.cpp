@@ -1,16 +1,108 @@
 #include "compare/edges/edge_fit.h"
 
 #include <fmt/format.h>
+#include <math.h>  // j1, jn: POSIX, not in namespace std
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 
-#include "compare/edges/edge_response.h"
 #include "core/program/errors.h"
 #include "core/statistics/covariance.h"
 
 namespace etalon {
+namespace {
+
+using std::numbers::pi;
+
+double sinc(double x) {
+    const double q = pi * x;
+    return std::abs(q) < 1e-6 ? 1.0 : std::sin(q) / q;
+}
+
+// Gauss and Legendre's rule with 8 points on [-1, 1], the positive half.
+constexpr std::array<std::pair<double, double>, 4> gauss_legendre_8 = {
+    {{0.1834346424956498, 0.3626837833783620},
+     {0.5255324099163290, 0.3137066458778873},
+     {0.7966664774136267, 0.2223810344533745},
+     {0.9602898564975363, 0.1012285362903763}}};
+
+struct Cell {
+    Eigen::Index index;
+    double part, sign;
+};
+
+Cell cell_of(double distance_px, Eigen::Index size) {
+    const double position =
+        std::min(std::abs(distance_px) / EdgeResponse::step(), static_cast<double>(size - 1));
+    const auto index = std::min(static_cast<Eigen::Index>(position), size - 2);
+    return {index, position - static_cast<double>(index), distance_px < 0.0 ? -1.0 : 1.0};
+}
+
+}  // namespace
+
+Eigen::ArrayXd pixel_transfer(const Eigen::ArrayXd& cycles_per_px, const Eigen::Vector2d& normal) {
+    return cycles_per_px.unaryExpr(
+        [&](double f) { return sinc(f * normal.x()) * sinc(f * normal.y()); });
+}
+
+// d/d(r^2) of 2 J1(q)/q with dq/d(r^2) = q / (2 r^2): -J2(q) / r^2 = -(2 pi f)^2 J2(q) / q^2.
+DiskTransfer disk_transfer(double frequency, double radius) {
+    const double k = 2.0 * pi * frequency, q = k * radius;
+    if (q < 1e-2)  // 1 - q^2/8 + q^4/192, and its derivative
+        return {1.0 - q * q / 8.0 + q * q * q * q / 192.0, -k * k * (1.0 / 8.0 - q * q / 96.0)};
+    return {2.0 * ::j1(q) / q, -k * k * ::jn(2, q) / (q * q)};
+}
+
+AiryTransfer airy_transfer(double f_lambda_n) {
+    if (f_lambda_n >= 1.0)
+        return {0.0, 0.0};
+    const double root = std::sqrt(1.0 - f_lambda_n * f_lambda_n);
+    return {2.0 / pi * (std::acos(f_lambda_n) - f_lambda_n * root), -4.0 / pi * root};
+}
+
+// A panel of 8 points spans at most one cycle of the fastest oscillation.
+EdgeResponse::EdgeResponse(double reach_px) {
+    if (!(reach_px > 0.0 && reach_px <= 100.0))
+        throw NumericalError(fmt::format("no edge profile reaches {} px", reach_px));
+    const auto panels = static_cast<Eigen::Index>(std::ceil(max_frequency * reach_px)) + 4;
+    const double width = max_frequency / static_cast<double>(panels);
+    frequencies_.resize(8 * panels);
+    Eigen::ArrayXd weights(8 * panels);
+    for (Eigen::Index panel = 0; panel < panels; ++panel)
+        for (Eigen::Index i = 0; i < 8; ++i) {
+            const auto& [node, weight] = gauss_legendre_8[static_cast<std::size_t>(i / 2)];
+            const double centre = (static_cast<double>(panel) + 0.5) * width;
+            frequencies_[8 * panel + i] = centre + 0.5 * width * (i % 2 == 0 ? node : -node);
+            weights[8 * panel + i] = 0.5 * width * weight;
+        }
+    const auto distances = static_cast<Eigen::Index>(std::ceil(reach_px / step())) + 2;
+    sines_.resize(distances, frequencies_.size());
+    cosines_.resize(distances, frequencies_.size());
+    for (Eigen::Index i = 0; i < distances; ++i) {
+        const Eigen::ArrayXd phase = 2.0 * pi * static_cast<double>(i) * step() * frequencies_;
+        sines_.row(i) = weights * phase.sin() / (pi * frequencies_);
+        cosines_.row(i) = 2.0 * weights * phase.cos();
+    }
+}
+
+EdgeValue edge_value(const Eigen::ArrayXd& odd, const Eigen::ArrayXd& even, double distance_px) {
+    const auto [i, t, sign] = cell_of(distance_px, odd.size());
+    const double a = odd[i], b = odd[i + 1], h = EdgeResponse::step();
+    const double slope_a = h * even[i], slope_b = h * even[i + 1];
+    const double cubic = 2.0 * (a - b) + slope_a + slope_b;
+    const double square = 3.0 * (b - a) - 2.0 * slope_a - slope_b;
+    const double value = a + t * (slope_a + t * (square + t * cubic));
+    return {0.5 + sign * value, even[i] + t * (even[i + 1] - even[i])};
+}
+
+double odd_at(const Eigen::ArrayXd& odd, double distance_px) {
+    const auto [i, t, sign] = cell_of(distance_px, odd.size());
+    return sign * (odd[i] + t * (odd[i + 1] - odd[i]));
+}
+
 namespace {
 
 using Eigen::ArrayXd;
@@ -431,6 +523,126 @@ EdgeFit fit_edges(std::span<const StraightEdge> edges, const BlurModel& model) {
         sums = iterate(problem, edges, model.lower, fit);
     summarize(edges, model, sums, fit);
     return fit;
+}
+
+namespace {
+
+using std::numbers::pi;
+
+constexpr double start_variance_px2 = 0.3;
+constexpr double min_step = 1.0 / 256.0;  // cycles per px, of the tabulated transfers
+
+// Gauss and Legendre's rule with 5 points on [0, 1].
+constexpr std::array<std::pair<double, double>, 5> gauss_legendre_pairs = {
+    {{0.0469100770306680, 0.1184634425280945},
+     {0.2307653449471585, 0.2393143352496832},
+     {0.5, 0.2844444444444444},
+     {0.7692346550528415, 0.2393143352496832},
+     {0.9530899229693320, 0.1184634425280945}}};
+
+// Volume of the pattern of height 1, flat to a and falling to zero at b.
+double volume(double a, double b) {
+    return pi / 3.0 * (a * a + a * b + b * b);
+}
+
+}  // namespace
+
+double defocus_radius_px(const StraightEdge& edge, const Aperture& aperture) {
+    const double focus =
+        aperture.faces_rays ? aperture.focus_on_axis : aperture.focus(edge.undistorted);
+    const double defocus = edge.depth_term - focus;
+    return aperture.radius_mm * edge.px_per_unit *
+           std::sqrt(defocus * defocus + edge.depth_term_variance);
+}
+
+BlurModel gaussian_width() {
+    BlurModel model;
+    model.start = Eigen::VectorXd::Constant(1, 0.5);
+    model.lower = Eigen::VectorXd::Zero(1);
+    model.transfer = [](const StraightEdge&, const Eigen::VectorXd& p, const Eigen::ArrayXd& f) {
+        const Eigen::ArrayXd fall = -2.0 * pi * pi * f.square();
+        BlurModel::Transfer result{(fall * p[0]).exp(), {}};
+        result.derivative = fall * result.value;
+        return result;
+    };
+    return model;
+}
+
+BlurModel gaussian_blur(const Aperture& aperture, double lambda_n_px) {
+    BlurModel model;
+    model.start = Eigen::VectorXd::Constant(1, start_variance_px2);
+    model.lower = Eigen::VectorXd::Zero(1);
+    model.transfer = [=](const StraightEdge& edge, const Eigen::VectorXd& parameters,
+                         const Eigen::ArrayXd& frequencies) {
+        const double scale = edge.px_per_pitch, radius = defocus_radius_px(edge, aperture);
+        BlurModel::Transfer result{Eigen::ArrayXd(frequencies.size()),
+                                   Eigen::MatrixXd(frequencies.size(), 1)};
+        for (Eigen::Index i = 0; i < frequencies.size(); ++i) {
+            const double f = frequencies[i], q = f * scale;
+            const double fall = -2.0 * pi * pi * q * q;
+            result.value[i] = std::exp(fall * parameters[0]) * disk_transfer(f, radius).value *
+                              (lambda_n_px > 0.0 ? airy_transfer(q * lambda_n_px).value : 1.0);
+            result.derivative(i, 0) = fall * result.value[i];
+        }
+        return result;
+    };
+    return model;
+}
+
+SlopingDisks::SlopingDisks(std::vector<double> radii_px) : radii_(std::move(radii_px)) {}
+
+// A sloping disk is the mean of uniform disks of the radii s between its own two, by their energy
+// s^2.
+double SlopingDisks::transfer(std::size_t k, double frequency) const {
+    const double a = inner(k), b = radii_[k];
+    double sum = 0.0, energy = 0.0;
+    for (const auto& [node, weight] : gauss_legendre_pairs) {
+        const double s = a + (b - a) * node;
+        sum += weight * s * s * disk_transfer(frequency, s).value;
+        energy += weight * s * s;
+    }
+    return sum / energy;
+}
+
+Eigen::MatrixXd SlopingDisks::density_by_part() const {
+    const auto n = static_cast<Eigen::Index>(radii_.size());
+    Eigen::MatrixXd density = Eigen::MatrixXd::Zero(n + 1, n);
+    for (Eigen::Index k = 0; k < n; ++k) {
+        const auto part = static_cast<std::size_t>(k);
+        density.col(k).head(k + 1).setConstant(1.0 / volume(inner(part), radii_[part]));
+    }
+    return density;
+}
+
+// The transfers are tabulated once: an edge only scales their frequencies by a little.
+BlurModel SlopingDisks::model() const {
+    const auto n = static_cast<Eigen::Index>(radii_.size());
+    constexpr double room = 1.5;  // for pixels that are not square
+    const auto rows = static_cast<Eigen::Index>(room * max_frequency / min_step) + 2;
+    auto table = std::make_shared<Eigen::MatrixXd>(rows, n);
+    for (Eigen::Index i = 0; i < rows; ++i)
+        for (Eigen::Index k = 0; k < n; ++k)
+            (*table)(i, k) =
+                transfer(static_cast<std::size_t>(k), static_cast<double>(i) * min_step);
+    BlurModel model;
+    model.start = Eigen::VectorXd::Constant(n, 1.0 / static_cast<double>(n));
+    model.lower = Eigen::VectorXd::Zero(n);
+    model.are_parts = true;
+    model.transfer = [table](const StraightEdge& edge, const Eigen::VectorXd& parameters,
+                             const Eigen::ArrayXd& frequencies) {
+        BlurModel::Transfer result{Eigen::ArrayXd(),
+                                   Eigen::MatrixXd(frequencies.size(), parameters.size())};
+        for (Eigen::Index i = 0; i < frequencies.size(); ++i) {
+            const double at = frequencies[i] * edge.px_per_pitch / min_step;
+            const auto cell = std::min(static_cast<Eigen::Index>(at), table->rows() - 2);
+            const double part = std::min(at - static_cast<double>(cell), 1.0);
+            result.derivative.row(i) =
+                (1.0 - part) * table->row(cell) + part * table->row(cell + 1);
+        }
+        result.value = (result.derivative * parameters).array();
+        return result;
+    };
+    return model;
 }
 
 }  // namespace etalon

@@ -11,12 +11,73 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
+#include "calib/camera/camera_model.h"
 #include "compare/edges/edge_spread.h"
+#include "sim/scene/marker_view.h"
 
 namespace etalon {
+
+// A straight edge's profile from an optical transfer function, as tables over the distance.
+//
+//     E(d) = 1/2 + integral over f > 0 of T(f) sin(2 pi f d) / (pi f) df
+//     L(d) = E'(d) = integral over f > 0 of 2 T(f) cos(2 pi f d) df
+//
+// T is real and even: point-symmetric blur only. It is taken to vanish beyond `max_frequency`;
+// of a pixel box alone that leaves 5e-4 of the contrast out at an edge along the pixels, of a box
+// with a Gaussian of sigma >= 0.2 px nothing.
+
+inline constexpr double max_frequency = 5.0;  // cycles per px
+
+// Transfer of a square pixel along a unit direction in the image: sinc(f nx) sinc(f ny).
+Eigen::ArrayXd pixel_transfer(const Eigen::ArrayXd& cycles_per_px, const Eigen::Vector2d& normal);
+
+// Transfer of a uniform disk of this radius: 2 J1(q)/q, q = 2 pi f radius; and its derivative with
+// respect to the radius squared, which is smooth where the radius is zero.
+struct DiskTransfer {
+    double value, by_radius_squared;
+};
+DiskTransfer disk_transfer(double frequency, double radius);
+
+// Transfer of the Airy pattern at f lambda N_w (0 from 1 on), and its derivative.
+struct AiryTransfer {
+    double value, derivative;
+};
+AiryTransfer airy_transfer(double f_lambda_n);
+
+// Safe from every thread once built; building costs reach^2 / 100 ms.
+class EdgeResponse {
+public:
+    // For distances of up to `reach_px`, in (0, 100] (NumericalError otherwise).
+    explicit EdgeResponse(double reach_px);
+
+    // At which transfer functions are wanted, cycles per px.
+    const Eigen::ArrayXd& frequencies() const { return frequencies_; }
+
+    // E - 1/2 (or what a derivative of T does to it), and L, at distances of step() from 0 on.
+    Eigen::ArrayXd odd_table(const Eigen::ArrayXd& transfer) const {
+        return (sines_ * transfer.matrix()).array();
+    }
+    Eigen::ArrayXd even_table(const Eigen::ArrayXd& transfer) const {
+        return (cosines_ * transfer.matrix()).array();
+    }
+    static constexpr double step() { return 1.0 / 16.0; }
+
+private:
+    Eigen::ArrayXd frequencies_;
+    Eigen::MatrixXd sines_, cosines_;  // distances x frequencies, quadrature weights included
+};
+
+// E and L at any distance from both tables: E by cubic Hermite interpolation (error 3e-6 behind a
+// pixel), L and `odd_at` by straight lines. Beyond the table the last value holds.
+struct EdgeValue {
+    double response, spread;
+};
+EdgeValue edge_value(const Eigen::ArrayXd& odd, const Eigen::ArrayXd& even, double distance_px);
+double odd_at(const Eigen::ArrayXd& odd, double distance_px);
 
 // A family of lens blurs (without the pixel box) by a few parameters.
 struct BlurModel {
@@ -63,5 +124,41 @@ int own_freedom(const StraightEdge& edge);
 // and the rest fitted again. Throws NumericalError when it does not converge, there are fewer
 // pixels than parameters, or the edges do not determine the blur.
 EdgeFit fit_edges(std::span<const StraightEdge> edges, const BlurModel& model);
+
+// The lens blurs that are fitted to edges (compare/edges/edge_fit.h).
+
+// Radius of the blur disk along an edge's normal, px: what the aperture makes of the edge's depth
+// (root mean square over its length).
+double defocus_radius_px(const StraightEdge& edge, const Aperture& aperture);
+
+// One parameter: the variance of a Gaussian that stands for the whole blur, px^2 along the normal.
+BlurModel gaussian_width();
+
+// One parameter, sigma^2 in px^2 (of the pitch along x), beside the known blur disk and, when
+// lambda_n_px is over 0, beside the Airy pattern.
+BlurModel gaussian_blur(const Aperture& aperture, double lambda_n_px);
+
+// Round patterns whose density does not rise outwards: parts of unit energy, flat to one of the
+// radii (0, r1, ...) and falling linearly to zero at the next.
+class SlopingDisks {
+public:
+    explicit SlopingDisks(std::vector<double> radii_px);  // rising from above 0, two or more
+
+    // With the parts as parameters.
+    BlurModel model() const;
+
+    // Density at 0 and at the radii by part: (radii + 1) x radii.
+    Eigen::MatrixXd density_by_part() const;
+
+    // Transfer of part k at a frequency, cycles per px; and of all.
+    double transfer(std::size_t k, double frequency) const;
+
+    const std::vector<double>& radii_px() const { return radii_; }
+
+private:
+    double inner(std::size_t k) const { return k == 0 ? 0.0 : radii_[k - 1]; }
+
+    std::vector<double> radii_;
+};
 
 }  // namespace etalon

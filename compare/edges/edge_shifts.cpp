@@ -10,8 +10,8 @@
 #include <optional>
 #include <utility>
 
-#include "calib/camera/viewing_geometry.h"
-#include "compare/edges/grid_edges.h"
+#include "calib/camera/projector.h"
+#include "compare/edges/edge_spread.h"
 #include "core/program/errors.h"
 #include "core/statistics/covariance.h"
 #include "sim/sensor/sensor_model.h"

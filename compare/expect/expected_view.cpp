@@ -1,7 +1,11 @@
 #include "compare/expect/expected_view.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include "compare/make_detector.h"
 #include "core/program/errors.h"
-#include "sim/scene/marker_outline.h"
+#include "sim/scene/marker_view.h"
 #include "sim/scene/scene.h"
 
 namespace etalon {
@@ -74,6 +78,70 @@ std::optional<DetectedCorners> ExpectedExposures::with_noise(Detector& detector,
         for (Eigen::Vector2d& pixel : corners->pixels)
             pixel += Eigen::Vector2d(area_.region.x, area_.region.y);
     return corners;
+}
+
+namespace {
+
+// Frame numbers of the noise that no device's frames have: with the seed of a twin by chance the
+// noise of photograph and render would be the same.
+constexpr std::uint32_t first_frame = 0xE0000000u;
+
+bool states_noise(const CameraModel& camera) {
+    return camera.sensor && camera.sensor->gain_e_per_dn > 0.0;
+}
+
+// Nothing when half of them or more are missing.
+std::optional<std::vector<Eigen::Vector2d>> mean_of(
+    const std::vector<std::optional<DetectedCorners>>& seen) {
+    std::vector<Eigen::Vector2d> mean;
+    std::size_t count = 0;
+    for (const auto& corners : seen) {
+        if (!corners || !corners->is_whole())
+            continue;
+        ++count;
+        mean.resize(corners->pixels.size(), Eigen::Vector2d::Zero());
+        for (std::size_t k = 0; k < mean.size(); ++k)
+            mean[k] += corners->pixels[k];
+    }
+    if (2 * count <= seen.size())
+        return std::nullopt;
+    for (Eigen::Vector2d& corner : mean)
+        corner /= static_cast<double>(count);
+    return mean;
+}
+
+}  // namespace
+
+RenderedCorners::RenderedCorners(const ExpectedScene& scene, int frames, std::uint64_t seed)
+    : view_(scene),
+      detectors_([name = scene.detector, marker = scene.marker] {
+          return make_detector(name, marker, name);
+      }),
+      exposures_(states_noise(scene.camera) ? exposures_per_frame * frames : 1),
+      seed_(seed) {
+    detectors_.local();  // whether there is one
+}
+
+double RenderedCorners::noise_ratio(const CameraModel& camera) {
+    return states_noise(camera) ? 1.0 / exposures_per_frame : 0.0;
+}
+
+std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(
+    const Rigid& camera_from_marker) const {
+    if (!view_.takes(camera_from_marker))
+        return std::nullopt;
+    const ExpectedExposures exposures(view_, camera_from_marker);
+    if (exposures_ == 1)
+        return mean_of({exposures.without_noise(*detectors_.local())});
+    std::vector<std::optional<DetectedCorners>> seen(static_cast<std::size_t>(exposures_));
+    // Isolated: a thread that waits in its detector must not begin another exposure with it.
+    tbb::parallel_for(std::size_t{0}, seen.size(), [&](std::size_t i) {
+        const auto frame = first_frame + static_cast<std::uint32_t>(i);
+        tbb::this_task_arena::isolate([&] {
+            seen[i] = exposures.with_noise(*detectors_.local(), {seed_, frame});
+        });
+    });
+    return mean_of(seen);
 }
 
 }  // namespace etalon

@@ -3,8 +3,13 @@
 // is given the same kind of image as from the device.
 #pragma once
 
+#include <tbb/enumerable_thread_specific.h>
+
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "calib/camera/projector.h"
 #include "compare/detect/detector.h"
@@ -78,6 +83,41 @@ public:
 private:
     const SensorModel& sensor_;
     RenderedPart whole_, area_;
+};
+
+// Where a detector finds the marker in what the camera under test should see: what B3 compares the
+// photographs' corners with.
+//
+// Noise moves a detector's corners, and always the same way: the lines that AprilTag fits to the
+// demo's photographs lie 0.02 px apart from those of images without noise. More frames do not
+// average that out. So renders are given the noise that the calibration states, in several
+// exposures, and the corners' mean is taken. A calibration without noise gets one exposure without.
+
+class RenderedCorners {
+public:
+    // Of a render for each frame of a photographed pose: noise adds a fifth to the variance of the
+    // difference.
+    static constexpr int exposures_per_frame = 5;
+
+    // `frames`: of a photographed pose. `seed`: of the noise.
+    RenderedCorners(const ExpectedScene& scene, int frames, std::uint64_t seed);
+
+    const ExpectedView& view() const { return view_; }
+
+    // Variance of these corners by noise, in units of that of a pose's mean over its frames.
+    static double noise_ratio(const CameraModel& camera);
+
+    // In the order of Marker::points_mm; nothing when the whole marker is not detected in most of
+    // the exposures. A pure function of scene and pose, which are seen in parallel. Safe from every
+    // thread. Throws what Renderer::render throws.
+    std::optional<std::vector<Eigen::Vector2d>> at(const Rigid& camera_from_marker) const;
+
+private:
+    ExpectedView view_;
+    // One a thread and not one an exposure: libapriltag's takes 20 MB.
+    mutable tbb::enumerable_thread_specific<std::unique_ptr<Detector>> detectors_;
+    int exposures_;
+    std::uint64_t seed_;
 };
 
 }  // namespace etalon

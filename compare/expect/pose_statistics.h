@@ -4,7 +4,7 @@
 //
 // The six components are those of the published comparison of markers (FMAC): X, Y, Z, estimated
 // minus true translation in the camera frame, mm; roll, pitch and yaw, differences of the angles of
-// core/geometry/roll_pitch_yaw.h, deg, in [-180, 180]. Its "accuracy" is the mean of their absolute
+// core/geometry/rigid.h, deg, in [-180, 180]. Its "accuracy" is the mean of their absolute
 // values. Two measures that belong to no frame stand beside them: the distance between the
 // estimated and the true origin, and the angle of the rotation between them.
 //
@@ -21,7 +21,7 @@
 
 #include "compare/detect/detector.h"
 #include "core/geometry/rigid.h"
-#include "core/statistics/proportion.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 
@@ -146,5 +146,17 @@ std::vector<AxisBin> binned_statistics(const DetectorErrors& errors, std::span<c
 // The ranks (1-based) of the order statistics of n values between which the median lies with at
 // least 95 %: this one and n + 1 minus it. Nothing for fewer than 6 values.
 std::optional<std::size_t> median_interval_rank(std::size_t n);
+
+// Intervals of pose statistics: the bootstrap of means and deviations, and order statistics of
+// medians. The methods and their sources stand in compare/expect/pose_statistics.h, which this
+// serves.
+
+using ErrorRow = std::array<double, error_measure_count>;
+
+// Everything but the medians. `rows` must not be empty.
+MeasureStatistics moment_statistics(std::span<const ErrorRow> rows, std::uint64_t seed);
+
+// Reorders `values`, which must not be empty.
+Estimate median_estimate(std::span<double> values);
 
 }  // namespace etalon

@@ -1,21 +1,136 @@
 #include "compare/match/photo_findings.h"
 
 #include <fmt/format.h>
-
-#include <algorithm>
-#include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/viewing_geometry.h"
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "calib/camera/projector.h"
+#include "compare/characterise/code_statistics.h"
 #include "compare/characterise/point_spread_estimate.h"
 #include "compare/edges/edge_spread.h"
-#include "compare/match/block_steps.h"
-#include "compare/match/covered_areas.h"
 #include "compare/match/residual_modes.h"
 #include "compare/match/shown_pattern.h"
 #include "core/program/errors.h"
 
 namespace etalon {
+namespace {
+
+// White minus black, and white, at every pixel.
+struct Levels {
+    cv::Mat white, contrast;
+
+    Levels(const PhotometricModel& model, cv::Size size)
+        : white(size, CV_32FC1), contrast(size, CV_32FC1) {
+        for (int y = 0; y < size.height; ++y) {
+            const LevelRow row(model, y, size);
+            for (int x = 0; x < size.width; ++x) {
+                const double black = row.black(x), full = row.white(x);
+                const double light = model.between(black, full, 1.0).gray,
+                             dark = model.between(black, full, 0.0).gray;
+                white.at<float>(y, x) = static_cast<float>(light);
+                contrast.at<float>(y, x) = static_cast<float>(std::max(light - dark, 1.0));
+            }
+        }
+    }
+};
+
+// Where the prediction changes by less than 5 % of the contrast per px: not beside an edge, where a
+// displacement of a px leaves a residual as large as a cover's.
+cv::Mat flat_places(const cv::Mat& predicted, const cv::Mat& contrast) {
+    cv::Mat by_x, by_y;
+    constexpr double per_px = 1.0 / 8.0;  // of Sobel's filter
+    cv::Sobel(predicted, by_x, CV_32F, 1, 0, 3, per_px);
+    cv::Sobel(predicted, by_y, CV_32F, 0, 1, 3, per_px);
+    return cv::Mat(cv::abs(by_x) + cv::abs(by_y)) < 0.05 * contrast;
+}
+
+// Means over windows, of the used pixels among them; 0 where fewer than a sixth are used. The
+// values are averaged over `step` x `step` px first, and the windows stand that far apart.
+cv::Mat window_means(const cv::Mat& values, const cv::Mat& used, int side, int step) {
+    constexpr double min_share = 1.0 / 6.0;
+    const cv::Size size((values.cols + step - 1) / step, (values.rows + step - 1) / step);
+    cv::Mat weight, weighted, sum, count;
+    used.convertTo(weight, CV_32F, 1.0 / 255.0);
+    cv::resize(values.mul(weight), weighted, size, 0, 0, cv::INTER_AREA);
+    cv::resize(weight, weight, size, 0, 0, cv::INTER_AREA);
+    const cv::Size window(side / step, side / step);
+    cv::boxFilter(weighted, sum, CV_32F, window, {-1, -1}, true, cv::BORDER_CONSTANT);
+    cv::boxFilter(weight, count, CV_32F, window, {-1, -1}, true, cv::BORDER_CONSTANT);
+    cv::Mat means = sum / cv::max(count, 0.01f);
+    means.setTo(0.0f, count < min_share);
+    return means;
+}
+
+}  // namespace
+
+CoveredAreas covered_areas(const cv::Mat& photo_gray, const PixelDifference& difference,
+                           double window_px, double limit, double saturation_gray) {
+    if (photo_gray.size() != difference.use.size() || photo_gray.type() != CV_32FC1)
+        throw NumericalError("the photograph is not the one that was compared");
+    constexpr int enough_steps = 12;  // in a window
+    const int side = std::max(3, static_cast<int>(std::lround(window_px)));
+    const int step = std::max(1, side / enough_steps);
+    const cv::Mat used = difference.use != pixel_outside;
+    const Levels levels(difference.model, used.size());
+    const cv::Mat means =
+        window_means(difference.residual / levels.contrast,
+                     used & flat_places(difference.predicted, levels.contrast), side, step);
+    const cv::Mat size = cv::abs(means);
+
+    CoveredAreas areas;
+    cv::Mat used_windows, large;
+    cv::resize(used, used_windows, size.size(), 0, 0, cv::INTER_NEAREST);
+    cv::minMaxLoc(size, nullptr, &areas.largest, nullptr, nullptr, used_windows);
+    cv::dilate(size > limit, large,
+               cv::getStructuringElement(cv::MORPH_RECT, {side / step + 2, side / step + 2}));
+    cv::resize(large, areas.pixels, used.size(), 0, 0, cv::INTER_NEAREST);
+    const cv::Mat covered = areas.pixels & used;
+    const int count = cv::countNonZero(covered), all = cv::countNonZero(used);
+    if (count == 0)
+        return areas;
+    areas.share = static_cast<double>(count) / all;
+    const cv::Mat brighter =
+        (photo_gray > levels.white + 0.1 * levels.contrast) | (photo_gray >= saturation_gray);
+    areas.bright_share = static_cast<double>(cv::countNonZero(brighter & covered)) / count;
+    return areas;
+}
+
+double BlockSteps::excess_gray() const {
+    return std::sqrt(std::max(across_gray * across_gray - inside_gray * inside_gray, 0.0));
+}
+
+BlockSteps block_steps(const PixelDifference& difference, double contrast_gray) {
+    constexpr int block_px = 8;
+    cv::Mat by_x, by_y;
+    constexpr double per_px = 1.0 / 8.0;  // of Sobel's filter
+    cv::Sobel(difference.predicted, by_x, CV_32F, 1, 0, 3, per_px);
+    cv::Sobel(difference.predicted, by_y, CV_32F, 0, 1, 3, per_px);
+    const cv::Mat flat =
+        (cv::abs(by_x) + cv::abs(by_y) < 0.01 * contrast_gray) & (difference.use != pixel_outside);
+    std::array<double, 2> squares{}, pairs{};  // inside, across
+    const auto add = [&](int x, int y, int before_x, int before_y, bool across) {
+        if (!flat.at<uchar>(y, x) || !flat.at<uchar>(before_y, before_x))
+            return;
+        const double step =
+            difference.residual.at<float>(y, x) - difference.residual.at<float>(before_y, before_x);
+        squares[across ? 1 : 0] += step * step;
+        pairs[across ? 1 : 0] += 1.0;
+    };
+    for (int y = 1; y < flat.rows; ++y)
+        for (int x = 1; x < flat.cols; ++x) {
+            add(x, y, x - 1, y, x % block_px == 0);
+            add(x, y, x, y - 1, y % block_px == 0);
+        }
+    if (pairs[0] == 0 || pairs[1] == 0)
+        return {};
+    return {std::sqrt(squares[1] / pairs[1]), std::sqrt(squares[0] / pairs[0]),
+            static_cast<int>(pairs[1])};
+}
+
 namespace {
 
 // The limits; docs/match-outcome.md has the reasons.
@@ -399,6 +514,82 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
     if (findings.empty())
         add(rest_findings(camera, match, shown.expected.contrast_gray));
     return findings;
+}
+
+// Why a detector found nothing: by trying. The rest of compare/match/photo_findings.h is in
+// match_outcome.cpp.
+
+namespace {
+
+constexpr double min_range_gray = 20.0;  // as of the contrast in match_outcome.cpp
+constexpr double max_saturated = 0.5;    // of the image: a white wall beside the marker is well
+
+// Between the darkest and the lightest per cent of the pixels.
+double range_gray(const CodeImage& photo) {
+    cv::Mat pixels = photo.pixels.reshape(1, 1).clone();
+    cv::sort(pixels, pixels, cv::SORT_EVERY_ROW | cv::SORT_ASCENDING);
+    const int n = pixels.cols;
+    const auto at = [&](int i) {
+        return pixels.depth() == CV_8U ? static_cast<double>(pixels.at<uchar>(0, i))
+                                       : static_cast<double>(pixels.at<ushort>(0, i));
+    };
+    return (at(n - 1 - n / 100) - at(n / 100)) * 255.0 / photo.full_scale();
+}
+
+Finding tried(const std::string& name, const std::string& sentence) {
+    return {name, 0.0, 0.0, "", sentence, true};
+}
+
+CodeImage negative_of(const CodeImage& photo) {
+    return {cv::Mat(photo.full_scale() - photo.pixels), photo.bits};
+}
+
+CodeImage mirror_image_of(const CodeImage& photo) {
+    CodeImage result{{}, photo.bits};
+    cv::flip(photo.pixels, result.pixels, 1);
+    return result;
+}
+
+CodeImage reduced(const CodeImage& photo, int factor) {
+    CodeImage result{{}, photo.bits};
+    cv::resize(photo.pixels, result.pixels, {}, 1.0 / factor, 1.0 / factor, cv::INTER_AREA);
+    return result;
+}
+
+}  // namespace
+
+Findings examine_missing_marker(const CodeImage& photo, Detector& detector) {
+    if (photo.pixels.empty())
+        return {};
+    const double range = range_gray(photo);
+    if (range < min_range_gray)
+        return {{"low_contrast", range, min_range_gray, "gray",
+                 fmt::format("the whole photograph spans {:.0f} gray values: empty, dark or "
+                             "without contrast",
+                             range),
+                 true}};
+    const double clipped = share_at_saturation(photo, photo.full_scale());
+    if (clipped > max_saturated)
+        return {{"saturated", 100.0 * clipped, 100.0 * max_saturated, "%",
+                 fmt::format("{:.0f} % of the photograph is at the end of the scale: expose less",
+                             100.0 * clipped),
+                 true}};
+    if (detector.detect(negative_of(photo)).corners)
+        return {tried("negative",
+                      "in the negative the marker is found: light and dark are "
+                      "exchanged")};
+    if (detector.detect(mirror_image_of(photo)).corners)
+        return {tried("mirrored",
+                      "in the mirrored photograph the marker is found: it is printed "
+                      "or read out mirrored")};
+    for (const int factor : {2, 4})
+        if (std::min(photo.pixels.rows, photo.pixels.cols) / factor > 40 &&
+            detector.detect(reduced(photo, factor)).corners)
+            return {tried("out_of_focus",
+                          fmt::format("in the photograph reduced to 1/{} the marker is found: out "
+                                      "of focus, moved or noisy",
+                                      factor))};
+    return {};
 }
 
 }  // namespace etalon

@@ -6,10 +6,10 @@
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/viewing_geometry.h"
+#include "calib/camera/projector.h"
 #include "core/optimize/least_squares.h"
 #include "core/program/errors.h"
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {

@@ -13,8 +13,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "compare/photometric/photo_match.h"
 #include "compare/photometric/photometric_equations.h"
-#include "compare/photometric/pixel_difference.h"
 
 namespace etalon {
 

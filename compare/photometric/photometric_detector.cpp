@@ -4,7 +4,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "compare/photometric/photometric_steps.h"
+#include "compare/photometric/photometric_equations.h"
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -3,7 +3,7 @@
 #include <Eigen/Cholesky>
 
 #include "compare/detect/detector.h"
-#include "compare/photometric/photometric_steps.h"
+#include "compare/photometric/photometric_equations.h"
 #include "core/program/errors.h"
 #include "core/statistics/covariance.h"
 

@@ -27,7 +27,7 @@ struct PhotometricReading {
 };
 
 // Photograph (its first whole frame) minus render, after a photometric model is fitted, scored on
-// the cells that were not fitted (compare/photometric/pixel_difference.h).
+// the cells that were not fitted (compare/photometric/photo_match.h).
 struct PhotoResidual {
     double rms_gray = 0.0, p99_gray = 0.0;
     double psf_sigma_px = 0.0;  // of the model
@@ -54,7 +54,7 @@ struct Pose {
     Rigid base_from_carriage = {};
     Matrix6d stage_covariance = Matrix6d::Zero();
 
-    // ---- seen (station/qualify/visited_pose.h)
+    // ---- seen (station/qualify/runner.h)
     std::vector<FrameRecord> frames = {};
     std::vector<Eigen::Vector2d> corners = {};  // mean over the frames that saw it; empty: none did
     int detections = 0;                         // number of such frames

@@ -7,7 +7,6 @@
 #include "compare/qualification/declared.h"
 #include "compare/qualification/qualification.h"
 #include "core/statistics/distributions.h"
-#include "core/statistics/median.h"
 
 namespace etalon {
 namespace {

@@ -4,7 +4,6 @@
 #include "core/config/strict_reader.h"
 
 namespace etalon {
-
 namespace {
 
 DecisionRule read_rule(const Value& value) {
@@ -46,6 +45,32 @@ Limits read_limits(const std::filesystem::path& path) {
         limits.due_after_days = days->integer(1, 36500);
     file.finish();
     return limits;
+}
+
+namespace {
+
+std::optional<DecisionRisk> risk_of(const JudgedQuantity& quantity, const Limits& limits) {
+    if (!(quantity.expanded_uncertainty > 0.0))
+        return std::nullopt;
+    const MeasuredAgainstLimit measured{
+        quantity.value, quantity.expanded_uncertainty / quantity.coverage_factor,
+        quantity.coverage_factor, quantity.degrees_of_freedom, quantity.limit};
+    const auto prior = limits.priors.find(quantity.name);
+    return decision_risk(
+        measured, limits.rule,
+        prior == limits.priors.end() ? std::nullopt : std::optional(prior->second));
+}
+
+}  // namespace
+
+void decide(JudgedQuantity& quantity, const Limits& limits) {
+    quantity.outcome =
+        decide(quantity.value, quantity.expanded_uncertainty, quantity.limit, limits.rule);
+    quantity.risk = risk_of(quantity, limits);
+    if (quantity.outcome == Outcome::inconclusive)
+        quantity.reason = limits.rule.guard_factor == 1.0
+                              ? "the limit lies within the uncertainty of the value"
+                              : "the limit lies within the guard band of the value";
 }
 
 }  // namespace etalon

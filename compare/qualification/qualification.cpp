@@ -11,8 +11,8 @@
 #include "compare/qualification/declared.h"
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
+#include "compare/qualification/limits_file.h"
 #include "compare/qualification/qualification_budget.h"
-#include "compare/qualification/quantity_decision.h"
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -1,16 +1,51 @@
 // JSON Schema (draft 2020-12) of our kinds of files, for editors: made of what the strict reader
-// asked while files were read (core/config/read_trace.h), so that it says what the reader takes and
-// nothing else. It has the keys and ranges that those files led the reader to; what one key says
-// about another (files that exist, low < high, a key that another one needs) only the reader knows.
+// asked while files were read (core/config/file_schema.h), so that it says what the reader takes
+// and nothing else. It has the keys and ranges that those files led the reader to; what one key
+// says about another (files that exist, low < high, a key that another one needs) only the reader
+// knows.
 #pragma once
 
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <string>
+#include <vector>
 
-#include "core/config/read_trace.h"
+#include "core/config/strict_reader.h"
 
 namespace etalon {
+
+// What the strict reader was asked for while files were read: the keys, types and ranges that a
+// kind of file has are stated nowhere but in the code that reads it, and this makes them visible
+// (core/config/file_schema.h).
+
+// One question to a value, at its dotted path: "axes[1].name".
+struct ReadEvent {
+    enum class Question { required_key, optional_key, items, number, integer, flag, text, words };
+
+    Question question;
+    std::string path = {}, key = {};  // key: of the first two
+    bool is_name = false;             // the key is a name that the file gives, no word of ours
+    Range range = {};                 // of numbers
+    std::vector<std::string> words = {};
+};
+
+// Notes, from construction to destruction, what this thread's strict files are asked, those that
+// are refused included. One at a time.
+class ReadTrace {
+public:
+    ReadTrace();
+    ~ReadTrace();
+    ReadTrace(const ReadTrace&) = delete;
+    ReadTrace& operator=(const ReadTrace&) = delete;
+
+    struct File {
+        std::string kind;  // "camera/1"
+        std::vector<ReadEvent> events;
+        bool is_whole = false;  // read to its end, StrictFile::finish()
+    };
+    std::vector<std::shared_ptr<File>> files;  // in the order in which they were opened
+};
 
 // By kind, "camera/1", of the files that were read to their end. A key is required if the reader
 // wanted it in every mapping of its place. The files of the trace must be ones that were read

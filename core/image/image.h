@@ -4,17 +4,22 @@
 // radiance in [0, 1]; code values exist only behind the sensor model.
 #pragma once
 
+#include <opencv2/core.hpp>
+
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 
-#include "core/image/mosaic.h"
 #include "core/time/clock.h"
 
 namespace etalon {
+
+// Colour filters on a sensor's pixels.
+
+// By the first two pixels of the first two rows.
+enum class Mosaic { none, rggb, bggr, grbg, gbrg };
 
 // CV_32FC1, linear radiance, 1 = full scale. Pixels that the camera model cannot reach are
 // NaN-free: the renderer reports them in a mask of its own.

@@ -1,4 +1,4 @@
-// Roots of functions of one number, as the projections of calib/camera/lens_table.h need them.
+// Roots of functions of one number, as the projections of calib/camera/lens_projection.h need them.
 #pragma once
 
 #include <cmath>

@@ -1,12 +1,14 @@
 #include "core/statistics/distributions.h"
 
 #include <fmt/format.h>
-
 #include <boost/math/distributions/binomial.hpp>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/fisher_f.hpp>
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
+
+#include <algorithm>
+#include <cmath>
 
 #include "core/program/errors.h"
 
@@ -56,6 +58,18 @@ double reduced_chi_square(double z, double degrees_of_freedom) {
 std::size_t coin_quantile(double lower_tail, std::size_t tosses) {
     const bm::binomial_distribution<double, Policy> heads(static_cast<double>(tosses), 0.5);
     return static_cast<std::size_t>(quantile(heads, lower_tail));
+}
+
+Proportion wilson_share(std::size_t count, std::size_t trials) {
+    if (trials == 0 || count > trials)
+        throw NumericalError(fmt::format("share of trials: {} of {}", count, trials));
+    constexpr double z = 1.959964;  // 97.5 % quantile of the normal distribution
+    const auto n = static_cast<double>(trials);
+    const double share = static_cast<double>(count) / n;
+    const double middle = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
+    const double half =
+        z / (1.0 + z * z / n) * std::sqrt(share * (1.0 - share) / n + z * z / (4.0 * n * n));
+    return {count, trials, share, std::max(0.0, middle - half), std::min(1.0, middle + half)};
 }
 
 }  // namespace etalon

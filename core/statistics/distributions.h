@@ -2,9 +2,11 @@
 // functions; degrees of freedom of chi-square need not be whole.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <vector>
 
 namespace etalon {
 
@@ -34,5 +36,38 @@ double reduced_chi_square(double z, double degrees_of_freedom);
 // The largest k with P(K <= k) <= lower_tail, of K heads in `tosses` tosses of a fair coin; 0 also
 // where no k has so small a tail.
 std::size_t coin_quantile(double lower_tail, std::size_t tosses);
+
+// A share of independent trials with its confidence interval.
+//
+// Wilson's score interval (Journal of the American Statistical Association 22, 1927): unlike the
+// one from the share's own variance it neither leaves [0, 1] nor shrinks to nothing at 0 and 1.
+
+struct Proportion {
+    std::size_t count = 0, trials = 0;
+    double value = 0.0;            // count / trials
+    double low = 0.0, high = 1.0;  // two-sided, 95 %
+};
+
+// 0 <= count <= trials, trials > 0; throws NumericalError otherwise.
+Proportion wilson_share(std::size_t count, std::size_t trials);
+
+// The median, for whatever must not be moved by a few wild values.
+
+// Of an even number the mean of the two in the middle. `values` must not be empty nor hold NaN.
+inline double median(std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    if (values.size() % 2 == 1)
+        return *middle;
+    return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+}
+
+// 1.4826 times the median distance from the median: of normal values their standard deviation.
+inline double median_deviation(std::vector<double> values) {
+    const double middle = median(values);
+    for (double& value : values)
+        value = std::abs(value - middle);
+    return 1.4826 * median(std::move(values));
+}
 
 }  // namespace etalon

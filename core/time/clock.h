@@ -5,7 +5,10 @@
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
+#include <optional>
 #include <stop_token>
+#include <string>
+#include <string_view>
 
 namespace etalon {
 
@@ -49,5 +52,21 @@ private:
     mutable std::mutex mutex_;
     Instant now_{};
 };
+
+// Days of the calendar as files give them: "2026-03-07" (ISO 8601). As text they sort by time.
+
+// Days since 1970-01-01; nothing for what is no day, as 2026-02-30.
+std::optional<long> days_of_date(std::string_view date);
+
+// The inverse, for days of the years 0 to 9999.
+std::string date_of_days(long days);
+
+// CPU time and memory of this process. Linux.
+
+double thread_cpu_ms();   // of the calling thread
+double process_cpu_ms();  // of all threads
+
+// Largest resident memory so far, MiB (VmHWM).
+double peak_memory_mib();
 
 }  // namespace etalon

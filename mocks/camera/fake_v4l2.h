@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/v4l2/v4l2_system.h"
+#include "capture/v4l2/v4l2_device.h"
 #include "core/time/clock.h"
 
 namespace etalon {

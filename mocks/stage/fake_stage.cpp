@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "stage/motion/axis_signals.h"
+#include "stage/motion/stage_unit.h"
 
 namespace etalon {
 namespace {

@@ -1,6 +1,6 @@
 #include "mocks/stage/modbus_framing.h"
 
-#include "stage/link/registers.h"
+#include "stage/link/register_numbers.h"
 
 namespace etalon {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stage/motion/axis_signals.h"
+#include "stage/motion/stage_unit.h"
 
 namespace etalon {
 namespace {

@@ -12,7 +12,6 @@
 #include "core/config/file_schema.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "core/program/exit_codes.h"
 #include "mocks/ending_signals.h"
 #include "mocks/twin/twin.h"
 

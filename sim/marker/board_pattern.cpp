@@ -7,7 +7,7 @@
 #include <span>
 
 #include "core/program/errors.h"
-#include "sim/marker/disc_cells.h"
+#include "sim/marker/cell_grid.h"
 #include "sim/marker/tag_pattern.h"
 
 namespace etalon {
@@ -232,7 +232,7 @@ std::vector<Eigen::Vector2i> circle_places(CircleLayout layout, int columns, int
 BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double spacing,
                              double diameter) {
     constexpr double cells_a_diameter = 128.0, min_cells_a_diameter = 24.0;
-    constexpr double printable_cells = 3.9e6;  // as outlines: sim/marker/print_page.h
+    constexpr double printable_cells = 3.9e6;  // as outlines: sim/marker/marker_print.h
     const bool hexagonal = layout == CircleLayout::hexagonal;
     const Eigen::Vector2d step = spacing * Eigen::Vector2d(hexagonal ? 0.5 : 1.0,
                                                            hexagonal ? std::sqrt(0.75) : 1.0),

@@ -2,8 +2,10 @@
 // renderer draws. Tags, chessboards and bitmaps are all made of it.
 #pragma once
 
-#include <Eigen/Core>
 #include <opencv2/core.hpp>
+
+#include <Eigen/Core>
+#include <cmath>
 
 namespace etalon {
 
@@ -23,5 +25,19 @@ struct CellGrid {
         return {corner_mm.x() + u * cell_mm.x(), corner_mm.y() + v * cell_mm.y(), 0.0};
     }
 };
+
+// Discs in a grid of cells: what the patterns of round marks draw.
+
+// Fills the cells (CV_32FC1) whose centres are within a disc: its centre from the grid's top left
+// corner and its radius, both in cells along x and along y. The disc must lie inside the grid.
+inline void fill_disc(cv::Mat& cells, const Eigen::Vector2d& centre, const Eigen::Vector2d& radius,
+                      float radiance) {
+    const Eigen::Vector2d low = centre - radius, high = centre + radius;
+    for (int y = static_cast<int>(std::floor(low.y())); y < high.y(); ++y)
+        for (int x = static_cast<int>(std::floor(low.x())); x < high.x(); ++x)
+            if (std::hypot((x + 0.5 - centre.x()) / radius.x(),
+                           (y + 0.5 - centre.y()) / radius.y()) <= 1.0)
+                cells.at<float>(y, x) = radiance;
+}
 
 }  // namespace etalon

@@ -8,14 +8,53 @@
 // Shades between black and white are sRGB-encoded, as these formats' readers assume.
 #pragma once
 
+#include <opencv2/core.hpp>
+
 #include <filesystem>
 #include <string>
 #include <vector>
 
 #include "sim/marker/marker.h"
-#include "sim/marker/print_page.h"
 
 namespace etalon {
+
+// The page that a marker is printed on: where everything lies, in mm, before any file format.
+// Writers are in sim/marker/marker_print.cpp.
+
+// Lengths in mm from the page's top-left corner, x right, y down. The grid includes the marker's
+// white frame; scale bar and caption lie below it, outside every quiet zone.
+struct PrintPage {
+    double width_mm = 0, height_mm = 0;
+    cv::Point2d grid_mm;      // top-left corner of the cell grid
+    cv::Rect2d scale_bar_mm;  // exactly 50 or 100 mm wide
+    cv::Point2d caption_mm;   // left end of the baseline
+    double font_mm = 0;       // size of the caption's letters (em)
+    std::string caption;      // the marker's spec and what the bar is
+};
+
+// A4 upright or lying when the marker fits, else (and always if `own_size`) a page as large as the
+// marker with margin, scale bar and caption.
+PrintPage lay_out_page(const Marker& marker, bool own_size);
+
+// A region of cells by its outline: closed loops of corners in grid coordinates (columns, rows).
+// Filled by the even-odd rule. Only the outer edges are in it, so that no renderer can show
+// hairlines between neighbouring cells.
+using Outline = std::vector<std::vector<cv::Point>>;
+Outline outline_of(const cv::Mat& mask);  // CV_8UC1, nonzero inside
+
+// The cells as 8-bit shades for print, CV_8UC1, sRGB-encoded.
+cv::Mat printed_shades(const Marker& marker);
+
+// What to paint in this order: each layer covers every cell at most as light as itself, the darker
+// ones over the lighter ones, so that nothing shows between two shades. White is the paper.
+struct PrintLayer {
+    int gray;  // 0..254
+    Outline outline;
+};
+
+// Throws ConfigError for more than four million cells or two million corners (photographs; a PNG
+// can hold them).
+std::vector<PrintLayer> print_layers(const Marker& marker);
 
 std::string marker_svg(const Marker& marker, const PrintPage& page);
 

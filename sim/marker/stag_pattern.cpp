@@ -4,7 +4,7 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
-#include "sim/marker/disc_cells.h"
+#include "sim/marker/cell_grid.h"
 
 namespace etalon {
 namespace {

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "core/program/errors.h"
-#include "sim/marker/disc_cells.h"
+#include "sim/marker/cell_grid.h"
 
 namespace etalon {
 namespace {

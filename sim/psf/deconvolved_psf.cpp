@@ -4,7 +4,6 @@
 #include <numbers>
 
 #include "sim/psf/lagrange.h"
-#include "sim/psf/radial_transfer.h"
 
 namespace etalon {
 namespace {

@@ -24,7 +24,7 @@
 #include <mutex>
 #include <vector>
 
-#include "sim/psf/radial_transfer.h"
+#include "sim/psf/lagrange.h"
 
 namespace etalon {
 

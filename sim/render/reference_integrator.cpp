@@ -16,8 +16,8 @@
 #include "sim/psf/wave_point_spread.h"
 #include "sim/render/wave_render.h"
 #include "sim/scene/marker_view.h"
+#include "sim/scene/pose_sampling.h"
 #include "sim/scene/scene.h"
-#include "sim/scene/sobol.h"
 
 namespace etalon {
 namespace {

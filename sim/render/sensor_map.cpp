@@ -2,7 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
-#include "sim/scene/marker_outline.h"
+#include "sim/scene/marker_view.h"
 #include "sim/tiles/tile_map.h"
 
 namespace etalon {

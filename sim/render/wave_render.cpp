@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "core/program/errors.h"
-#include "sim/scene/marker_outline.h"
+#include "sim/scene/marker_view.h"
 #include "sim/tiles/cell_coverage.h"
 #include "sim/tiles/tile_map.h"
 

@@ -3,7 +3,7 @@
 #include "calib/camera/projector.h"
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
-#include "sim/scene/marker_in_view.h"
+#include "sim/scene/marker_view.h"
 #include "sim/scene/pose_sampling.h"
 #include "sim/scene/pose_volume.h"
 

@@ -11,12 +11,17 @@
 // a = (ex, ey); l is in mm, telecentric the tangents of the ray's angles.
 #pragma once
 
+#include <opencv2/core.hpp>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <optional>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/camera/projector.h"
+#include "core/geometry/rigid.h"
+#include "sim/marker/cell_grid.h"
 #include "sim/scene/scene.h"
 
 namespace etalon {
@@ -209,5 +214,29 @@ struct BlurRange {
     double smallest_px, largest_px;
 };
 BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics);
+
+// Whether a camera sees a marker at a pose, from geometry alone.
+
+// True when all of the marker's front is before the lens and seen by all of the lens, and the
+// grid's outline keeps `margin_px` from the centres of the image's outermost pixels. Looked at are
+// the grid's corners, and where distortion bends the edges between them also seven points along
+// each edge (an edge that bulges out by b px may then come nearer by b / 64). Throws NumericalError
+// when the camera's lens section is of no lens. Safe from every thread; 0.3 us, with distortion
+// 1.5 us.
+bool is_in_view(const Projector& projector, const CellGrid& grid, const Rigid& camera_from_marker,
+                double margin_px);
+
+// A marker's outline in the image.
+
+// Pixels along the outline, side after side (upper, right, lower, left) with the same number of
+// points on each, its ends included; nothing when some of it has no image.
+std::vector<Eigen::Vector2d> marker_outline(const MarkerView& view, const Projector& projector,
+                                            int points_per_side);
+
+// The pixels within `margin` (px, along x and y) of the outline's bounding box, as far as they are
+// in `limit`; all of `limit` for an empty outline. Distortion may bulge a side out between two
+// points: the margin must hold that too.
+cv::Rect pixels_around(const std::vector<Eigen::Vector2d>& outline, const Eigen::Array2d& margin,
+                       const cv::Rect& limit);
 
 }  // namespace etalon

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/geometry/roll_pitch_yaw.h"
+#include "core/geometry/rigid.h"
 #include "core/program/errors.h"
-#include "sim/scene/marker_in_view.h"
+#include "sim/scene/marker_view.h"
 
 namespace etalon {
 namespace {

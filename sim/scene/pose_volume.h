@@ -31,7 +31,7 @@ struct Interval {
 };
 
 // Position of the marker's origin in the camera frame, mm, and R = Rz(yaw) Ry(pitch) Rx(roll), rad
-// (core/geometry/roll_pitch_yaw.h). Every axis is uniform in its interval. x or y that is not given
+// (core/geometry/rigid.h). Every axis is uniform in its interval. x or y that is not given
 // ranges over all that the camera sees at that depth, uniformly in the image: without both, the
 // origin's pixel is uniform in the image area; with x alone, x is uniform in mm and the origin's
 // image row uniform in the image, wherever the distortion puts it along the row; with y alone its
@@ -41,7 +41,7 @@ struct PoseVolume {
     Interval z_mm;
     Interval roll, pitch, yaw;
     double margin_px =
-        0.0;  // of the marker's outline to the image's border (sim/scene/marker_in_view.h)
+        0.0;  // of the marker's outline to the image's border (sim/scene/marker_view.h)
 };
 
 // Not safe from several threads, but the same arguments give the same poses everywhere, and a

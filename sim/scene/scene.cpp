@@ -9,7 +9,6 @@
 #include <numbers>
 
 #include "calib/camera/projector.h"
-#include "calib/camera/viewing_geometry.h"
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 

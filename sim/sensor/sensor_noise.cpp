@@ -6,7 +6,6 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#include "core/statistics/box_muller.h"
 #include "core/statistics/random.h"
 #include "sim/sensor/sensor_noise.h"
 

@@ -3,7 +3,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
-#include "sim/scene/marker_outline.h"
+#include "sim/scene/marker_view.h"
 
 namespace etalon {
 namespace {

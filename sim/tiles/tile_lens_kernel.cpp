@@ -18,7 +18,7 @@ namespace {
 // ---- E: the aperture, a unit disk
 
 // A line on the disk for each point of a vector: the part normal . l + offset >= 0. See
-// sim/tiles/disk_area.h.
+// sim/tiles/lens_average.h.
 struct Chord {
     HWY_ALIGN float normal_x[block], normal_y[block], offset[block];  // offset within [-1, 1]
     HWY_ALIGN float area[block];
@@ -115,7 +115,7 @@ HWY_INLINE void store_chord(const Cut& cut, Chord& chord) {
     store(cut.root, chord.root);
 }
 
-// The fraction of the disk beyond both chords: disk_wedge_area() of sim/tiles/disk_area.cpp.
+// The fraction of the disk beyond both chords: disk_wedge_area() of sim/tiles/lens_average.cpp.
 // Mirrored chords have the same areas, so that only the sine's magnitude matters.
 HWY_INLINE Vector overlap_of(const Chord& a, const Chord& b) {
     const Vector ax = load(a.normal_x), ay = load(a.normal_y), bx = load(b.normal_x),

@@ -26,7 +26,7 @@
 #include "core/program/errors.h"
 #include "core/time/clock.h"
 #include "stage/link/modbus_transport.h"
-#include "stage/link/registers.h"
+#include "stage/link/register_numbers.h"
 
 namespace etalon {
 

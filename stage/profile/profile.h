@@ -18,7 +18,6 @@
 
 #include "stage/axes/axes.h"
 #include "stage/link/register_numbers.h"
-#include "stage/link/registers.h"
 #include "stage/link/stage_link.h"
 
 namespace etalon {

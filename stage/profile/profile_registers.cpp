@@ -4,7 +4,7 @@
 #include <set>
 #include <tuple>
 
-#include "stage/profile/profile_parts.h"
+#include "stage/profile/profile_layers.h"
 
 namespace etalon {
 namespace {

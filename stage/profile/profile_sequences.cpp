@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "stage/profile/profile_parts.h"
+#include "stage/profile/profile_layers.h"
 
 namespace etalon {
 namespace {

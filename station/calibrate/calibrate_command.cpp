@@ -8,7 +8,7 @@
 #include <set>
 
 #include "calib/files/camera_file.h"
-#include "calib/files/opencv_file.h"
+#include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/camera_consistency.h"
@@ -18,11 +18,9 @@
 #include "core/file/text.h"
 #include "core/image/image.h"
 #include "core/program/errors.h"
-#include "core/program/exit_codes.h"
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
 #include "station/shell/photo_files.h"
 
 namespace etalon {

@@ -11,7 +11,6 @@
 #include "report/csv.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
-#include "report/pose_numbers.h"
 
 namespace etalon {
 namespace {

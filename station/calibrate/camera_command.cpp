@@ -5,13 +5,12 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "calib/camera/parameter_names.h"
+#include "calib/camera/camera_model.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/camera_formats.h"
 #include "calib/intrinsics/camera_check.h"
 #include "core/config/strict_reader.h"
 #include "core/program/errors.h"
-#include "core/program/exit_codes.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
 

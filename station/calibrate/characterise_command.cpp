@@ -11,12 +11,10 @@
 #include "compare/photo_pose.h"
 #include "core/config/csv_file.h"
 #include "core/program/errors.h"
-#include "core/program/exit_codes.h"
 #include "report/json_text.h"
 #include "station/calibrate/characterise_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
 #include "station/shell/photo_files.h"
 
 namespace etalon {

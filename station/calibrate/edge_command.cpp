@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
-#include "compare/characterise/edge_search.h"
+#include "compare/characterise/slanted_edge.h"
 #include "compare/photo_pose.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
@@ -15,7 +15,7 @@
 #include "report/number_text.h"
 #include "report/svg_plot.h"
 #include "station/calibrate/commands.h"
-#include "station/shell/command_output.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {

@@ -8,14 +8,13 @@
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "station/certify/certificate.h"
-#include "station/certify/commands.h"
 #include "station/certify/pdf_file.h"
 #include "station/certify/traceability.h"
 #include "station/qualify/recorded_run.h"
 #include "station/record/record_json.h"
 #include "station/record/run_record.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
+#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {

@@ -1,5 +1,7 @@
 // Elements in the order of PTB's schema 3.2.0 (https://ptb.de/dcc/v3.2.0/dcc.xsd); quantities by
 // D-SI 2.1 (https://ptb.de/si/v2.1.0/SI_Format.xsd).
+#include "station/certify/dcc_xml.h"
+
 #include <fmt/format.h>
 
 #include "compare/qualification/judged_quantities.h"
@@ -7,9 +9,42 @@
 #include "core/program/version.h"
 #include "station/certify/certificate.h"
 #include "station/certify/traceability.h"
-#include "station/certify/xml_text.h"
 
 namespace etalon {
+namespace {
+
+std::string escaped(std::string text) {
+    for (char& c : text)
+        if (static_cast<unsigned char>(c) < ' ' || c == 127)
+            c = ' ';
+    return escape_html(text);
+}
+
+}  // namespace
+
+void XmlText::begin(const std::string& name, Attributes attributes) {
+    text_ += std::string(2 * open_.size(), ' ') + "<" + name;
+    for (const auto& [key, value] : attributes)
+        text_ += std::string(" ") + key + "=\"" + escaped(value) + "\"";
+}
+
+void XmlText::open(const std::string& name, Attributes attributes) {
+    begin(name, attributes);
+    text_ += ">\n";
+    open_.push_back(name);
+}
+
+void XmlText::close() {
+    const std::string name = open_.back();
+    open_.pop_back();
+    text_ += std::string(2 * open_.size(), ' ') + "</" + name + ">\n";
+}
+
+void XmlText::leaf(const std::string& name, const std::string& content, Attributes attributes) {
+    begin(name, attributes);
+    text_ += ">" + escaped(content) + "</" + name + ">\n";
+}
+
 namespace {
 
 // A unit of ours in the notation of D-SI; what the SI does not have is a number, with a word on it.

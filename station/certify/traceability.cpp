@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/time/calendar_date.h"
+#include "core/time/clock.h"
 #include "station/record/run_record.h"
 
 namespace etalon {

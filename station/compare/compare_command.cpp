@@ -15,7 +15,6 @@
 #include "station/compare/edge_plots.h"
 #include "station/compare/photo_comparer.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
 #include "station/shell/photo_files.h"
 
 namespace etalon {

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "compare/edges/board_shifts.h"
 #include "compare/edges/defocus_profile.h"
 #include "compare/edges/edge_summary.h"
 #include "compare/match/photo_findings.h"

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "report/json_text.h"
-#include "report/pose_numbers.h"
+#include "report/number_text.h"
 #include "station/compare/comparison_report.h"
 
 namespace etalon {

@@ -5,9 +5,7 @@
 #include <cstdio>
 
 #include "core/program/errors.h"
-#include "core/program/exit_codes.h"
 #include "station/devices/capture_run.h"
-#include "station/devices/capture_settings.h"
 #include "station/devices/commands.h"
 #include "station/devices/live_view.h"
 #include "station/record/run_json.h"

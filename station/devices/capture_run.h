@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "capture/frame/camera.h"
+#include "station/devices/commands.h"
 
 namespace etalon {
 
@@ -44,5 +45,15 @@ CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Cloc
 
 // `etalon: capture/1`, indented, keys in a fixed order. Also what --json prints.
 std::string capture_json(const CaptureResult& result);
+
+// The camera of `etalon capture`, as its command line describes it.
+
+// Throws ConfigError for a --set that is no NAME=NUMBER.
+CaptureSettings capture_settings(const CaptureArguments& arguments);
+
+// Opened; one that another program controls is waited for, and it is said on stderr. Throws as
+// open_when_free().
+std::unique_ptr<Camera> opened_camera(const CaptureArguments& arguments, Clock& clock,
+                                      const std::stop_token& stop);
 
 }  // namespace etalon

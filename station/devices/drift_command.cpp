@@ -7,8 +7,7 @@
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "core/program/exit_codes.h"
-#include "station/devices/capture_settings.h"
+#include "station/devices/capture_run.h"
 #include "station/devices/commands.h"
 #include "station/devices/drift_report.h"
 #include "station/record/run_record.h"

@@ -12,7 +12,6 @@
 #include "station/devices/station_draft.h"
 #include "station/setup/station_file.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {

@@ -7,8 +7,7 @@
 #include <iostream>
 
 #include "core/program/errors.h"
-#include "core/program/exit_codes.h"
-#include "stage/motion/limited_stage.h"
+#include "stage/motion/motion_guard.h"
 #include "station/devices/commands.h"
 #include "station/devices/stage_text.h"
 #include "station/setup/station_lock.h"

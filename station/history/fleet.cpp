@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "core/time/calendar_date.h"
+#include "core/time/clock.h"
 #include "station/record/run_record.h"
 
 namespace etalon {

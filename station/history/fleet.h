@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "station/history/control_chart.h"
 #include "station/history/run_history.h"
-#include "station/history/trend.h"
 
 namespace etalon {
 

@@ -1,13 +1,12 @@
 #include <fmt/format.h>
 
 #include "core/program/errors.h"
-#include "station/history/commands.h"
 #include "station/history/fleet.h"
 #include "station/history/run_history.h"
 #include "station/history/run_index.h"
 #include "station/record/run_record.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
+#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

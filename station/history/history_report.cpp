@@ -7,7 +7,7 @@
 #include "station/history/fleet.h"
 #include "station/history/run_history.h"
 #include "station/record/record_json.h"
-#include "station/shell/command_output.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {

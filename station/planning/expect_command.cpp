@@ -7,10 +7,9 @@
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
-#include "station/planning/commands.h"
 #include "station/planning/expectation_report.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
+#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -10,9 +10,8 @@
 #include "report/csv.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
-#include "report/pose_numbers.h"
 #include "report/svg_plot.h"
-#include "station/shell/command_output.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {

@@ -11,12 +11,10 @@
 #include "core/program/errors.h"
 #include "report/json_text.h"
 #include "report/svg_plot.h"
-#include "station/planning/commands.h"
-#include "station/planning/oc_record.h"
 #include "station/planning/operating_characteristic.h"
-#include "station/planning/studied_plan.h"
+#include "station/planning/simulated_run.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
+#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -10,9 +10,9 @@
 #include "core/program/errors.h"
 #include "core/time/progress.h"
 #include "report/json_text.h"
-#include "station/planning/commands.h"
-#include "station/planning/studied_plan.h"
+#include "station/planning/simulated_run.h"
 #include "station/shell/command.h"
+#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -3,7 +3,7 @@
 //
 // The truth is simulated forwards: true axes carry the true marker before the true camera; the
 // detector adds its bias and noise as real renders of the same poses showed them
-// (compare/expect/detector_study.h). What the analysis is given is what a run would give it, and it
+// (compare/expect/expectation.h). What the analysis is given is what a run would give it, and it
 // is the same function that analyses both (compare/qualification/qualification.h).
 //
 // Drawn anew for every run, from what the station declares: each stage term of the budget, the
@@ -12,13 +12,15 @@
 // maps' own uncertainties, the calibration's covariance (it is the camera under test), and drift.
 #pragma once
 
+#include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/camera/projector.h"
-#include "compare/expect/detector_study.h"
+#include "compare/expect/expectation.h"
 #include "compare/qualification/qualification.h"
 #include "core/statistics/random.h"
 #include "station/setup/plan.h"
@@ -92,5 +94,31 @@ private:
     std::vector<std::vector<double>> gap_;  // backlash per pose and axis, mm or rad
     QualificationInput declared_;           // without corners
 };
+
+// What `etalon plan` and `etalon oc` share: the station's plan with what its detector makes of it.
+
+struct StudiedPlan {
+    StationFile station;
+    Plan plan;
+    std::unique_ptr<const RunSimulator> simulator;
+};
+
+// Reads the station, plans, and renders and detects every pose with `noisy_frames` different
+// noises, with progress on stderr. Throws ConfigError as read_station, plan_of and
+// study_detector do.
+StudiedPlan study_plan(const std::filesystem::path& station, int noisy_frames);
+
+// What is said of a detector's study (compare/expect/expectation.h).
+struct DetectorFigures {
+    double noise_px = 0.0, bias_px = 0.0, noise_bias_px = 0.0;
+    int frames = 0, seen = 0, poses = 0;  // seen: poses whose marker is detected
+};
+DetectorFigures figures_of(const DetectorStudy& study);
+
+// "The detector: corner noise 0.017 px a frame, ..." as lines of at most 80 columns.
+std::string detector_text(const DetectorFigures& detector);
+
+// A size with its unit, for people: "0.182 %" of a relative one, "0.31 px".
+std::string size_text(double size, const std::string& unit);
 
 }  // namespace etalon

@@ -8,8 +8,8 @@
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "station/record/program_fingerprint.h"
 #include "station/record/record_json.h"
+#include "station/record/run_record.h"
 
 namespace etalon {
 namespace {

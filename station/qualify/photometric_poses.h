@@ -11,7 +11,7 @@
 #include <stop_token>
 #include <string>
 
-#include "compare/expect/rendered_corners.h"
+#include "compare/expect/expected_view.h"
 #include "compare/match/pixel_measurement.h"
 #include "compare/photometric/photometric_detector.h"
 #include "station/qualify/image_result_cache.h"

@@ -2,13 +2,20 @@
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
-
-#include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 
+#include <algorithm>
+#include <system_error>
+
 #include "compare/photometric/photo_match.h"
+#include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
+#include "station/planning/expectation_report.h"
+#include "station/qualify/junit.h"
+#include "station/qualify/qualify_report.h"
+#include "station/record/run_json.h"
+#include "station/record/run_record.h"
 #include "station/register/qualification_input.h"
 
 namespace etalon {
@@ -105,6 +112,96 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
     result.outcome = outcome_of(result.analysis->verdict);
     result.reason.clear();
     progress.end();
+}
+
+namespace {
+
+// A file that could not be written has no hash: the run says so elsewhere.
+void attach(QualifyResult& result, const std::string& path) {
+    std::error_code ignored;
+    if (std::filesystem::is_regular_file(result.folder / path, ignored))
+        result.attachments.push_back({path, sha256_of_file(result.folder / path)});
+}
+
+void attach_all(QualifyResult& result) {
+    result.attachments.clear();
+    for (const char* file : {log_file, "poses.csv", "convergence.csv", "junit.xml", "report.html"})
+        attach(result, file);
+    for (const InputFile& input : result.station.inputs)
+        result.attachments.push_back({input.copy, input.sha256});
+    for (const Pose& pose : result.poses) {
+        for (const FrameRecord& frame : pose.frames)
+            if (!frame.file.empty())
+                result.attachments.push_back({frame.file, frame.sha256});
+        if (!pose.render_file.empty())
+            attach(result, pose.render_file);
+    }
+}
+
+}  // namespace
+
+void write_results(QualifyResult& result) {
+    write_text(result.folder / "poses.csv", poses_csv(result));
+    write_text(result.folder / "convergence.csv", convergence_csv(result));
+    write_text(result.folder / "junit.xml", junit_xml(result));
+    write_qualify_report(result, result.folder / "report.html");
+    attach_all(result);
+    write_text(result.folder / "run.json", run_json(result));
+}
+
+namespace {
+
+// Of the frames of one pose, as poses.
+std::optional<SixErrors> noise_of(const Pose& pose, const std::vector<Eigen::Vector3d>& points_mm,
+                                  const Projector& projector) {
+    const Rigid& predicted = pose.bias.predicted;
+    ErrorSpread spread;
+    for (const FrameRecord& frame : pose.frames) {
+        if (frame.corners.empty())
+            continue;
+        const PoseBias bias = pose_bias(projector, points_mm, predicted, frame.corners, {});
+        if (bias.b2)
+            spread.add(components_of(*bias.b2, predicted));
+    }
+    return spread.deviations();
+}
+
+}  // namespace
+
+Expectation run_expectation(const QualifyResult& result) {
+    Expectation expectation;
+    if (!result.analysis)
+        return expectation;
+    const Projector projector(result.station.camera.model);
+    expectation.frames = result.station.plan.frames;
+    for (const Pose& pose : result.poses) {
+        if (!pose.hold_out)
+            continue;
+        const Rigid& predicted = pose.bias.predicted;
+        ExpectedPose expected{predicted, place_of(projector, predicted)};
+        if (pose.bias.b1)
+            expected.bias = components_of(*pose.bias.b1, predicted);
+        expected.noise = noise_of(pose, result.station.marker.points_mm, projector);
+        expected.detections = pose.detections;
+        expectation.poses.push_back(expected);
+    }
+    fit_maps(expectation, result.station.plan.seed);
+    return expectation;
+}
+
+void add_run_expectation(HtmlPage& page, const QualifyResult& result) {
+    const Expectation expectation = run_expectation(result);
+    if (!expectation.bias_maps)
+        return;
+    page.add_heading("What to expect of this camera, marker and detector");
+    page.add_paragraph(fmt::format(
+        "Bias B1 of the detector at {} hold-out poses, from renders with the noise that the "
+        "calibration states: what a user of this detector is off by even with a perfect "
+        "calibration. Worst: of the smooth map, with depth, distance from the principal point and "
+        "tilt. Noise: RMS over the poses of the deviation between frames of one pose. `etalon "
+        "expect` maps the whole volume.",
+        expectation.detected()));
+    add_short_expectation(page, expectation);
 }
 
 }  // namespace etalon

@@ -3,25 +3,93 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
+#include <memory>
 
 #include "capture/camera_recovery.h"
 #include "compare/make_detector.h"
 #include "compare/match/photo_findings.h"
-#include "compare/tags_in_view.h"
 #include "core/file/file_lock.h"
 #include "core/program/errors.h"
 #include "core/program/version.h"
-#include "stage/motion/limited_stage.h"
-#include "station/qualify/room_sensor.h"
+#include "stage/axes/kinematics.h"
+#include "stage/link/modbus_link.h"
+#include "stage/motion/motion_guard.h"
 #include "station/qualify/run_analysis.h"
-#include "station/qualify/run_results.h"
-#include "station/qualify/visited_pose.h"
 #include "station/record/run_events.h"
 #include "station/record/run_record.h"
 #include "station/setup/station_inputs.h"
 
 namespace etalon {
+namespace {
+
+std::optional<CornerNoise> corner_noise(const Pose& pose) {
+    if (pose.detections < 2)
+        return std::nullopt;
+    double squares = 0.0;
+    for (const FrameRecord& frame : pose.frames)
+        for (std::size_t i = 0; i < frame.corners.size(); ++i)
+            squares += (frame.corners[i] - pose.corners[i]).squaredNorm();
+    constexpr double alike_px2 = 1e-12;
+    if (squares < alike_px2)
+        return std::nullopt;
+    const double coordinates = 2.0 * static_cast<double>(pose.corners.size());
+    const double freedom = (pose.detections - 1) * coordinates;
+    return CornerNoise{squares / freedom / pose.detections, freedom};
+}
+
+}  // namespace
+
+std::string frame_file(int pose, int frame) {
+    return fmt::format("frames/{:04}_{}.png", pose, frame);
+}
+
+void average_readings(Pose& pose, std::span<const Axis> axes) {
+    const auto n = static_cast<double>(pose.readings.size());
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        double sum = 0.0, squares = 0.0;
+        for (const auto& reading : pose.readings)
+            sum += reading.at(i);
+        for (const auto& reading : pose.readings)
+            squares += std::pow(reading[i] - sum / n, 2);
+        const double deviation = std::sqrt(squares / (n - 1.0));
+        pose.read_back.push_back(sum / n);
+        pose.read_back_deviation.push_back(deviation);
+        const double single = std::max(deviation, axes[i].read_noise.value_or(0.0));
+        pose.read_back_uncertainty.push_back(single / std::sqrt(n));
+    }
+    const StagePose stage = stage_pose(axes, pose.read_back, pose.read_back_uncertainty);
+    pose.base_from_carriage = stage.base_from_carriage;
+    pose.stage_covariance = stage.covariance;
+}
+
+void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame) {
+    const Detection seen = detector.detect(image);
+    if (!seen.corners)
+        frame.detection = seen.reason;
+    else if (!seen.shown_as.empty())
+        frame.detection = drawn_otherwise(seen.shown_as);
+    else if (!seen.corners->is_whole())
+        frame.detection = "marker seen in part only";
+    else
+        frame.corners = seen.corners->pixels;
+}
+
+void average_corners(Pose& pose) {
+    for (const FrameRecord& frame : pose.frames) {
+        if (frame.corners.empty())
+            continue;
+        ++pose.detections;
+        pose.corners.resize(frame.corners.size(), Eigen::Vector2d::Zero());
+        for (std::size_t i = 0; i < frame.corners.size(); ++i)
+            pose.corners[i] += frame.corners[i];
+    }
+    for (Eigen::Vector2d& corner : pose.corners)
+        corner /= pose.detections;
+    pose.corner_noise = corner_noise(pose);
+}
+
 namespace {
 
 // What all steps of a run share.
@@ -541,6 +609,38 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
     carry_out(run, std::move(camera), std::move(stage));
     close_record(run);
     return result;
+}
+
+namespace {
+
+double read_quantity(ModbusLink& link, const RoomSensor& sensor, const SensorRegister& place) {
+    const std::string device = "room sensor " + describe(sensor.link);
+    const std::string request = fmt::format("read register {}", place.address);
+    try {
+        const auto registers =
+            link.read(sensor.link.unit, place.space, place.address, registers_of(place.type));
+        const double value =
+            place.scale * number_from_registers(registers, place.type, place.order) + place.offset;
+        if (!place.possible.contains(value))
+            throw DeviceError(device, request,
+                              fmt::format("{} is not {}", value, place.possible.words()));
+        return value;
+    } catch (const DeviceError& error) {
+        throw DeviceError(device, request, error.cause());
+    }
+}
+
+}  // namespace
+
+std::function<ClimateReading()> room_sensor(const RoomSensor& sensor, Clock& clock) {
+    const auto link = std::make_shared<ModbusLink>(sensor.link, clock);
+    return [sensor, link] {
+        ClimateReading reading;
+        reading.temperature_c = read_quantity(*link, sensor, sensor.temperature_c);
+        if (sensor.humidity_percent)
+            reading.humidity_percent = read_quantity(*link, sensor, *sensor.humidity_percent);
+        return reading;
+    };
 }
 
 }  // namespace etalon

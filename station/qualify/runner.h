@@ -13,13 +13,34 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <span>
 #include <stop_token>
 
+#include "compare/detect/detector.h"
+#include "core/time/clock.h"
 #include "core/time/progress.h"
 #include "station/qualify/recorded_run.h"
 #include "station/record/qualify_result.h"
+#include "station/setup/environment.h"
 
 namespace etalon {
+
+// From what was read and photographed at one pose to its means: the same for a pose that was just
+// visited and for one that is read from a record.
+
+// "frames/0007_1.png": frame 1 of pose 7, both from 0.
+std::string frame_file(int pose, int frame);
+
+// Sets read_back, its deviation and uncertainty, and the stage's pose from `pose.readings`: at
+// least two, each with a position for every axis.
+void average_readings(Pose& pose, std::span<const Axis> axes);
+
+// Sets the frame's corners, or why there are none: all are needed, as means are taken of them.
+void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame);
+
+// Sets the pose's corners, the mean over the frames that saw the marker, their number, and how far
+// these leave the corners apart.
+void average_corners(Pose& pose);
 
 // How the run gets its devices; tests give it mocks.
 struct DeviceOpeners {
@@ -56,5 +77,12 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
 // throw. Settings of the camera that differ from the record's end the run as an ERROR.
 QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& open, Clock& clock,
                                    Progress& progress, std::stop_token stop);
+
+// The sensor of a station's room (station/setup/environment.h) as a device.
+
+// Connects with the first reading, and reads as the stage is read (stage/link/modbus_link.h): each
+// quantity up to three times. What a room cannot have is an error like no answer. The clock must
+// outlive the function, which throws DeviceError. Throws ConfigError for a link that cannot be.
+std::function<ClimateReading()> room_sensor(const RoomSensor& sensor, Clock& clock);
 
 }  // namespace etalon

@@ -7,8 +7,7 @@
 #include <unistd.h>
 
 #include "core/program/errors.h"
-#include "core/program/exit_codes.h"
-#include "station/shell/installed_files.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {

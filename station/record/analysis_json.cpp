@@ -3,7 +3,7 @@
 #include <cmath>
 #include <span>
 
-#include "report/pose_numbers.h"
+#include "report/number_text.h"
 
 namespace etalon {
 namespace {

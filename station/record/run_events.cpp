@@ -1,6 +1,6 @@
 #include "station/record/run_events.h"
 
-#include "report/pose_numbers.h"
+#include "report/number_text.h"
 #include "station/record/record_json.h"
 
 namespace etalon {

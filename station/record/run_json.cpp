@@ -6,7 +6,7 @@
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "report/pose_numbers.h"
+#include "report/number_text.h"
 #include "station/record/analysis_json.h"
 #include "station/record/record_json.h"
 

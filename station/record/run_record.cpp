@@ -1,6 +1,10 @@
 #include "station/record/run_record.h"
 
+#include <elf.h>
 #include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <link.h>
+#include <opencv2/core/utility.hpp>
 
 #include <cerrno>
 #include <ctime>
@@ -14,6 +18,62 @@
 #include "station/record/run_json.h"
 
 namespace etalon {
+
+ImageWriter::ImageWriter(std::size_t capacity)
+    : capacity_(std::max<std::size_t>(capacity, 1)), thread_([this] { work(); }) {}
+
+ImageWriter::~ImageWriter() {
+    {
+        const std::scoped_lock lock(mutex_);
+        ending_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+}
+
+void ImageWriter::write(const std::filesystem::path& path, const CodeImage& image) {
+    {
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [&] { return jobs_.size() < capacity_; });
+        rethrow_failure();
+        jobs_.push_back({path, image});
+    }
+    changed_.notify_all();
+}
+
+void ImageWriter::flush() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return jobs_.empty(); });
+    rethrow_failure();
+}
+
+void ImageWriter::rethrow_failure() {
+    if (failure_)
+        std::rethrow_exception(std::exchange(failure_, nullptr));
+}
+
+void ImageWriter::work() {
+    std::unique_lock lock(mutex_);
+    while (true) {
+        changed_.wait(lock, [&] { return ending_ || !jobs_.empty(); });
+        if (jobs_.empty())
+            return;
+        const Job job = jobs_.front();
+        lock.unlock();
+        std::exception_ptr failure;
+        try {
+            write_image(job.path, job.image);
+        } catch (const std::exception&) {
+            failure = std::current_exception();
+        }
+        lock.lock();
+        if (failure && !failure_)
+            failure_ = failure;
+        jobs_.pop_front();
+        changed_.notify_all();
+    }
+}
+
 namespace {
 
 std::filesystem::path made(const std::filesystem::path& folder,
@@ -113,6 +173,34 @@ void RunRecord::log_pose(Pose& pose, const CaptureStatistics& counts) {
 void RunRecord::write(const QualifyResult& result) {
     write_text(folder_ / "run.json", run_json(result));
     write_text(folder_ / "poses.csv", poses_csv(result));
+}
+
+namespace {
+
+// The notes of a loaded object hold its build ID, which follows from its code.
+int add_notes(dl_phdr_info* object, std::size_t, void* text) {
+    std::string& all = *static_cast<std::string*>(text);
+    all += fmt::format("{}\n", object->dlpi_name);
+    for (int i = 0; i < object->dlpi_phnum; ++i) {
+        const ElfW(Phdr)& part = object->dlpi_phdr[i];
+        if (part.p_type == PT_NOTE)
+            all.append(reinterpret_cast<const char*>(object->dlpi_addr + part.p_vaddr),
+                       part.p_memsz);
+    }
+    return 0;
+}
+
+std::string found_fingerprint() {
+    std::string all = sha256_of_file("/proc/self/exe") + "\n" + cv::getCPUFeaturesLine() + "\n";
+    dl_iterate_phdr(add_notes, &all);
+    return sha256(all);
+}
+
+}  // namespace
+
+const std::string& program_fingerprint() {
+    static const std::string fingerprint = found_fingerprint();
+    return fingerprint;
 }
 
 }  // namespace etalon

@@ -20,16 +20,55 @@
 // from the log may be torn by a power cut, and `etalon report` writes it anew.
 #pragma once
 
+#include <condition_variable>
 #include <cstdint>
+#include <deque>
+#include <exception>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 
-#include "station/record/image_writer.h"
+#include "core/image/image.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {
+
+// Writes images on a thread of its own, so that a device is not kept waiting for a disk.
+
+// The queue is bounded: write() waits when the disk cannot follow. Used from one thread.
+class ImageWriter {
+public:
+    explicit ImageWriter(std::size_t capacity = 8);
+    ~ImageWriter();  // writes what is queued
+    ImageWriter(const ImageWriter&) = delete;
+    ImageWriter& operator=(const ImageWriter&) = delete;
+
+    // Queues the image; its pixels must not change afterwards. Throws what writing an earlier one
+    // threw.
+    void write(const std::filesystem::path& path, const CodeImage& image);
+
+    // Returns when everything queued is written. Throws what writing threw.
+    void flush();
+
+private:
+    struct Job {
+        std::filesystem::path path;
+        CodeImage image;
+    };
+    void work();
+    void rethrow_failure();
+
+    const std::size_t capacity_;
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::deque<Job> jobs_;  // the first one stays while it is being written
+    bool ending_ = false;
+    std::exception_ptr failure_;
+    std::thread thread_;
+};
 
 // Throws ConfigError unless a record could go there: nothing is there, or an empty folder.
 void require_new_folder(const std::filesystem::path& folder);
@@ -73,5 +112,13 @@ private:
     std::ofstream events_;
     ImageWriter images_;
 };
+
+// Which program this is, to the bit: its own file, the libraries that it was loaded with and what
+// the processor can do, as code is chosen by it. Two processes with the same fingerprint compute
+// the same from the same input; a version number does not promise that.
+
+// 64 lower-case hexadecimal digits. Some 15 ms the first time, then none. Throws ConfigError where
+// the program's own file cannot be read. Safe from every thread.
+const std::string& program_fingerprint();
 
 }  // namespace etalon

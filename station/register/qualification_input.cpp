@@ -1,6 +1,6 @@
 #include "station/register/qualification_input.h"
 
-#include "compare/expect/rendered_corners.h"
+#include "compare/expect/expected_view.h"
 #include "station/register/stage_registration.h"
 
 namespace etalon {

@@ -8,10 +8,10 @@
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "report/json_text.h"
-#include "report/pose_numbers.h"
-#include "station/register/commands.h"
+#include "report/number_text.h"
 #include "station/register/stage_registration.h"
 #include "station/shell/command.h"
+#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

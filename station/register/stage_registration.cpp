@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/registration/stage_motion.h"
-#include "compare/expect/rendered_corners.h"
+#include "compare/expect/expected_view.h"
 #include "compare/make_detector.h"
 #include "compare/photo_pose.h"
 #include "compare/photometric/photometric_detector.h"

@@ -9,7 +9,6 @@
 #include "core/program/errors.h"
 #include "report/json_text.h"
 #include "report/result_rows.h"
-#include "report/shard.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {

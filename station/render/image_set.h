@@ -6,8 +6,8 @@
 //   images.jsonl          a line a pose, as they were made: the file and its SHA-256, or why it was
 //                         refused
 //
-// The folder of a shard (report/shard.h) holds every n-th image. An image is there when its file and
-// its line are. Layout of the files: docs/files.md.
+// The folder of a shard (report/result_rows.h) holds every n-th image. An image is there when its
+// file and its line are. Layout of the files: docs/files.md.
 #pragma once
 
 #include <filesystem>

@@ -1,17 +1,21 @@
 // `etalon render`: markers as a calibrated camera would see them, one image.
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <chrono>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
 #include "core/program/errors.h"
 #include "report/json_text.h"
-#include "report/pose_numbers.h"
+#include "report/number_text.h"
+#include "sim/marker/marker_print.h"
 #include "station/render/commands.h"
+#include "station/render/image_set.h"
 #include "station/render/render_plan_text.h"
+#include "station/render/render_set.h"
 #include "station/render/render_view.h"
 #include "station/shell/command.h"
+#include "station/shell/signals.h"
 
 namespace etalon {
 namespace {
@@ -186,6 +190,107 @@ void declare_render(Command& program) {
         "Example:\n  etalon render merge part-1 part-2 part-3 --out images\n");
     merge.required("SHARDS", merged->shards, "folders of `etalon render --shard`");
     merge.required("--out", merged->out, "folder of the whole set", "DIR");
+}
+
+// `etalon marker`: a marker in its true size, ready to print.
+
+namespace {
+
+using nlohmann::ordered_json;
+
+// Where the marker's points are, in the marker frame: what somebody else's software has to know
+// about the print.
+ordered_json marker_json(const Marker& marker, const PrintPage& page,
+                         const MarkerArguments& arguments) {
+    ordered_json json = {{"etalon", "marker/1"},
+                         {"marker", marker.spec},
+                         {"file", arguments.out.string()},
+                         {"page_mm", {page.width_mm, page.height_mm}},
+                         {"scale_bar_mm", page.scale_bar_mm.width},
+                         {"cells", {marker.grid.columns(), marker.grid.rows()}},
+                         {"cell_mm", {marker.grid.cell_mm.x(), marker.grid.cell_mm.y()}},
+                         {"points_mm", ordered_json::array()}};
+    for (const Eigen::Vector3d& point : marker.points_mm)
+        json["points_mm"].push_back({point.x(), point.y(), point.z()});
+    return json;
+}
+
+}  // namespace
+
+int run_marker(const MarkerArguments& arguments) {
+    const Marker marker = parse_marker(arguments.marker, "MARKER");
+    const PrintPage page = print_marker(marker, arguments.out, arguments.dots_per_mm);
+    fmt::print(stderr, "{}: {:.6g} x {:.6g} mm; the bar must measure {} mm when printed\n",
+               arguments.out.string(), page.width_mm, page.height_mm, page.scale_bar_mm.width);
+    if (arguments.json)
+        fmt::print("{}\n", text_of(marker_json(marker, page, arguments)));
+    return 0;
+}
+
+void declare_marker(Command& program) {
+    auto [command, asked] = program.add(
+        run_marker, "marker", "draw a marker at its true size, ready to print", marker_help);
+    command.required("MARKER", asked->marker, "what to draw, see below");
+    command.required("--out", asked->out, "file to write: .svg, .pdf or .png", "FILE");
+    command.option("--dots-per-mm", asked->dots_per_mm, "resolution of a PNG (default 40)", "N")
+        .positive();
+}
+
+// `etalon render --poses`: an image set.
+
+namespace {
+
+using nlohmann::ordered_json;
+
+void print_summary(const RenderArguments& arguments, const SetResult& result, double seconds) {
+    fmt::print(stderr, "{}: {} images rendered, {} were there, {} poses refused ({:.1f} s)\n",
+               arguments.out.string(), result.rendered, result.already_there, result.refused,
+               seconds);
+    if (result.refused > 0)
+        fmt::print(stderr, "{}\nthe reasons are in {}\n", result.first_refusal,
+                   (arguments.out / "images.jsonl").string());
+}
+
+void print_json(const RenderArguments& arguments, const SetResult& result, double seconds) {
+    const ordered_json json{{"etalon", "render-set/1"},    {"folder", arguments.out.string()},
+                            {"rendered", result.rendered}, {"already_there", result.already_there},
+                            {"refused", result.refused},   {"seconds", seconds}};
+    fmt::print("{}\n", text_of(json));
+}
+
+}  // namespace
+
+int run_render_merge(const RenderMergeArguments& arguments) {
+    const MergedImages merged = merge_image_sets(arguments.shards, arguments.out);
+    fmt::print(stderr, "{}: {} images merged, {} poses refused\n", arguments.out.string(),
+               merged.images, merged.refused);
+    if (arguments.json)
+        fmt::print("{}\n", text_of(ordered_json{{"etalon", "render-merge/1"},
+                                                {"folder", arguments.out.string()},
+                                                {"images", merged.images},
+                                                {"refused", merged.refused}}));
+    return 0;
+}
+
+int run_render_set(const RenderArguments& arguments) {
+    std::stop_source stop;
+    const StopOnSignals signals(stop);
+    if (arguments.explain)
+        throw ConfigError({"--explain"},
+                          "with --poses every image's plan is in the folder's images.jsonl");
+    StderrProgress progress;
+    const auto began = std::chrono::steady_clock::now();
+    const SetResult result = render_set(arguments, stop.get_token(), progress);
+    const double seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    print_summary(arguments, result, seconds);
+    if (!result.complete)
+        throw Interrupted();
+    if (result.rendered + result.already_there == 0)
+        throw ConfigError({arguments.pose_file.string()}, "none of its poses can be rendered");
+    if (arguments.json)
+        print_json(arguments, result, seconds);
+    return 0;
 }
 
 }  // namespace etalon

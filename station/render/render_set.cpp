@@ -6,14 +6,14 @@
 
 #include <nlohmann/json.hpp>
 
-#include "calib/camera/camera_hash.h"
+#include "calib/camera/camera_model.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
-#include "report/pose_numbers.h"
-#include "report/shard.h"
+#include "report/number_text.h"
+#include "report/result_rows.h"
 #include "sim/scene/pose_file.h"
 #include "station/render/image_set.h"
 #include "station/render/render_plan_text.h"

@@ -8,7 +8,7 @@
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/render/scene_render.h"
+#include "sim/render/renderer.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {

@@ -4,7 +4,7 @@
 
 #include "compare/make_detector.h"
 #include "core/program/errors.h"
-#include "station/serve/pose_pictures.h"
+#include "station/serve/run_monitor.h"
 
 namespace etalon {
 namespace {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -12,11 +13,21 @@
 #include "station/history/run_index.h"
 #include "station/serve/access.h"
 #include "station/serve/latest_value.h"
-#include "station/serve/page_files.h"
-#include "station/serve/pose_pictures.h"
+#include "station/serve/run_monitor.h"
 #include "station/serve/station_control.h"
 
 namespace etalon {
+
+// The page itself: every file of web/, read once. No request reaches the file system for one.
+
+struct PageFile {
+    std::string type, content;  // "text/css"
+};
+
+// By its path in the address: "/", "/run.js". Of the folder that was installed beside this program
+// (share/etalon/web), else that of the sources that it was built from. Throws ConfigError when
+// there is none.
+std::map<std::string, PageFile> page_files();
 
 class PageServer {
 public:

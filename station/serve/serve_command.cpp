@@ -8,10 +8,10 @@
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "station/serve/commands.h"
 #include "station/serve/http_door.h"
 #include "station/serve/page_server.h"
 #include "station/shell/command.h"
+#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {

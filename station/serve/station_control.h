@@ -10,6 +10,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -24,6 +25,15 @@
 #include "station/serve/run_monitor.h"
 
 namespace etalon {
+
+// A folder of calibrations, from which the one of a camera is taken by the serial number that is
+// typed or scanned.
+
+// The file of ours (`etalon: camera/1`) in the folder that has this serial number. Throws
+// ConfigError when none has it, with those that are there, and when several have. Reads them all:
+// some 0.2 ms each.
+std::filesystem::path calibration_of(const std::filesystem::path& folder,
+                                     const std::string& serial);
 
 // What cannot be done now, in a sentence for the operator.
 class NotNow : public Error {

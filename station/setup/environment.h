@@ -21,7 +21,6 @@
 
 #include "core/config/strict_reader.h"
 #include "stage/link/register_numbers.h"
-#include "stage/link/registers.h"
 #include "stage/link/stage_link.h"
 
 namespace etalon {

@@ -4,7 +4,7 @@
 
 #include "compare/expect/expected_view.h"
 #include "core/program/errors.h"
-#include "sim/scene/marker_in_view.h"
+#include "sim/scene/marker_view.h"
 #include "sim/scene/pose_sampling.h"
 #include "stage/axes/kinematics.h"
 

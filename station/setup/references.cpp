@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/file/text.h"
-#include "core/time/calendar_date.h"
+#include "core/time/clock.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {

@@ -1,8 +1,9 @@
 #include "station/shell/command.h"
 
 #include <fmt/format.h>
-
+#include <unistd.h>
 #include <CLI/CLI.hpp>
+
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -10,7 +11,7 @@
 #include <optional>
 
 #include "core/file/text.h"
-#include "core/program/exit_codes.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -221,5 +222,43 @@ const std::string pose_help =
     "then the translation in mm. Camera: x right, y down, z forward. Marker: origin\n"
     "at its centre (a chessboard's: its first inner corner), x right, y down, z into\n"
     "the marker: 0,0,0,0,0,300 is a marker seen squarely from 300 mm.\n";
+
+namespace {
+
+const SteadyClock steady_clock;
+
+}  // namespace
+
+void make_out_folder(const std::filesystem::path& folder) {
+    std::error_code error;
+    std::filesystem::create_directories(folder, error);
+    if (error)
+        throw ConfigError({"--out"}, folder.string() + " cannot be made: " + error.message());
+}
+
+void print_report(const std::filesystem::path& folder) {
+    if (!folder.empty())
+        fmt::print("report {}\n", (folder / "report.html").string());
+}
+
+StderrProgress::StderrProgress() : Progress(stderr, isatty(STDERR_FILENO) != 0, steady_clock) {}
+
+void StderrProgress::count() {
+    const std::lock_guard lock(mutex_);
+    step();
+}
+
+std::filesystem::path program_folder() {
+    return std::filesystem::read_symlink("/proc/self/exe").parent_path();
+}
+
+std::filesystem::path installed_file(const std::string& name) {
+    const std::filesystem::path installed = program_folder().parent_path() / "share/etalon" / name;
+    const std::filesystem::path built = program_folder() / "share/etalon" / name;
+    for (const std::filesystem::path& path : {installed, built})
+        if (std::filesystem::exists(path))
+            return path;
+    throw ConfigError({installed.string()}, "is missing: it should be installed with the program");
+}
 
 }  // namespace etalon

@@ -3,10 +3,14 @@
 // compile and is parsed in command.cpp alone.
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
+
+#include "core/time/progress.h"
 
 namespace CLI {
 class App;
@@ -117,5 +121,36 @@ int fail(int exit_code, const std::string& message);
 
 // Help on what several commands ask for.
 extern const std::string marker_help, pose_help, homed_help;
+
+// What commands do alike with what they make: the folder of --out, the line that names its report,
+// and progress on stderr.
+
+// Makes the folder where it is missing. Throws ConfigError at --out when it cannot be made.
+void make_out_folder(const std::filesystem::path& folder);
+
+// "report FOLDER/report.html" on stdout; nothing without a folder.
+void print_report(const std::filesystem::path& folder);
+
+// Progress on stderr, drawn anew where that is a terminal.
+class StderrProgress : public Progress {
+public:
+    StderrProgress();
+
+    // step() from every thread.
+    void count();
+
+private:
+    std::mutex mutex_;
+};
+
+// Files that come with the program, found from where the program lies: no path is compiled in, so
+// that it can be installed anywhere.
+
+// The folder of the program that runs.
+std::filesystem::path program_folder();
+
+// `name` below share/etalon, for instance "examples/demo/station.yaml": of the prefix that the
+// program is installed to, or of its build folder. Throws ConfigError where it is in neither.
+std::filesystem::path installed_file(const std::string& name);
 
 }  // namespace etalon

@@ -3,14 +3,12 @@
 
 #include <cstdio>
 
-#include "bench/bench_against.h"
+#include "bench/bench_methods.h"
 #include "bench/bench_report.h"
-#include "bench/bench_timing.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "sim/scene/bench_poses.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
 #include "station/studies/commands.h"
 
 namespace etalon {

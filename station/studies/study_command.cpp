@@ -7,10 +7,9 @@
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "core/time/cpu_time.h"
+#include "core/time/clock.h"
 #include "report/json_text.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
 #include "station/shell/signals.h"
 #include "station/studies/commands.h"
 #include "study/study_report.h"
@@ -22,7 +21,7 @@ namespace {
 // Needs no device. Exit code 130 when it was interrupted: the same command goes on.
 struct StudyArguments {
     std::filesystem::path study, out;
-    std::string ablate;  // "tone,noise": variants of the study (study/study_switches.h)
+    std::string ablate;  // "tone,noise": variants of the study (study/study_file.h)
     std::string shard;   // "2/5"; empty: all of it
     bool json = false;
 };

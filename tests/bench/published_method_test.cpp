@@ -10,7 +10,7 @@
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/scene/sobol.h"
+#include "sim/scene/pose_sampling.h"
 
 namespace etalon {
 namespace {

@@ -1,7 +1,7 @@
 // Projections with tables that several tests use.
 #pragma once
 
-#include "calib/camera/lens_table.h"
+#include "calib/camera/lens_projection.h"
 
 namespace etalon::test {
 

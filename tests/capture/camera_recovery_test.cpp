@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "capture/frame/camera_busy.h"
+#include "capture/frame/camera.h"
 #include "mocks/camera/fake_camera.h"
 
 namespace etalon {

@@ -1,5 +1,5 @@
 // Which tag stands in another one's place.
-#include "compare/tags_in_view.h"
+#include "compare/make_detector.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <thread>
 
-#include "bench/bench_timing.h"
+#include "bench/bench_methods.h"
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
 #include "core/geometry/units.h"

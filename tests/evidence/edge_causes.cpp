@@ -15,7 +15,7 @@
 #include "compare/detect/board/chessboard_corners.h"
 #include "compare/edges/edge_summary.h"
 #include "compare/photometric/photo_match.h"
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
 
 namespace {
 

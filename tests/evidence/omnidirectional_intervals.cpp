@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "calib/intrinsics/profile_interval.h"
+#include "calib/intrinsics/calibration_covariance.h"
 #include "tests/calib/wide_views.h"
 
 namespace etalon {

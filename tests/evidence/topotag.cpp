@@ -13,7 +13,7 @@
 #include <map>
 #include <mutex>
 
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
 #include "tests/evidence/topotag_study.h"
 
 namespace etalon::test {

@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "calib/camera/projector.h"
-#include "compare/detect/topotag/topotag_finder.h"
+#include "compare/detect/topotag/topotag_detector.h"
 #include "core/statistics/random.h"
 #include "sim/marker/marker.h"
 #include "sim/marker/topotag_pattern.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "bench/stability/reference_check.h"
+#include "bench/stability/stability_case.h"
 #include "sim/render/renderer.h"
 #include "tests/fuzz/random_scenes.h"
 

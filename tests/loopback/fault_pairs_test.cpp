@@ -14,7 +14,7 @@
 #include <map>
 #include <thread>
 
-#include "core/program/exit_codes.h"
+#include "core/program/errors.h"
 #include "core/time/clock.h"
 #include "mocks/twin/twin.h"
 #include "tests/loopback/program.h"

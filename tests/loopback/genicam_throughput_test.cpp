@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "capture/genicam/genicam_device.h"
-#include "capture/genicam/genicam_support.h"
 #include "tests/loopback/gige_rig.h"
 
 namespace etalon {

@@ -1,4 +1,4 @@
-#include "station/qualify/room_sensor.h"
+#include "station/qualify/runner.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "report/shard.h"
+#include "report/result_rows.h"
 
 #include <gtest/gtest.h>
 

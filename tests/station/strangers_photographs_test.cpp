@@ -9,7 +9,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "calib/files/camera_file.h"
-#include "calib/intrinsics/cross_validation.h"
+#include "calib/intrinsics/model_advice.h"
 #include "core/image/image.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"

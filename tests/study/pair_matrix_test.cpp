@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "core/program/errors.h"
-#include "study/study_plots.h"
+#include "study/study_report.h"
 #include "tests/study/synthetic_study.h"
 
 namespace etalon {

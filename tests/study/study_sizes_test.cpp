@@ -1,4 +1,4 @@
-#include "study/study_sizes.h"
+#include "study/study_summary.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "compare/expect/pose_statistics.h"
-#include "core/geometry/roll_pitch_yaw.h"
+#include "core/geometry/rigid.h"
 #include "core/statistics/random.h"
 
 namespace etalon::test {

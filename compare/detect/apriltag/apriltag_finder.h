@@ -1,13 +1,13 @@
 // libapriltag 3 as a finder of all tags of a family in an image. Single tags behind the Detector
-// interface: compare/detect/apriltag/apriltag_detector.cpp; boards of them:
-// compare/detect/board/tag_grid_corners.cpp.
+// interface: compare/detect/apriltag/apriltag_finder.cpp; boards of them:
+// compare/detect/board/tag_board_match.cpp.
 #pragma once
 
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "compare/detect/found_tag.h"
+#include "compare/detect/detector_adaptors.h"
 
 namespace etalon {
 

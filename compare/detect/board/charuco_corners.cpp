@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compare/detect/board/board_points.h"
+#include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/saddle_point.h"
 #include "compare/detect/board/tag_board_match.h"
 #include "core/file/text.h"

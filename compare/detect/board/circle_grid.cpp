@@ -7,11 +7,10 @@
 #include <numbers>
 #include <optional>
 
-#include "compare/detect/board/board_points.h"
+#include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/dark_shapes.h"
 #include "compare/detect/board/point_lattice.h"
-#include "compare/detect/board/seen_plane.h"
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
 #include "sim/marker/board_pattern.h"
 
 namespace etalon {

@@ -5,11 +5,10 @@
 #include <algorithm>
 #include <array>
 
-#include "compare/detect/board/board_points.h"
+#include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/point_lattice.h"
 #include "compare/detect/board/saddle_point.h"
-#include "compare/detect/board/seen_plane.h"
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {

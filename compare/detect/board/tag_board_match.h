@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "compare/detect/found_tag.h"
+#include "compare/detect/detector_adaptors.h"
 #include "sim/marker/board_pattern.h"
 
 namespace etalon {

@@ -5,10 +5,114 @@
 #include <algorithm>
 
 #include "compare/detect/detector_adaptors.h"
-#include "compare/detect/stag/stag_finder.h"
 #include "core/program/errors.h"
 
 namespace etalon {
+namespace {
+
+// What is looked for, and the least contrast of its references in the image's values.
+struct Wanted {
+    std::span<const StagCode> words;
+    int correctable_bits;
+    double contrast;
+};
+
+struct Candidate {
+    int id;
+    Quad corners;  // upright
+    int quarters;  // by which it was turned to be so
+    int wrong_bits;
+    double contrast;
+};
+
+// The corners from the marker's top left, of a marker seen turned counter-clockwise.
+Quad upright(const Quad& seen, int quarters) {
+    Quad corners;
+    for (std::size_t i = 0; i < 4; ++i)
+        corners[i] = seen[(i + 4 - static_cast<std::size_t>(quarters)) % 4];
+    return corners;
+}
+
+// The publication allows 1.5; a marker at a distance of 1.5 sides tilted by 60 degrees has 1.9.
+constexpr double max_depth_ratio = 2.0;
+constexpr double min_contrast = 0.05;  // of full scale
+
+std::optional<Candidate> read(const cv::Mat& image, const Quad& quad, const Wanted& wanted) {
+    const auto seen = homography_to(quad);
+    if (!seen)
+        return std::nullopt;
+    const double ratio = depth_ratio(*seen);
+    if (!(ratio >= 1.0 && ratio <= max_depth_ratio))
+        return std::nullopt;
+    const auto reading = read_stag_code(image, *seen);
+    if (!reading || !(reading->contrast >= wanted.contrast))
+        return std::nullopt;
+    Candidate nearest{-1, quad, 0, wanted.correctable_bits + 1, reading->contrast};
+    for (std::size_t id = 0; id < wanted.words.size(); ++id) {
+        const StagMatch match = match_stag_code(reading->code, wanted.words[id]);
+        if (match.wrong_bits < nearest.wrong_bits)
+            nearest = {static_cast<int>(id), upright(quad, match.quarters), match.quarters,
+                       match.wrong_bits, reading->contrast};
+    }
+    if (nearest.id < 0)
+        return std::nullopt;
+    return nearest;
+}
+
+bool overlap(const Quad& a, const Quad& b) {
+    const auto centre = [](const Quad& quad) -> Eigen::Vector2d {
+        return (quad[0] + quad[1] + quad[2] + quad[3]) / 4.0;
+    };
+    return (centre(a) - centre(b)).norm() < 0.5 * (a[2] - a[0]).norm();
+}
+
+FoundStag refined(const cv::Mat& image, const Candidate& candidate, const Wanted& wanted) {
+    const FoundStag unrefined{candidate.id, candidate.corners, candidate.wrong_bits};
+    const auto start = homography_to(candidate.corners);
+    if (!start)
+        return unrefined;
+    const StagCode word = wanted.words[static_cast<std::size_t>(candidate.id)];
+    const auto refinement = refine_stag(image, *start, word, candidate.contrast);
+    if (!refinement)
+        return unrefined;
+    const auto again = read(image, refinement->corners, wanted);
+    if (!again || again->id != candidate.id || again->quarters != 0)
+        return unrefined;
+    FoundStag found{candidate.id, refinement->corners, again->wrong_bits, true};
+    found.edge_shift_px = refinement->edge_shift_px;
+    found.rms_px = refinement->rms_px;
+    found.sigma_px = refinement->sigma_px;
+    return found;
+}
+
+}  // namespace
+
+std::vector<FoundStag> find_stags(const CodeImage& image, std::span<const StagCode> words,
+                                  int correctable_bits) {
+    const Wanted wanted{words, correctable_bits, min_contrast * image.full_scale()};
+    cv::Mat pixels;
+    image.pixels.convertTo(pixels, CV_32F);
+    std::vector<Candidate> candidates;
+    for (const Quad& quad : find_quads(as_8_bit(image)))
+        if (const auto candidate = read(pixels, quad, wanted))
+            candidates.push_back(*candidate);
+    std::stable_sort(
+        candidates.begin(), candidates.end(),
+        [](const Candidate& a, const Candidate& b) { return a.wrong_bits < b.wrong_bits; });
+    std::vector<FoundStag> found;
+    for (const Candidate& candidate : candidates) {
+        const auto same = std::find_if(found.begin(), found.end(), [&](const FoundStag& other) {
+            return overlap(other.corners, candidate.corners);
+        });
+        if (same == found.end())
+            found.push_back(refined(pixels, candidate, wanted));
+        else if (!same->is_refined)
+            if (const FoundStag again = refined(pixels, candidate, wanted); again.is_refined)
+                *same = again;
+    }
+    return found;
+}
+
 namespace {
 
 // The word stays the nearest one, however the marker is turned; and of random readings no more than

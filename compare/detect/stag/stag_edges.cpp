@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "compare/detect/stag/pixel_sample.h"
+#include "compare/detect/stag/stag_reading.h"
 #include "sim/marker/stag_pattern.h"
 
 namespace etalon {

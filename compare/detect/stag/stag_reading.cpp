@@ -7,7 +7,6 @@
 #include <numeric>
 #include <vector>
 
-#include "compare/detect/stag/pixel_sample.h"
 #include "sim/marker/stag_pattern.h"
 
 namespace etalon {

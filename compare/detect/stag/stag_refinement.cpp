@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "compare/detect/stag/stag_edges.h"
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {

@@ -5,7 +5,7 @@
 // found as one closed segment. Here every edge is measured on its own along its normal, by the area
 // under the gray profile, which no symmetric blur displaces. A joint least-squares fit with Tukey's
 // weights finds the homography, radial distortion, and by how much all edges are displaced
-// (compare/detect/stag/stag_view.h). Method and figures: docs/stag.md.
+// (compare/detect/stag/stag_edges.h). Method and figures: docs/stag.md.
 #pragma once
 
 #include <opencv2/core.hpp>

@@ -1,10 +1,276 @@
 #include "compare/detect/topotag/topotag_detector.h"
 
+#include <opencv2/imgproc.hpp>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <optional>
+
 #include "compare/detect/detector_adaptors.h"
-#include "compare/detect/topotag/topotag_finder.h"
+#include "compare/detect/topotag/region_tree.h"
+#include "compare/detect/topotag/topotag_fit.h"
 #include "core/program/errors.h"
+#include "sim/marker/topotag_pattern.h"
 
 namespace etalon {
+namespace {
+
+using Points = std::vector<Eigen::Vector2d>;
+
+// A node or a dot of the scaled image.
+struct Blob {
+    double area = 0.0;
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+    std::vector<Eigen::Vector2d> dots;
+
+    Eigen::Vector2d centroid() const { return sum / area; }
+};
+
+// Black is what is darker than the square around it, by more than noise in an even area.
+cv::Mat dark_pixels(const cv::Mat& image) {
+    constexpr int side = 15, less = 4;
+    cv::Mat mean, dark;
+    cv::boxFilter(image, mean, CV_8U, {side, side}, {-1, -1}, true, cv::BORDER_REPLICATE);
+    cv::subtract(mean, cv::Scalar::all(less), mean);
+    cv::compare(image, mean, dark, cv::CMP_LT);
+    return dark;
+}
+
+// A black region, filled, with the dots in it. Smaller holes are specks.
+Blob node_of(const RegionTree& tree, int region) {
+    constexpr double min_share = 0.02;  // of a node's area; a dot has 1/9 of it without blur
+    Blob node{tree.regions()[region].area, tree.regions()[region].sum, {}};
+    for (const int hole : tree.children(region)) {
+        node.area += tree.regions()[hole].area;
+        node.sum += tree.regions()[hole].sum;
+    }
+    for (const int hole : tree.children(region))
+        if (tree.regions()[hole].area > min_share * node.area)
+            node.dots.push_back(tree.regions()[hole].sum / tree.regions()[hole].area);
+    return node;
+}
+
+struct Candidate {
+    std::vector<Eigen::Vector2d> nodes;  // without the baseline
+    std::array<Eigen::Vector2d, 2> baseline;
+};
+
+// The nodes of a white region when there are as many as a tag of this order has.
+std::optional<Candidate> candidate_in(const RegionTree& tree, int region, int order) {
+    constexpr double min_area = 5.0, speck = 0.25, max_unlike = 8.0;
+    const auto children = tree.children(region);
+    const auto count = static_cast<std::size_t>(order * order - 1);
+    if (children.size() < count)
+        return std::nullopt;
+    std::vector<Blob> nodes;
+    for (const int child : children)
+        if (tree.regions()[child].area >= min_area)
+            nodes.push_back(node_of(tree, child));
+    if (nodes.size() < count)
+        return std::nullopt;
+    std::sort(nodes.begin(), nodes.end(),
+              [](const Blob& a, const Blob& b) { return a.area > b.area; });
+    if ((nodes.size() > count && nodes[count].area > speck * nodes[count - 1].area) ||
+        nodes[0].area > max_unlike * nodes[count - 1].area)
+        return std::nullopt;
+    Candidate candidate;
+    int baselines = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+        if (nodes[i].dots.size() > 2)
+            return std::nullopt;
+        if (nodes[i].dots.size() == 2) {
+            candidate.baseline = {nodes[i].dots[0], nodes[i].dots[1]};
+            ++baselines;
+        } else {
+            candidate.nodes.push_back(nodes[i].centroid());
+        }
+    }
+    return baselines == 1 ? std::optional(candidate) : std::nullopt;
+}
+
+double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return a.x() * b.y() - a.y() * b.x();
+}
+
+// The corners of the convex hull, clockwise as seen (y is down).
+Points hull_of(const Points& points) {
+    std::vector<cv::Point2f> all;
+    for (const Eigen::Vector2d& point : points)
+        all.emplace_back(static_cast<float>(point.x()), static_cast<float>(point.y()));
+    std::vector<int> indices;
+    cv::convexHull(all, indices, false, false);
+    Points result;
+    for (const int i : indices)
+        result.push_back(points[static_cast<std::size_t>(i)]);
+    double area = 0.0;
+    for (std::size_t i = 0; i < result.size(); ++i)
+        area += cross(result[i], result[(i + 1) % result.size()]);
+    if (area < 0.0)
+        std::reverse(result.begin(), result.end());
+    return result;
+}
+
+std::optional<std::array<Eigen::Vector2d, 4>> largest_quadrangle(const Points& hull) {
+    double largest = 0.0;
+    std::optional<std::array<Eigen::Vector2d, 4>> result;
+    const std::size_t n = hull.size();
+    for (std::size_t a = 0; a < n; ++a)
+        for (std::size_t c = a + 2; c < n; ++c)
+            for (std::size_t b = a + 1; b < c; ++b)
+                for (std::size_t d = c + 1; d < n; ++d) {
+                    const double area = std::abs(cross(hull[c] - hull[a], hull[d] - hull[b]));
+                    if (area > largest) {
+                        largest = area;
+                        result = {hull[a], hull[b], hull[c], hull[d]};
+                    }
+                }
+    return result;
+}
+
+Eigen::Matrix3d homography(const std::array<Eigen::Vector2d, 4>& from,
+                           const std::array<Eigen::Vector2d, 4>& to) {
+    std::array<cv::Point2f, 4> a, b;
+    for (std::size_t i = 0; i < 4; ++i) {
+        a[i] = {static_cast<float>(from[i].x()), static_cast<float>(from[i].y())};
+        b[i] = {static_cast<float>(to[i].x()), static_cast<float>(to[i].y())};
+    }
+    const cv::Mat h = cv::getPerspectiveTransform(a.data(), b.data());
+    Eigen::Matrix3d result;
+    for (int i = 0; i < 9; ++i)
+        result(i / 3, i % 3) = h.at<double>(i / 3, i % 3);
+    return result;
+}
+
+// The point nearest to a place, taken out; nothing when none is near.
+std::optional<Eigen::Vector2d> take_nearest(Points& points, const Eigen::Vector2d& place,
+                                            double reach) {
+    const auto nearest =
+        std::min_element(points.begin(), points.end(), [&](const auto& a, const auto& b) {
+            return (a - place).squaredNorm() < (b - place).squaredNorm();
+        });
+    if (nearest == points.end() || !((*nearest - place).norm() < reach))
+        return std::nullopt;
+    const Eigen::Vector2d result = *nearest;
+    points.erase(nearest);
+    return result;
+}
+
+// How far a vertex may be from where the others say, in distances to its nearest neighbour.
+constexpr double loose_fit = 0.35, close_fit = 0.2;
+
+double nearest_distance(const Points& points, std::size_t i) {
+    double nearest = std::numeric_limits<double>::max();
+    for (std::size_t j = 0; j < points.size(); ++j)
+        if (j != i)
+            nearest = std::min(nearest, (points[i] - points[j]).norm());
+    return nearest;
+}
+
+// The vertices in their order; nothing when the points are not those of a tag.
+std::optional<Points> in_order(const Candidate& candidate, int order) {
+    Points all = candidate.nodes;
+    all.insert(all.end(), candidate.baseline.begin(), candidate.baseline.end());
+    auto corners = largest_quadrangle(hull_of(all));
+    if (!corners)
+        return std::nullopt;
+    const auto first = std::find_first_of(corners->begin(), corners->end(),
+                                          candidate.baseline.begin(), candidate.baseline.end());
+    if (first == corners->end())
+        return std::nullopt;
+    std::rotate(corners->begin(), first, corners->end());
+    const Points cells = topotag_vertices(order);
+    const auto n = static_cast<std::size_t>(order);
+    const Eigen::Matrix3d h =
+        homography({cells[0], cells[n - 1], cells[n * n - 1], cells[n * (n - 1)]}, *corners);
+    Points expected, vertices;
+    for (const Eigen::Vector2d& cell : cells)
+        expected.push_back((h * cell.homogeneous()).hnormalized());
+    Points dots(candidate.baseline.begin(), candidate.baseline.end()), nodes = candidate.nodes;
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+        const auto vertex = take_nearest(i < 2 ? dots : nodes, expected[i],
+                                         loose_fit * nearest_distance(expected, i));
+        if (!vertex)
+            return std::nullopt;
+        vertices.push_back(*vertex);
+    }
+    return vertices;
+}
+
+bool fits_a_plane(const Points& vertices, int order) {
+    const auto h = pixel_from_cell(order, vertices);
+    if (!h)
+        return false;
+    const Points cells = topotag_vertices(order);
+    for (std::size_t i = 0; i < cells.size(); ++i)
+        if (!(((*h * cells[i].homogeneous()).hnormalized() - vertices[i]).norm() <
+              close_fit * nearest_distance(vertices, i)))
+            return false;
+    return true;
+}
+
+bool same_place(const Points& a, const Points& b) {
+    const double reach = 0.5 * (b.front() - b.back()).norm();
+    return (a.front() - b.front()).norm() < reach && (a.back() - b.back()).norm() < reach;
+}
+
+// What is known from another scale is not fitted again.
+bool is_known(const std::vector<FoundTopotag>& tags, const Points& vertices) {
+    return std::any_of(tags.begin(), tags.end(),
+                       [&](const FoundTopotag& tag) { return same_place(tag.vertices, vertices); });
+}
+
+// Vertices of all that may be a tag, in px of the image before it was scaled.
+std::vector<Points> candidates_at(const cv::Mat& scaled, double scale, int order) {
+    const RegionTree tree(dark_pixels(scaled));
+    std::vector<Points> found;
+    for (int region = 0; region < static_cast<int>(tree.regions().size()); ++region) {
+        if (tree.regions()[region].is_dark)
+            continue;
+        const auto candidate = candidate_in(tree, region, order);
+        auto vertices = candidate ? in_order(*candidate, order) : std::nullopt;
+        if (!vertices || !fits_a_plane(*vertices, order))
+            continue;
+        for (Eigen::Vector2d& vertex : *vertices)  // pixel centres at integers in both
+            vertex = ((vertex.array() + 0.5) / scale - 0.5).matrix();
+        found.push_back(*vertices);
+    }
+    return found;
+}
+
+// Of whole blocks of 2 x 2, so that places scale exactly.
+cv::Mat half_of(const cv::Mat& image) {
+    const cv::Rect even(0, 0, image.cols / 2 * 2, image.rows / 2 * 2);
+    cv::Mat half;
+    cv::resize(image(even), half, {even.width / 2, even.height / 2}, 0, 0, cv::INTER_AREA);
+    return half;
+}
+
+}  // namespace
+
+std::vector<FoundTopotag> find_topotags(const cv::Mat& eight_bit, const cv::Mat& pixels,
+                                        const std::string& family) {
+    constexpr int min_side = 20;  // px, of an image that may hold a tag
+    const int order = topotag_order(family);
+    std::vector<FoundTopotag> tags;
+    if (eight_bit.empty())
+        return tags;
+    cv::Mat scaled;
+    cv::resize(eight_bit, scaled, {}, 2.0, 2.0, cv::INTER_LINEAR);
+    for (double scale = 2.0; std::min(scaled.cols, scaled.rows) >= min_side; scale /= 2.0) {
+        for (const Points& vertices : candidates_at(scaled, scale, order)) {
+            if (is_known(tags, vertices))
+                continue;
+            const auto fit = fit_topotag(pixels, family, vertices);
+            if (fit && fits_a_plane(fit->vertices, order) && !is_known(tags, fit->vertices))
+                tags.push_back({fit->id, fit->vertices});
+        }
+        scaled = scale == 2.0 ? eight_bit : half_of(scaled);
+    }
+    return tags;
+}
+
 namespace {
 
 class TopotagDetector final : public Detector {

@@ -1,6 +1,6 @@
 // Projections with tables: against their formulas written once more, in complex numbers where a
 // derivative is wanted, and their regions by brute force.
-#include "calib/camera/lens_table.h"
+#include "calib/camera/lens_projection.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "calib/files/opencv_file.h"
+#include "calib/files/foreign_camera.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "tests/calib/cameras.h"

@@ -8,15 +8,9 @@
 #include <opencv2/core.hpp>
 
 #include "calib/camera/projector.h"
-#include "calib/files/boofcv_file.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/camera_formats.h"
-#include "calib/files/colmap_file.h"
-#include "calib/files/kalibr_file.h"
-#include "calib/files/matlab_file.h"
-#include "calib/files/mrcal_file.h"
-#include "calib/files/opencv_file.h"
-#include "calib/files/ros_file.h"
+#include "calib/files/foreign_camera.h"
 #include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/temporary_folder.h"

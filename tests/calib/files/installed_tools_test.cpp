@@ -7,8 +7,7 @@
 #include <sstream>
 
 #include "calib/camera/projector.h"
-#include "calib/files/colmap_file.h"
-#include "calib/files/mrcal_file.h"
+#include "calib/files/foreign_camera.h"
 #include "core/file/text.h"
 #include "tests/calib/lens_tables.h"
 #include "tests/calib/wide_views.h"

@@ -9,8 +9,8 @@
 #include <cstdio>
 #include <set>
 
+#include "calib/intrinsics/calibration_covariance.h"
 #include "calib/intrinsics/camera_fit.h"
-#include "calib/intrinsics/profile_interval.h"
 #include "calib/intrinsics/projection_uncertainty.h"
 #include "core/statistics/distributions.h"
 #include "tests/calib/telecentric_views.h"
@@ -313,8 +313,8 @@ TEST(CameraFitStatistics, StatedCovariancesOfWideLensesAreWhatNoiseDoes) {
     }
 }
 
-// The points' own intervals (calib/intrinsics/profile_interval.h) hold where u does not say enough:
-// 9 parameters at 0.01 / 9, 3.3 standard errors of 300 runs.
+// The points' own intervals (calib/intrinsics/calibration_covariance.h) hold where u does not say
+// enough: 9 parameters at 0.01 / 9, 3.3 standard errors of 300 runs.
 TEST(CameraFitStatistics, ProfileIntervalsOfAnOmnidirectionalLensHoldTheTruth) {
     constexpr int fewer = 300;
     const CameraModel truth = test::wide_models()[4].truth;

@@ -1,5 +1,5 @@
 // Whether the halves of a set differ by as much as they are said to.
-#include "calib/intrinsics/cross_validation.h"
+#include "calib/intrinsics/model_advice.h"
 
 #include <gtest/gtest.h>
 

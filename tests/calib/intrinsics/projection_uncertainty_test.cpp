@@ -4,7 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "calib/intrinsics/cross_validation.h"
+#include "calib/intrinsics/model_advice.h"
 #include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "calib/intrinsics/calibration_outliers.h"
+#include "calib/intrinsics/calibration_start.h"
 #include "calib/intrinsics/camera_consistency.h"
-#include "calib/intrinsics/telecentric_start.h"
 #include "core/program/errors.h"
 #include "tests/calib/telecentric_views.h"
 #include "tests/error_text.h"

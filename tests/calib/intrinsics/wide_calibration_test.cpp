@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "calib/intrinsics/calibration_start.h"
-#include "calib/intrinsics/wide_lens.h"
 #include "core/program/errors.h"
 #include "tests/calib/mixed_set.h"
 #include "tests/calib/wide_views.h"

@@ -1,4 +1,4 @@
-#include "capture/frame/device_clock.h"
+#include "capture/frame/camera.h"
 
 #include <gtest/gtest.h>
 

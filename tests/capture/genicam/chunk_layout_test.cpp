@@ -1,4 +1,4 @@
-#include "capture/genicam/chunk_layout.h"
+#include "capture/genicam/genicam_chunks.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "capture/libcamera/libcamera_camera.h"
-#include "capture/libcamera/libcamera_support.h"
+#include "capture/libcamera/libcamera_device.h"
 #include "tests/capture/frame/camera_contract.h"
 #include "tests/capture/libcamera/fake_libcamera.h"
 

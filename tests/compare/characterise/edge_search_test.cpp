@@ -1,4 +1,4 @@
-#include "compare/characterise/edge_search.h"
+#include "compare/characterise/slanted_edge.h"
 
 #include <gtest/gtest.h>
 

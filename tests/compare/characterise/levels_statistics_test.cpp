@@ -6,7 +6,6 @@
 
 #include <cmath>
 
-#include "compare/characterise/black_level.h"
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/characterise/photon_transfer.h"
 #include "compare/characterise/transfer_estimate.h"

@@ -6,7 +6,6 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "compare/characterise/black_level.h"
 #include "compare/characterise/code_statistics.h"
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/characterise/photon_transfer.h"

@@ -4,7 +4,6 @@
 
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
-#include "core/statistics/median.h"
 #include "tests/compare/drift/simulated_drift.h"
 
 namespace etalon {

@@ -1,4 +1,4 @@
-#include "compare/edges/board_shifts.h"
+#include "compare/edges/edge_summary.h"
 
 #include <gtest/gtest.h>
 

@@ -8,7 +8,6 @@
 
 #include "compare/characterise/defocus_estimate.h"
 #include "compare/characterise/point_spread_estimate.h"
-#include "compare/edges/edge_response.h"
 #include "core/program/errors.h"
 #include "tests/compare/edges/edge_scenes.h"
 

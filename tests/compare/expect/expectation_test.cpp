@@ -10,7 +10,7 @@
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "station/planning/expectation_report.h"
-#include "station/qualify/run_expectation.h"
+#include "station/qualify/run_analysis.h"
 
 namespace etalon {
 namespace {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-#include "core/geometry/roll_pitch_yaw.h"
+#include "core/geometry/rigid.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 

@@ -1,12 +1,11 @@
 // Truth: the uniform quantiser's Fourier series, and the sensor itself with its noise drawn.
-#include "compare/photometric/mean_code.h"
+#include "compare/photometric/photometric_model.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "compare/photometric/photometric_model.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {
@@ -52,7 +51,8 @@ TEST(MeanCode, SlopesAsItRises) {
     }
 }
 
-// 10 bits behind a curve, with black at 0, where half of the noise is cut off, and white at the end.
+// 10 bits behind a curve, with black at 0, where half of the noise is cut off, and white at the
+// end.
 TEST(MeanCode, IsTheMeanOfWhatTheSensorDraws) {
     CameraModel camera;
     camera.width = 1000;

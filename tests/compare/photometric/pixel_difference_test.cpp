@@ -1,8 +1,7 @@
-#include "compare/photometric/pixel_difference.h"
+#include "compare/photometric/photo_match.h"
 
 #include <gtest/gtest.h>
 
-#include "compare/photometric/photo_match.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "compare/qualification/judged_quantities.h"
-#include "core/config/range.h"
+#include "core/config/strict_reader.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "tests/temporary_folder.h"

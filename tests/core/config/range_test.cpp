@@ -1,4 +1,4 @@
-#include "core/config/range.h"
+#include "core/config/strict_reader.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,4 +1,4 @@
-#include "core/geometry/roll_pitch_yaw.h"
+#include "core/geometry/rigid.h"
 
 #include <gtest/gtest.h>
 

@@ -1,12 +1,10 @@
-#include "core/statistics/box_muller.h"
+#include "core/statistics/random.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 #include <vector>
-
-#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {
@@ -27,7 +25,7 @@ long double uniform(std::uint32_t word) {
     return (word + 0.5L) * 0x1p-32L;
 }
 
-// Twice the limit of core/statistics/box_muller.h: where a long double is a double, the expected
+// Twice the limit of core/statistics/random.h: where a long double is a double, the expected
 // values have such errors too.
 constexpr double tolerance = 3e-15;
 

@@ -1,4 +1,4 @@
-#include "core/statistics/proportion.h"
+#include "core/statistics/distributions.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/time/calendar_date.h"
+#include "core/time/clock.h"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,7 @@
 
 #include "capture/frame/frame_checks.h"
 #include "capture/frame/pixel_formats.h"
-#include "capture/genicam/chunk_layout.h"
+#include "capture/genicam/genicam_chunks.h"
 #include "tests/fuzz/coverage/fuzz_input.h"
 
 namespace etalon::test {

@@ -1,6 +1,6 @@
 // The log of a run, events.jsonl, below the line of the run, which is a whole one of two poses
 // unless the input has its own: it holds the hashes of the copies of the inputs.
-#include "capture/recorded_frames.h"
+#include "capture/files_camera.h"
 #include "core/file/text.h"
 #include "station/qualify/recorded_run.h"
 #include "station/record/run_events.h"

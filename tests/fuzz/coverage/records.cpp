@@ -3,7 +3,7 @@
 #include <array>
 
 #include "station/history/run_history.h"
-#include "station/planning/oc_record.h"
+#include "station/planning/operating_characteristic.h"
 #include "station/render/image_set.h"
 #include "study/study_description.h"
 #include "tests/fuzz/coverage/fuzz_input.h"

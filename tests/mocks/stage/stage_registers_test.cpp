@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "stage/link/registers.h"
+#include "stage/link/register_numbers.h"
 
 namespace etalon {
 namespace {

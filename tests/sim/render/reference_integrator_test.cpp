@@ -7,7 +7,7 @@
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "sim/psf/point_spread_sampler.h"
-#include "sim/scene/sobol.h"
+#include "sim/scene/pose_sampling.h"
 
 namespace etalon {
 namespace {

@@ -1,5 +1,5 @@
-#include "sim/scene/marker_in_view.h"
 #include "core/geometry/units.h"
+#include "sim/scene/marker_view.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <opencv2/calib3d.hpp>
 
-#include "core/geometry/roll_pitch_yaw.h"
+#include "core/geometry/rigid.h"
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
 

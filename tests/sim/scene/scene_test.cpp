@@ -7,7 +7,6 @@
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/render/renderer.h"
-#include "sim/render/scene_render.h"
 #include "sim/scene/marker_view.h"
 
 namespace etalon {

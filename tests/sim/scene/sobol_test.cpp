@@ -1,4 +1,4 @@
-#include "sim/scene/sobol.h"
+#include "sim/scene/pose_sampling.h"
 
 #include <gmock/gmock.h>
 

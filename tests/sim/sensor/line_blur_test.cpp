@@ -1,4 +1,4 @@
-#include "sim/sensor/line_blur.h"
+#include "sim/sensor/disturbances.h"
 
 #include <gtest/gtest.h>
 

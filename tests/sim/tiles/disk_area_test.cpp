@@ -1,4 +1,4 @@
-#include "sim/tiles/disk_area.h"
+#include "sim/tiles/lens_average.h"
 
 #include <gtest/gtest.h>
 

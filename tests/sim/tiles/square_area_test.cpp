@@ -1,4 +1,4 @@
-#include "sim/tiles/square_area.h"
+#include "sim/tiles/cell_coverage.h"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 
 #include <numbers>
 
-#include "sim/scene/marker_outline.h"
+#include "sim/scene/marker_view.h"
 #include "sim/tiles/undistortion_map.h"
 #include "tests/gray.h"
 

@@ -12,8 +12,8 @@
 #include <random>
 
 #include "core/program/errors.h"
-#include "sim/tiles/disk_area.h"
-#include "sim/tiles/square_area.h"
+#include "sim/tiles/cell_coverage.h"
+#include "sim/tiles/lens_average.h"
 #include "tests/gray.h"
 
 namespace etalon {

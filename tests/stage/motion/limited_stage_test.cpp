@@ -1,4 +1,4 @@
-#include "stage/motion/limited_stage.h"
+#include "stage/motion/motion_guard.h"
 
 #include <gtest/gtest.h>
 

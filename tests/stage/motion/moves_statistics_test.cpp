@@ -15,8 +15,8 @@
 
 #include "core/statistics/random.h"
 #include "mocks/stage/memory_transport.h"
-#include "stage/motion/limited_stage.h"
 #include "stage/motion/modbus_stage.h"
+#include "stage/motion/motion_guard.h"
 
 namespace etalon {
 namespace {

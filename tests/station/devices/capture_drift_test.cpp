@@ -1,4 +1,4 @@
-#include "station/devices/capture_drift.h"
+#include "station/devices/drift_report.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -13,7 +13,6 @@
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 #include "station/devices/commands.h"
-#include "station/devices/drift_report.h"
 #include "tests/pages.h"
 #include "tests/temporary_folder.h"
 

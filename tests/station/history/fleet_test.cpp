@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "core/time/calendar_date.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 namespace {

@@ -1,4 +1,4 @@
-#include "station/history/trend.h"
+#include "station/history/control_chart.h"
 
 #include <gtest/gtest.h>
 

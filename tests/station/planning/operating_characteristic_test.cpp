@@ -9,7 +9,6 @@
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "station/planning/oc_record.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "compare/photo_pose.h"
-#include "station/qualify/visited_pose.h"
+#include "station/qualify/runner.h"
 
 namespace etalon {
 namespace {

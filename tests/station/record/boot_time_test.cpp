@@ -1,4 +1,4 @@
-#include "station/record/boot_time.h"
+#include "station/record/qualify_result.h"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "station/record/image_writer.h"
 #include "station/record/run_events.h"
 #include "station/record/run_json.h"
 #include "tests/station/stations.h"

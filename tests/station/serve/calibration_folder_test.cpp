@@ -1,4 +1,4 @@
-#include "station/serve/calibration_folder.h"
+#include "station/serve/station_control.h"
 
 #include <gmock/gmock.h>
 

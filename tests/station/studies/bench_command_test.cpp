@@ -6,7 +6,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "bench/bench_against.h"
 #include "bench/bench_report.h"
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"

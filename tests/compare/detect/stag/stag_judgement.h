@@ -1,7 +1,7 @@
 // Right and wrong of what was found in an image of tests/compare/detect/stag/stag_images.h.
 #pragma once
 
-#include "compare/detect/stag/stag_finder.h"
+#include "compare/detect/stag/stag_detector.h"
 #include "tests/compare/detect/stag/stag_images.h"
 
 namespace etalon::test {

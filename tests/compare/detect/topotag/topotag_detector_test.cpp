@@ -4,7 +4,7 @@
 
 #include "compare/detect/detector_adaptors.h"
 #include "compare/make_detector.h"
-#include "core/statistics/median.h"
+#include "core/statistics/distributions.h"
 #include "tests/compare/rendered_tags.h"
 #include "tests/evidence/topotag_study.h"
 

@@ -12,7 +12,7 @@ target_compile_options(etalon_compiler INTERFACE
     $<$<BOOL:${ETALON_WARNINGS_AS_ERRORS}>:-Werror>)
 
 # g++ 12 sees an impossible memcpy inside std::string (its bug 105651): not our warning.
-# -Wshadow=local: names of other files of the room are no reason for a warning.
+# -Wshadow=local: names of other files of the module are no reason for a warning.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     target_compile_options(etalon_compiler INTERFACE -Wshadow=local -Wno-stringop-overflow -Wno-stringop-overread -Wno-restrict -Wno-array-bounds)
 endif()

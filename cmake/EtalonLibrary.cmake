@@ -1,8 +1,8 @@
-# etalon_library(NAME [STATIC] [PUBLIC libs...] [PRIVATE libs...] [WITHOUT files or rooms...])
+# etalon_library(NAME [STATIC] [PUBLIC libs...] [PRIVATE libs...] [WITHOUT files or modules...])
 #
-# One library per folder at the top, with the alias etalon::NAME: every .cpp file of its rooms. Static
+# One library per folder at the top, with the alias etalon::NAME: every .cpp file of its modules. Static
 # unless BUILD_SHARED_LIBS is on, as it is for the Debian packages; STATIC: even then.
-# Headers are included from the root ("sim/render/renderer.h"). Each room is one translation unit: what
+# Headers are included from the root ("sim/render/renderer.h"). Each module is one translation unit: what
 # its files include is then parsed once, which takes a quarter of the time. All folders share one
 # precompiled header, made by core.
 function(etalon_library name)
@@ -27,14 +27,14 @@ function(etalon_library name)
     target_link_libraries(etalon_${name} PUBLIC ${ARG_PUBLIC}
         PRIVATE $<BUILD_INTERFACE:etalon_compiler> ${ARG_PRIVATE})
     etalon_precompile(etalon_${name})
-    etalon_join_rooms(etalon_${name} ${sources})
+    etalon_join_modules(etalon_${name} ${sources})
 endfunction()
 
 # One translation unit for all of a target's sources in the same folder.
-function(etalon_join_rooms target)
+function(etalon_join_modules target)
     foreach(source IN LISTS ARGN)
-        cmake_path(GET source PARENT_PATH room)
-        string(REPLACE / _ group "${target}_${room}")
+        cmake_path(GET source PARENT_PATH module)
+        string(REPLACE / _ group "${target}_${module}")
         set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
     endforeach()
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)

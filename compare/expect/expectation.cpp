@@ -29,9 +29,9 @@ Eigen::VectorXd stacked(const std::vector<Eigen::Vector2d>& corners) {
 }
 
 // Where the marker's points truly are; nothing when one has no projection.
-std::optional<Eigen::VectorXd> projected(const Projector& projector,
-                                         const std::vector<Eigen::Vector3d>& points_mm,
-                                         const Rigid& camera_from_marker) {
+std::optional<Eigen::VectorXd> true_pixels(const Projector& projector,
+                                           const std::vector<Eigen::Vector3d>& points_mm,
+                                           const Rigid& camera_from_marker) {
     std::vector<Eigen::Vector2d> pixels;
     for (const Eigen::Vector3d& point : points_mm) {
         const auto pixel = projector.project(camera_from_marker * point);
@@ -59,7 +59,7 @@ public:
 
     // Safe from every thread.
     std::optional<DetectorStatistics> at(const Rigid& camera_from_marker, std::size_t index) const {
-        const auto truth = projected(projector_, scene_.marker.points_mm, camera_from_marker);
+        const auto truth = true_pixels(projector_, scene_.marker.points_mm, camera_from_marker);
         if (!truth)
             return std::nullopt;
         const ExpectedExposures exposures(view_, camera_from_marker);

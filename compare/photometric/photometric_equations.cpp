@@ -11,6 +11,7 @@
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photo_match.h"
 #include "core/program/errors.h"
+#include "core/statistics/distributions.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {
@@ -233,12 +234,6 @@ void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& t
         hold(next++, saturation.level_gray, min_saturation_gray, max_saturation_gray);
         hold(next, saturation.knee_gray, min_knee_gray, max_knee_gray);
     }
-}
-
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
 }
 
 // The straight line through all pixels used of gray against what the camera's curve makes of the

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds the release preset and runs its tests.
+# Installs what is missing, builds the release preset, runs its tests and says which took longest.
 #
 #     ./test.sh [--all] [CTEST ARGUMENTS]      ./test.sh -L sim    ./test.sh -R Stage
 #

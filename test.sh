@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds the release preset and runs its tests.
+# Installs what is missing, builds the release preset, runs its tests and says which took longest.
 #
 #     ./test.sh [--all] [CTEST ARGUMENTS]      ./test.sh -L sim    ./test.sh -R Stage
 #
 # Without --all: what guards every day's work; it leaves out the labels statistical (many renders or
 # runs each, tolerances derived for their size), vm (two virtual machines with real camera drivers)
-# and evidence (whole runs that are repeated, killed or sent to a cluster, and a minute of fuzzing
+# and evidence (whole runs that are repeated, killed or sent to a cluster, and ten seconds of fuzzing
 # for each target of scripts/fuzz.sh). --all: everything that this machine can run. Labels are these,
 # unit, loopback, photo and install, and the room: -L sim/tiles. What cannot run here says skipped
 # and why. Times: README.md.
@@ -50,5 +50,8 @@ fi
 
 build_etalon "$target"
 echo "== testing"
-ctest --test-dir build/release --output-on-failure --no-tests=error -j "$(($(nproc) * 4))" \
-    "${chosen[@]}" "$@"
+status=0
+ctest --test-dir build/release --output-on-failure --no-tests=error -j "$(($(nproc) * 5))" \
+    "${chosen[@]}" "$@" || status=$?
+scripts/slowest-tests.sh
+exit "$status"

@@ -15,6 +15,14 @@ function(etalon_library name)
     foreach(pattern IN LISTS ARG_WITHOUT)
         list(FILTER sources EXCLUDE REGEX "^${pattern}")
     endforeach()
+    set(linked "")
+    if(ETALON_NUMERICS_FROM)
+        set(all ${sources})
+        etalon_without_numerics(sources ${name})
+        if(NOT sources STREQUAL all)
+            set(linked ${ETALON_NUMERICS_FROM}/${name}/libetalon_${name}.a)
+        endif()
+    endif()
     add_library(etalon_${name} ${kind} ${sources})
     add_library(etalon::${name} ALIAS etalon_${name})
     # No symbol of its own for exports: a precompiled header is refused when one differs.
@@ -24,10 +32,28 @@ function(etalon_library name)
         $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
         $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>
         $<INSTALL_INTERFACE:include>)
-    target_link_libraries(etalon_${name} PUBLIC ${ARG_PUBLIC}
+    target_link_libraries(etalon_${name} PUBLIC ${linked} ${ARG_PUBLIC}
         PRIVATE $<BUILD_INTERFACE:etalon_compiler> ${ARG_PRIVATE})
     etalon_precompile(etalon_${name})
     etalon_join_modules(etalon_${name} ${sources})
+endfunction()
+
+# etalon_without_numerics(LIST FOLDER): takes the rooms that only calculate out of a list of FOLDER's
+# sources. Continuous integration links them from its release build (ETALON_NUMERICS_FROM) when it
+# runs the sanitizers. What reaches them are numbers and matrices that were checked, and all their
+# memory is Eigen's, OpenCV's or the standard library's. With sanitizers it compiles every other
+# room: what reads files, wires, frames and the answers of programs, goes through pictures by pointers
+# to their rows, or calculates with the processor's vectors; and every new room. The one reader in the
+# rooms left out, of limits in compare/verdict, is among those that are fuzzed with them.
+function(etalon_without_numerics list folder)
+    set(numerics calib/camera calib/intrinsics calib/registration
+        compare/drift compare/edges compare/expect compare/verdict)
+    foreach(room IN LISTS numerics)
+        if(room MATCHES "^${folder}/(.*)")
+            list(FILTER ${list} EXCLUDE REGEX "(^|/)${CMAKE_MATCH_1}/")
+        endif()
+    endforeach()
+    set(${list} ${${list}} PARENT_SCOPE)
 endfunction()
 
 # One translation unit for all of a target's sources in the same folder.

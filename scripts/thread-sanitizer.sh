@@ -7,4 +7,4 @@ cd "$(dirname "$0")/.."
 export TSAN_OPTIONS="suppressions=$PWD/scripts/thread-sanitizer.supp"
 cmake --preset tsan >/dev/null
 cmake --build build/tsan --target unit_tests
-ctest --test-dir build/tsan -L unit --output-on-failure --no-tests=error -j "$(($(nproc) * 4))"
+ctest --test-dir build/tsan -L unit --output-on-failure --no-tests=error -j "$(($(nproc) * 5))"

@@ -37,8 +37,8 @@ void switch_loopback_on() {
 
 void wait_for_the_common_network() {
     const auto file = std::filesystem::temp_directory_path() / "etalon-loopback.lock";
-    const int lock = open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
-    flock(lock, LOCK_EX);  // until the program ends
+    const int lock = open(file.c_str(), O_CREAT | O_RDWR, 0666);
+    flock(lock, LOCK_EX);  // until the program and all that it starts have ended
 }
 
 // Before main(): no thread runs yet, which a user namespace asks for.

@@ -1,7 +1,6 @@
 #include "capture/genicam/genicam_support.h"
 
 #include <arv.h>
-#include <fmt/format.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -70,11 +69,6 @@ std::vector<CameraIdentity> list_genicam_cameras() {
                          text_or_empty(arv_get_device_model(i)),
                          text_or_empty(arv_get_device_serial_nbr(i))});
     return found;
-}
-
-std::string genicam_sdk_version() {
-    return fmt::format("Aravis {}.{}.{}", ARAVIS_MAJOR_VERSION, ARAVIS_MINOR_VERSION,
-                       ARAVIS_MICRO_VERSION);
 }
 
 }  // namespace etalon

@@ -103,6 +103,4 @@ std::unique_ptr<LibcameraDevice> open_libcamera_device(const std::string& id);
 // Takes about a tenth of a second. Empty where libcamera cannot look.
 std::vector<CameraIdentity> list_libcamera_cameras();
 
-std::string libcamera_sdk_version();
-
 }  // namespace etalon

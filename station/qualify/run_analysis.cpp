@@ -4,10 +4,10 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <opencv2/imgcodecs.hpp>
 
 #include "compare/photometric/photo_match.h"
 #include "core/file/text.h"
+#include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 #include "station/register/qualification_input.h"
 
@@ -22,8 +22,7 @@ void throw_if_stopped(const std::stop_token& stop) {
 }
 
 std::string png_of(const CodeImage& image) {
-    std::vector<unsigned char> bytes;
-    cv::imencode(".png", image.pixels, bytes);
+    const std::vector<unsigned char> bytes = encode_png(image.pixels);
     return {bytes.begin(), bytes.end()};
 }
 

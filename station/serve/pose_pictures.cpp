@@ -1,9 +1,9 @@
 #include "station/serve/pose_pictures.h"
 
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detect/detector.h"
+#include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 #include "station/setup/station_inputs.h"
 
@@ -28,8 +28,7 @@ std::string small_jpeg(const cv::Mat& picture) {
         const double scale = static_cast<double>(most_columns) / picture.cols;
         cv::resize(picture, small, {}, scale, scale, cv::INTER_AREA);
     }
-    std::vector<unsigned char> bytes;
-    cv::imencode(".jpg", small, bytes, {cv::IMWRITE_JPEG_QUALITY, jpeg_quality});
+    const std::vector<unsigned char> bytes = encode_jpeg(small, jpeg_quality);
     return {bytes.begin(), bytes.end()};
 }
 

@@ -2,16 +2,12 @@
 // the table below.
 #include <functional>
 
+#include "capture/camera_plugin.h"
 #include "capture/files_camera.h"
 #include "capture/frame/camera.h"
 #include "capture/v4l2/v4l2_camera.h"
 #include "core/program/errors.h"
-#ifdef ETALON_HAVE_ARAVIS
-#include "capture/genicam/genicam_camera.h"
-#endif
-#ifdef ETALON_HAVE_LIBCAMERA
-#include "capture/libcamera/libcamera_camera.h"
-#endif
+#include "core/program/plugin.h"
 
 namespace etalon {
 namespace {
@@ -24,9 +20,17 @@ struct Backend {
     std::function<std::unique_ptr<Camera>(const std::string&, const CameraLink&, Clock&)> open;
 };
 
+// One whose SDK is loaded with its plugin.
+Backend of_plugin(const char* name, const char* sdk_version) {
+    return {name, sdk_version, [name] { return plugin<CameraPlugin>(name).list(); },
+            [name](const std::string& id, const CameraLink& link, Clock& clock) {
+                return plugin<CameraPlugin>(name).open(id, link, clock);
+            }};
+}
+
 Backend genicam() {
-#ifdef ETALON_HAVE_ARAVIS
-    return {"genicam", genicam_sdk_version(), list_genicam_cameras, open_genicam_camera};
+#ifdef ETALON_ARAVIS
+    return of_plugin("genicam", ETALON_ARAVIS);
 #else
     return {
         "genicam", "left out: Aravis 0.8 was not found when this program was configured", {}, {}};
@@ -34,11 +38,8 @@ Backend genicam() {
 }
 
 Backend libcamera() {
-#ifdef ETALON_HAVE_LIBCAMERA
-    return {"libcamera", libcamera_sdk_version(), list_libcamera_cameras,
-            [](const std::string& id, const CameraLink& link, Clock& clock) {
-                return open_libcamera_camera(id, link, clock);
-            }};
+#ifdef ETALON_LIBCAMERA
+    return of_plugin("libcamera", ETALON_LIBCAMERA);
 #else
     return {
         "libcamera", "left out: libcamera was not found when this program was configured", {}, {}};

@@ -18,7 +18,7 @@ usrmerged() {
 }
 
 mkdir -p "$folder"
-for library in $(ldd /usr/bin/etalon /usr/bin/etalon-twin | sed -n 's/.*=> \(\/[^ ]*\).*/\1/p' | sort -u); do
+for library in $(ldd /usr/bin/etalon /usr/bin/etalon-twin /usr/lib/*/etalon/*.so | sed -n 's/.*=> \(\/[^ ]*\).*/\1/p' | sort -u); do
     package=$(package_of "$(usrmerged "$(readlink -f "$library")")")
     case $package in etalon | libetalon0) continue ;; esac
     grep -qx "$package" /base-packages && continue

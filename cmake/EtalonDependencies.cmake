@@ -4,9 +4,16 @@
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
-find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc imgcodecs calib3d ximgproc
-                         videoio)
-find_package(OpenCV 4.5 QUIET OPTIONAL_COMPONENTS aruco objdetect)
+find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc calib3d
+                         imgcodecs videoio ximgproc)   # the plugin's, and the tests'
+if(OpenCV_VERSION VERSION_LESS 4.7)
+    set(aruco opencv_aruco)   # a contributed module
+else()
+    set(aruco opencv_objdetect)
+endif()
+find_package(PNG REQUIRED)
+find_package(JPEG REQUIRED)
+find_package(TIFF REQUIRED)
 find_package(Boost 1.74 REQUIRED CONFIG)   # Boost.Math, headers only
 find_package(OpenSSL REQUIRED)
 find_package(yaml-cpp REQUIRED)
@@ -28,10 +35,12 @@ if(NOT TARGET yaml-cpp::yaml-cpp)
     add_library(yaml-cpp::yaml-cpp ALIAS yaml-cpp)   # the target's name before yaml-cpp 0.8
 endif()
 
-# OpenCV's headers mix enumerations in ways that C++20 deprecates: included as system headers.
+# OpenCV's headers mix enumerations in ways that C++20 deprecates: included as system headers. Linked
+# is what loads within milliseconds; imgcodecs, videoio and ximgproc, which bring GDAL, FFmpeg and
+# GStreamer along, are a plugin's (core/image/opencv_plugin.h).
 add_library(etalon_opencv INTERFACE)
 target_include_directories(etalon_opencv SYSTEM INTERFACE ${OpenCV_INCLUDE_DIRS})
-target_link_libraries(etalon_opencv INTERFACE ${OpenCV_LIBS})
+target_link_libraries(etalon_opencv INTERFACE opencv_core opencv_imgproc opencv_calib3d ${aruco})
 
 set(ETALON_HAVE_ARAVIS ${ARAVIS_FOUND})
 if(NOT LIBXML2_FOUND)

@@ -25,8 +25,9 @@ foreach(folder examples web)
 endforeach()
 install(EXPORT etalonTargets NAMESPACE etalon::
     DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/etalon)
+set(ETALON_PLUGIN_DIR ${CMAKE_INSTALL_LIBDIR}/etalon)
 configure_package_config_file(cmake/etalonConfig.cmake.in
-    ${PROJECT_BINARY_DIR}/etalonConfig.cmake
+    ${PROJECT_BINARY_DIR}/etalonConfig.cmake PATH_VARS ETALON_PLUGIN_DIR
     INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/etalon)
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/etalonConfigVersion.cmake
     COMPATIBILITY SameMinorVersion)

@@ -4,11 +4,10 @@
 
 #include <algorithm>
 #include <map>
-#include <opencv2/imgcodecs.hpp>
 #include <string_view>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
+#include "core/image/picture_codec.h"
 #include "report/number_text.h"
 
 namespace etalon {
@@ -127,14 +126,6 @@ std::string base64(const std::vector<unsigned char>& bytes) {
             text += k <= present ? letters[(word >> (18 - 6 * k)) & 63u] : '=';
     }
     return text;
-}
-
-std::string data_uri(const cv::Mat& picture, const std::string& extension,
-                     const std::string& media_type, const std::vector<int>& parameters) {
-    std::vector<unsigned char> bytes;
-    if (!cv::imencode(extension, picture, bytes, parameters))
-        throw Error("a picture of the report cannot be encoded as " + media_type);
-    return "data:" + media_type + ";base64," + base64(bytes);
 }
 
 std::string list_html(const std::vector<std::string>& items, const char* css) {
@@ -277,7 +268,7 @@ std::string HtmlPage::finish() const {
 }
 
 std::string png_data_uri(const cv::Mat& picture) {
-    return data_uri(picture, ".png", "image/png", {});
+    return "data:image/png;base64," + base64(encode_png(picture));
 }
 
 std::string embedded_png(const cv::Mat& picture, const std::string& alt) {
@@ -285,8 +276,8 @@ std::string embedded_png(const cv::Mat& picture, const std::string& alt) {
 }
 
 std::string embedded_jpeg(const cv::Mat& picture, int quality, const std::string& alt) {
-    return image_element(
-        picture, data_uri(picture, ".jpg", "image/jpeg", {cv::IMWRITE_JPEG_QUALITY, quality}), alt);
+    return image_element(picture, "data:image/jpeg;base64," + base64(encode_jpeg(picture, quality)),
+                         alt);
 }
 
 }  // namespace etalon

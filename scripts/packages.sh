@@ -2,7 +2,7 @@
 # installed when something is missing. Nothing is fetched or asked when all is there.
 
 build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-contrib-dev \
-    libeigen3-dev libapriltag-dev libaravis-dev libusb-1.0-0-dev libcamera-dev \
+    libpng-dev libjpeg-dev libtiff-dev libeigen3-dev libapriltag-dev libaravis-dev libusb-1.0-0-dev libcamera-dev \
     libmodbus-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev libhwy-dev libtbb-dev \
     libboost-math-dev libssl-dev libcpp-httplib-dev libsqlite3-dev"
 docs_packages="mkdocs mkdocs-material doxygen python3-matplotlib"   # scripts/docs.sh

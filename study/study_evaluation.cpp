@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <map>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/files/camera_file.h"
+#include "core/image/image.h"
 #include "core/program/errors.h"
 #include "core/time/clock.h"
 
@@ -349,8 +349,7 @@ StudyFinding StudyWorker::judge_external(const CodeImage& image, std::size_t var
                                          std::size_t detector, const Rigid& truth) {
     const Stopwatch watch(times_.detectors[detector]);
     const std::filesystem::path file = scratch_ / "image.png";
-    if (!cv::imwrite(file.string(), image.pixels))
-        throw ConfigError({file.string()}, "cannot be written");
+    write_image(file, image);
     const ExternalAnswer answer =
         externals_[detector]->detect(file, scratch_ / fmt::format("camera-{}.yml", variant));
     if (!answer.camera_from_marker)

@@ -5,7 +5,7 @@
 
 cmake_policy(VERSION 3.25)
 
-set(folders core report calib stage capture sim compare bench study station mocks python)
+set(folders core report calib stage capture plugins sim compare bench study station mocks python)
 set(types "^(struct|class|union|enum class|enum) (alignas\\([^)]*\\) )?([A-Za-z0-9_]+(::[A-Za-z0-9_]+)*)")
 
 # Notes every type that a file defines outside all others: clang-format begins such lines in the

@@ -1,5 +1,4 @@
-// The nonlinear least-squares problem of calib/intrinsics/camera_fit.h in any precision: double for
-// use, long double to show what rounding does to it (`etalon stability`).
+// The nonlinear least-squares problem of calib/intrinsics/camera_fit.h.
 //
 // Levenberg-Marquardt on the parameters of the camera, of which `free` may move, and a pose per
 // view. Each view's Jacobian is brought to a triangle by Householder QR with the pose's
@@ -23,33 +22,27 @@ namespace etalon {
 
 // Points are relative to their centroid: turning a target about a far origin would be nearly the
 // same as moving it.
-template <typename Scalar>
 struct BundleView {
     Eigen::Vector3d centre_mm;
-    Eigen::Matrix<Scalar, 3, Eigen::Dynamic> points_mm;
-    Eigen::Matrix<Scalar, 2, Eigen::Dynamic> pixels;
-    Eigen::Matrix<Scalar, Eigen::Dynamic, 1> weights;  // of a residual: 1 / sigma
+    Eigen::Matrix3Xd points_mm;
+    Eigen::Matrix2Xd pixels;
+    Eigen::VectorXd weights;  // of a residual: 1 / sigma
 };
-template <typename Scalar>
-BundleView<Scalar> bundle_view(const CalibrationView& view);
+BundleView bundle_view(const CalibrationView& view);
 
-template <typename Scalar>
 struct BundlePose {  // camera from centred target
-    Eigen::Quaternion<Scalar> rotation;
-    Eigen::Matrix<Scalar, 3, 1> translation;
+    Eigen::Quaterniond rotation;
+    Eigen::Vector3d translation;
 };
-template <typename Scalar>
-BundlePose<Scalar> bundle_pose(const Rigid& camera_from_target, const Eigen::Vector3d& centre_mm);
-template <typename Scalar>
-Rigid rigid_from(const BundlePose<Scalar>& pose, const Eigen::Vector3d& centre_mm);
+BundlePose bundle_pose(const Rigid& camera_from_target, const Eigen::Vector3d& centre_mm);
+Rigid rigid_from(const BundlePose& pose, const Eigen::Vector3d& centre_mm);
 
-template <typename Scalar>
 struct Bundle {
     LensProjection projection;
-    typename PixelModel<Scalar>::Parameters camera;
-    std::vector<BundlePose<Scalar>> poses;
+    PixelModel<double>::Parameters camera;
+    std::vector<BundlePose> poses;
 
-    PixelModel<Scalar> model() const { return {projection, camera}; }
+    PixelModel<double> model() const { return {projection, camera}; }
 };
 
 struct BundleOptions {
@@ -60,32 +53,25 @@ struct BundleOptions {
     PixelModel<double>::Parameters pull = PixelModel<double>::Parameters::Zero();
 };
 
-template <typename Scalar>
 struct BundleSolution {
-    Bundle<Scalar> bundle;
-    Scalar cost;  // bundle_cost()
+    Bundle bundle;
+    double cost;  // bundle_cost()
     int iterations = 0;
     bool converged = false;
 };
 
 // The sum of squares, or of Huber's function, with the pull's. Nothing as below.
-template <typename Scalar>
-std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>& views,
-                                  const Bundle<Scalar>& bundle, const BundleOptions& options);
+std::optional<double> bundle_cost(const std::vector<BundleView>& views, const Bundle& bundle,
+                                  const BundleOptions& options);
 
 // Nothing when the start puts a point where the model is not regular.
-template <typename Scalar>
-std::optional<BundleSolution<Scalar>> adjust_bundle(const std::vector<BundleView<Scalar>>& views,
-                                                    const Bundle<Scalar>& start,
-                                                    const BundleOptions& options);
+std::optional<BundleSolution> adjust_bundle(const std::vector<BundleView>& views,
+                                            const Bundle& start, const BundleOptions& options);
 
 // The view's residuals and Jacobian [pose | free parameters | residual], times an orthogonal matrix
 // from the left: upper triangular, 6 + free + 1 rows and columns. Every point must be regular. A
 // parameter of the pose that no pixel depends on has a 1 in its column, and does not move.
-template <typename Scalar>
-Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(const BundleView<Scalar>& view,
-                                                                    const PixelModel<Scalar>& model,
-                                                                    const BundlePose<Scalar>& pose,
-                                                                    const BundleOptions& options);
+Eigen::MatrixXd view_triangle(const BundleView& view, const PixelModel<double>& model,
+                              const BundlePose& pose, const BundleOptions& options);
 
 }  // namespace etalon

@@ -258,13 +258,13 @@ std::vector<LensProjection> first_guesses(Projection kind) {
 // Poses of all views for a camera without distortion, and the sum of the squared distances that
 // they leave, px; nothing when it does not see all of them.
 struct PosedViews {
-    std::vector<BundlePose<double>> poses;
+    std::vector<BundlePose> poses;
     double squares = 0.0;
 };
 std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
-                                      const std::vector<BundleView<double>>& bundle_views,
+                                      const std::vector<BundleView>& bundle_views,
                                       const CameraModel& camera) {
-    Bundle<double> one{camera.projection, all_parameters(camera), {}};
+    Bundle one{camera.projection, all_parameters(camera), {}};
     PosedViews posed;
     for (std::size_t v = 0; v < views.size(); ++v) {
         std::vector<Eigen::Vector2d> plane;
@@ -273,9 +273,9 @@ std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
         const auto pose = pose_from_plane(views[v].points_mm, plane, camera.projection);
         if (!pose)
             return std::nullopt;
-        posed.poses.push_back(bundle_pose<double>(*pose, bundle_views[v].centre_mm));
+        posed.poses.push_back(bundle_pose(*pose, bundle_views[v].centre_mm));
         one.poses = {posed.poses.back()};
-        const auto cost = bundle_cost<double>({bundle_views[v]}, one, {});
+        const auto cost = bundle_cost({bundle_views[v]}, one, {});
         if (!cost)
             return std::nullopt;
         posed.squares += *cost;
@@ -336,15 +336,15 @@ CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size i
     const std::vector<Plane> planes = undistorted_planes(views, principal);
     const Eigen::Vector2d focal =
         searched_focal(planes, std::hypot(image_size.width, image_size.height), principal);
-    Bundle<double> bundle{.camera = CameraParameters::Zero()};
+    Bundle bundle{.camera = CameraParameters::Zero()};
     bundle.camera.head<4>() << focal, principal;
-    std::vector<BundleView<double>> undistorted;
+    std::vector<BundleView> undistorted;
     for (std::size_t i = 0; i < views.size(); ++i) {
         CalibrationView view = views[i];
         view.pixels = planes[i].seen;
-        undistorted.push_back(bundle_view<double>(view));
+        undistorted.push_back(bundle_view(view));
         const Rigid pose = rigid_of(planes[i], fit_plane(planes[i], focal, principal).pose);
-        bundle.poses.push_back(bundle_pose<double>(pose, undistorted[i].centre_mm));
+        bundle.poses.push_back(bundle_pose(pose, undistorted[i].centre_mm));
     }
     constexpr int few = 20;
     const auto solution =
@@ -363,9 +363,9 @@ CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size i
 std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView> views,
                                                  cv::Size image_size, Projection projection) {
     const double diagonal = std::hypot(image_size.width, image_size.height);
-    std::vector<BundleView<double>> all;
+    std::vector<BundleView> all;
     for (const CalibrationView& view : views)
-        all.push_back(bundle_view<double>(view));
+        all.push_back(bundle_view(view));
     std::vector<CameraStart> starts;
     for (const LensProjection& guess : first_guesses(projection)) {
         std::optional<PosedViews> best;

@@ -69,17 +69,17 @@ GroupFit fit_first(std::span<const CalibrationView> views, cv::Size size,
 // A camera like the first one but for its own parameters. Throws NumericalError.
 GroupFit fit_second(std::span<const CalibrationView> views, const CalibrationModel& model,
                     const CameraModel& first, int own) {
-    std::vector<BundleView<double>> bundle_views;
-    Bundle<double> start{first.projection, all_parameters(first), {}};
+    std::vector<BundleView> bundle_views;
+    Bundle start{first.projection, all_parameters(first), {}};
     for (const CalibrationView& view : views) {
-        bundle_views.push_back(bundle_view<double>(view));
+        bundle_views.push_back(bundle_view(view));
         start.poses.push_back(
-            bundle_pose<double>(fit_view_pose(first, view), bundle_views.back().centre_mm));
+            bundle_pose(fit_view_pose(first, view), bundle_views.back().centre_mm));
     }
     std::vector<int> free;
     for (int i = 0; i < own; ++i)
         free.push_back(parameter_index(model.parameters[std::size_t(i)]));
-    const auto solution = adjust_bundle<double>(bundle_views, start, {.free = free});
+    const auto solution = adjust_bundle(bundle_views, start, {.free = free});
     if (!solution)
         throw NumericalError("no second camera fits");
     CameraFit fit{.camera = first};

@@ -17,8 +17,8 @@ namespace {
 
 constexpr std::size_t min_pose_points = 4;
 
-using Views = std::vector<BundleView<double>>;
-using Solution = BundleSolution<double>;
+using Views = std::vector<BundleView>;
+using Solution = BundleSolution;
 
 std::vector<int> indices_of(const CalibrationModel& model) {
     std::vector<int> indices;
@@ -30,7 +30,7 @@ std::vector<int> indices_of(const CalibrationModel& model) {
 Views bundle_views(std::span<const CalibrationView> views) {
     Views all;
     for (const CalibrationView& view : views)
-        all.push_back(bundle_view<double>(view));
+        all.push_back(bundle_view(view));
     return all;
 }
 
@@ -66,11 +66,10 @@ void check_camera(const CameraModel& camera, std::span<const Rigid> poses, std::
             throw NumericalError("a pose is not finite");
 }
 
-Bundle<double> bundle_of(const CameraModel& camera, std::span<const Rigid> poses,
-                         const Views& views) {
-    Bundle<double> bundle{camera.projection, all_parameters(camera), {}};
+Bundle bundle_of(const CameraModel& camera, std::span<const Rigid> poses, const Views& views) {
+    Bundle bundle{camera.projection, all_parameters(camera), {}};
     for (std::size_t i = 0; i < views.size(); ++i)
-        bundle.poses.push_back(bundle_pose<double>(poses[i], views[i].centre_mm));
+        bundle.poses.push_back(bundle_pose(poses[i], views[i].centre_mm));
     return bundle;
 }
 
@@ -80,23 +79,22 @@ Bundle<double> bundle_of(const CameraModel& camera, std::span<const Rigid> poses
 }
 
 // With the bundle's camera.
-std::optional<BundleSolution<double>> adjusted_pose(const BundleView<double>& view,
-                                                    const Bundle<double>& bundle,
-                                                    const BundlePose<double>& pose,
-                                                    const BundleOptions& options = {}) {
-    return adjust_bundle<double>({view}, {bundle.projection, bundle.camera, {pose}}, options);
+std::optional<BundleSolution> adjusted_pose(const BundleView& view, const Bundle& bundle,
+                                            const BundlePose& pose,
+                                            const BundleOptions& options = {}) {
+    return adjust_bundle({view}, {bundle.projection, bundle.camera, {pose}}, options);
 }
 
 // A pose to try in place of another, and by what factor its cost must be below the other's.
 struct RivalPose {
-    BundlePose<double> pose;
+    BundlePose pose;
     double less = 0.999;
 };
 
 // A telecentric camera sees tilts of either sign alike, and tilts near zero in second order only:
 // where no tilt fits better, flat on is the minimum, to which no steps converge; and from there
 // none lead back.
-std::vector<RivalPose> telecentric_others(const BundlePose<double>& pose) {
+std::vector<RivalPose> telecentric_others(const BundlePose& pose) {
     const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
     const auto tilted = [&](double about_x, double about_y) -> RivalPose {
         return {{rotation_from_vector({about_x, about_y, 0.0}) * pose.rotation, pose.translation}};
@@ -105,19 +103,19 @@ std::vector<RivalPose> telecentric_others(const BundlePose<double>& pose) {
         return {tilted(0.03, 0.01), tilted(-0.01, 0.03)};
     if (tilt_rad(pose.rotation) > hardly_tilted_rad)
         return {};
-    return {{bundle_pose<double>(flat_on(rigid_from(pose, origin), origin), origin), 1.0 + 1e-6}};
+    return {{bundle_pose(flat_on(rigid_from(pose, origin), origin), origin), 1.0 + 1e-6}};
 }
 
 // A plane seen without much perspective has two poses; the start may have taken the wrong one.
-std::vector<RivalPose> other_poses(const BundlePose<double>& pose, Projection projection) {
+std::vector<RivalPose> other_poses(const BundlePose& pose, Projection projection) {
     if (projection == Projection::telecentric)
         return telecentric_others(pose);
     const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
-    return {{bundle_pose<double>(mirrored_pose(rigid_from(pose, origin), origin), origin)}};
+    return {{bundle_pose(mirrored_pose(rigid_from(pose, origin), origin), origin)}};
 }
 
 // Returns whether one was better than the one that there was.
-bool choose_other_poses(const Views& views, Bundle<double>& bundle, double huber) {
+bool choose_other_poses(const Views& views, Bundle& bundle, double huber) {
     const BundleOptions options{.free = {}, .huber = huber, .most_iterations = 8};
     bool changed = false;
     for (std::size_t i = 0; i < views.size(); ++i) {
@@ -138,7 +136,7 @@ bool choose_other_poses(const Views& views, Bundle<double>& bundle, double huber
 }
 
 // Adjusts until no other pose fits better.
-std::optional<Solution> adjust_with_other_poses(const Views& views, const Bundle<double>& start,
+std::optional<Solution> adjust_with_other_poses(const Views& views, const Bundle& start,
                                                 const BundleOptions& options) {
     constexpr int max_rounds = 4;
     auto solution = adjust_bundle(views, start, options);
@@ -151,10 +149,10 @@ std::optional<Solution> adjust_with_other_poses(const Views& views, const Bundle
 }
 
 // The largest distance of a point from the axis, where the distance from the lens is 1.
-double outermost(const Views& views, const Bundle<double>& bundle) {
+double outermost(const Views& views, const Bundle& bundle) {
     double most = 0.0;
     for (std::size_t v = 0; v < views.size(); ++v) {
-        const BundlePose<double>& pose = bundle.poses[v];
+        const BundlePose& pose = bundle.poses[v];
         const Eigen::Matrix3Xd seen =
             (pose.rotation.toRotationMatrix() * views[v].points_mm).colwise() + pose.translation;
         const Eigen::ArrayXd squares = seen.topRows<2>().colwise().squaredNorm().transpose();
@@ -183,15 +181,14 @@ CameraParameters prior_precisions(double r) {
 
 // For points that scatter as they do about this bundle. Models of wide and telecentric lenses have
 // none of these parameters.
-CameraParameters pull_of(const Views& views, const Bundle<double>& bundle,
-                         const BundleOptions& options) {
+CameraParameters pull_of(const Views& views, const Bundle& bundle, const BundleOptions& options) {
     if (bundle.projection.kind != Projection::perspective)
         return CameraParameters::Zero();
     BundleOptions of_points = options;
     of_points.pull.setZero();
     const auto cost = bundle_cost(views, bundle, of_points);
     double observations = 0.0;
-    for (const BundleView<double>& view : views)
+    for (const BundleView& view : views)
         observations += 2.0 * static_cast<double>(view.pixels.cols());
     const double count = static_cast<double>(views.size()),
                  freedom = observations - static_cast<double>(options.free.size()) - 6.0 * count;
@@ -252,7 +249,7 @@ std::vector<std::vector<int>> stages_of(const CalibrationModel& model) {
 // Each stage from the solution of the one before, so that none fits worse than a model that it
 // contains; and each from the start at once, for lenses of 160 degrees, which the simpler ones
 // cannot follow.
-std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double>& start,
+std::optional<Solution> adjust_in_stages(const Views& views, const Bundle& start,
                                          const BundleOptions& options,
                                          const CalibrationModel& model) {
     std::optional<Solution> solution;
@@ -291,7 +288,7 @@ std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size s
             throw NumericalError(fmt::format("model {} cannot start from a camera that is {}",
                                              model.name,
                                              name_of(start.camera.projection.kind).name));
-        const Bundle<double> bundle = bundle_of(start.camera, start.camera_from_target, all);
+        const Bundle bundle = bundle_of(start.camera, start.camera_from_target, all);
         BundleOptions pulled = bundle_options;
         pulled.pull = pull_of(all, bundle, bundle_options);
         return model.projection == Projection::telecentric
@@ -477,9 +474,9 @@ Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {
     const auto start = rough_pose(camera, view);
     if (!start)
         throw NumericalError("no pose fits the view: its points would be behind the camera");
-    const Bundle<double> bundle{camera.projection, all_parameters(camera), {}};
-    const BundleView<double> of_view = bundle_view<double>(view);
-    const BundlePose<double> pose = bundle_pose<double>(*start, of_view.centre_mm);
+    const Bundle bundle{camera.projection, all_parameters(camera), {}};
+    const BundleView of_view = bundle_view(view);
+    const BundlePose pose = bundle_pose(*start, of_view.centre_mm);
     auto best = adjusted_pose(of_view, bundle, pose);
     for (const RivalPose& each : other_poses(pose, camera.projection.kind)) {
         auto other = adjusted_pose(of_view, bundle, each.pose);
@@ -526,10 +523,9 @@ std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views
     const Eigen::Index free = static_cast<Eigen::Index>(model.parameters.size());
     std::vector<ViewEquations> equations;
     for (std::size_t v = 0; v < views.size(); ++v) {
-        const BundleView<double> view = bundle_view<double>(views[v]);
-        const Eigen::MatrixXd triangle =
-            view_triangle(view, pixel_model,
-                          bundle_pose<double>(fit.camera_from_target[v], view.centre_mm), options);
+        const BundleView view = bundle_view(views[v]);
+        const Eigen::MatrixXd triangle = view_triangle(
+            view, pixel_model, bundle_pose(fit.camera_from_target[v], view.centre_mm), options);
         equations.push_back({triangle.block(6, 6, free, free),
                              triangle.col(6 + free).segment(6, free),
                              triangle(6 + free, 6 + free) * triangle(6 + free, 6 + free)});

@@ -6,7 +6,9 @@
 #include <array>
 #include <bit>
 #include <cstring>
-#include <opencv2/imgcodecs.hpp>
+
+#include "core/image/picture_codec.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -296,9 +298,7 @@ std::string size_fault(const PixelFormat& format, const RawImage& raw) {
 
 // ---- JPEG ------------------------------------------------------------------------------------
 
-// A JPEG is whole if it begins and ends with its markers; cameras pad behind with zeros. Without
-// the third byte OpenCV would take it for another format, and its DICOM reader ends the program on
-// it.
+// A JPEG is whole if it begins and ends with its markers; cameras pad behind with zeros.
 bool is_whole_jpeg(std::span<const std::uint8_t> data) {
     while (!data.empty() && data.back() == 0)
         data = data.first(data.size() - 1);
@@ -310,16 +310,12 @@ bool is_whole_jpeg(std::span<const std::uint8_t> data) {
 std::string unpack_jpeg(const RawImage& raw, CodeImage& image) {
     if (!is_whole_jpeg(raw.data))
         return fmt::format("{} bytes are no whole JPEG image", raw.data.size());
-    const cv::Mat bytes_in(1, static_cast<int>(raw.data.size()), CV_8UC1,
-                           const_cast<std::uint8_t*>(raw.data.data()));
     cv::Mat decoded;
     try {
-        decoded = cv::imdecode(bytes_in, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
-    } catch (const cv::Exception& error) {
-        return "JPEG: " + error.err;
+        decoded = decode_jpeg_luma(raw.data);
+    } catch (const Error& error) {
+        return std::string("the image ") + error.what();
     }
-    if (decoded.empty())
-        return "the JPEG image cannot be decoded";
     if (decoded.cols != raw.width || decoded.rows != raw.height)
         return fmt::format("a JPEG image of {}x{}, expected {}x{}", decoded.cols, decoded.rows,
                            raw.width, raw.height);

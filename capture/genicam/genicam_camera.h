@@ -39,7 +39,4 @@ std::unique_ptr<Camera> open_genicam_camera(const std::string& id, const CameraL
 // Asks every network card and the USB bus; takes about a second.
 std::vector<CameraIdentity> list_genicam_cameras();
 
-// Of the headers that this program was built with.
-std::string genicam_sdk_version();
-
 }  // namespace etalon

@@ -276,9 +276,4 @@ std::vector<CameraIdentity> list_genicam_cameras() {
     return found;
 }
 
-std::string genicam_sdk_version() {
-    return fmt::format("Aravis {}.{}.{}", ARAVIS_MAJOR_VERSION, ARAVIS_MINOR_VERSION,
-                       ARAVIS_MICRO_VERSION);
-}
-
 }  // namespace etalon

@@ -506,11 +506,6 @@ std::vector<CameraIdentity> list_libcamera_cameras() {
     return found;
 }
 
-std::string libcamera_sdk_version() {
-    return fmt::format("libcamera {}.{}.{}", LIBCAMERA_VERSION_MAJOR, LIBCAMERA_VERSION_MINOR,
-                       LIBCAMERA_VERSION_PATCH);
-}
-
 namespace {
 
 struct Neutral {

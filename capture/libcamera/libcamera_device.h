@@ -106,8 +106,6 @@ std::unique_ptr<LibcameraDevice> open_libcamera_device(const std::string& id);
 // Takes about a tenth of a second. Empty where libcamera cannot look.
 std::vector<CameraIdentity> list_libcamera_cameras();
 
-std::string libcamera_sdk_version();
-
 // What the libcamera backend decides without a device: which format and which values to ask for,
 // what the frames' metadata say about them, and when an exposure began.
 

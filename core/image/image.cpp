@@ -4,97 +4,105 @@
 #include <array>
 #include <cerrno>
 #include <fstream>
-#include <iterator>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string_view>
 #include <system_error>
 
+#include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
 
-// The first bytes of a file, zeros behind its end.
-using FileStart = std::array<char, 132>;
-FileStart start_of(const std::filesystem::path& path) {
-    FileStart start{};
-    std::ifstream(path, std::ios::binary).read(start.data(), start.size());
-    return start;
+using FileBytes = std::vector<unsigned char>;
+
+// `count` bytes from `at` as text, shorter behind the end.
+std::string_view text_at(const FileBytes& bytes, std::size_t at, std::size_t count) {
+    const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    return at < all.size() ? all.substr(at, count) : std::string_view();
 }
 
 // ISO 23008-12: a box "ftyp" at the beginning with one of these brands.
-bool is_heif(const FileStart& start) {
-    const std::string_view box(&start[4], 4), brand(&start[8], 4);
+bool is_heif(const FileBytes& bytes) {
     constexpr std::array<std::string_view, 6> brands{"heic", "heix", "hevc",
                                                      "mif1", "msf1", "avif"};
-    return box == "ftyp" && std::ranges::find(brands, brand) != brands.end();
+    return text_at(bytes, 4, 4) == "ftyp" &&
+           std::ranges::find(brands, text_at(bytes, 8, 4)) != brands.end();
 }
 
 // DICOM PS3.10, 7.1: these letters behind a preamble of 128 bytes. Debian's OpenCV hands such a
 // file to GDCM 3.0.21, which ends the program when what follows is no DICOM.
-bool is_dicom(const FileStart& start) {
+bool is_dicom(const FileBytes& bytes) {
     constexpr std::string_view mark = "DICM";
-    return std::string_view(&start[0], 4) == mark || std::string_view(&start[128], 4) == mark;
+    return text_at(bytes, 0, 4) == mark || text_at(bytes, 128, 4) == mark;
 }
 
 // Whether a JPEG lacks the marker that ends it, FF D9, behind its segments (ITU-T T.81, B.1.1); one
 // in a segment, of a thumbnail, is another picture's. It would be decoded as far as it goes.
-bool is_cut_jpeg(const std::filesystem::path& path) {
+bool is_cut_jpeg(const FileBytes& bytes) {
     constexpr std::string_view begin = "\xff\xd8", end = "\xff\xd9";
-    std::string bytes(begin.size(), 0);
-    std::ifstream file(path, std::ios::binary);
-    if (!file.read(bytes.data(), static_cast<std::streamsize>(bytes.size())) || bytes != begin)
+    if (text_at(bytes, 0, 2) != begin)
         return false;
-    bytes.append(std::istreambuf_iterator<char>(file), {});
-    const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
     constexpr unsigned char marker = 0xff, start_of_scan = 0xda;
     std::size_t at = begin.size();
-    while (at + 4 <= bytes.size() && byte(at) == marker && byte(at + 1) != start_of_scan)
-        at += byte(at + 1) == marker ? 1U : 2U + (byte(at + 2) << 8 | byte(at + 3));
-    return bytes.find(end, at) == std::string::npos;
+    while (at + 4 <= bytes.size() && bytes[at] == marker && bytes[at + 1] != start_of_scan)
+        at += bytes[at + 1] == marker ? 1U : 2U + (bytes[at + 2] << 8 | bytes[at + 3]);
+    return at >= bytes.size() ||
+           std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size())
+                   .find(end, at) == std::string_view::npos;
+}
+
+// What is not read at all, and why; empty for all others.
+std::string refusal(const FileBytes& bytes) {
+    if (is_heif(bytes))
+        return "is HEIC, which is not read here: convert it to PNG, or to JPEG of quality 95 "
+               "(heif-convert)";
+    if (is_dicom(bytes))
+        return "is DICOM, which is not read here: convert it to PNG";
+    if (is_cut_jpeg(bytes))
+        return "is a JPEG that ends early: copy or download it again";
+    return "";
+}
+
+// Longer ones hold more pixels than are read.
+constexpr std::uintmax_t longest_file = std::uintmax_t{1} << 31;
+
+FileBytes bytes_of(const std::filesystem::path& path) {
+    std::error_code error;
+    const std::uintmax_t size = std::filesystem::file_size(path, error);
+    std::error_code ignored;
+    if (!std::filesystem::exists(path, ignored))
+        throw ConfigError({path.string()}, "no such image");
+    if (error || size > longest_file)
+        throw ConfigError({path.string()}, error ? error.message() : "is longer than 2 GB");
+    FileBytes bytes(size);
+    std::ifstream file(path, std::ios::binary);
+    if (!file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size)))
+        throw ConfigError({path.string()}, "cannot be read");
+    return bytes;
 }
 
 cv::Mat read_any(const std::filesystem::path& path) {
-    std::error_code ignored;
-    if (!std::filesystem::exists(path, ignored))  // OpenCV would print a warning of its own
-        throw ConfigError({path.string()}, "no such image");
-    const FileStart start = start_of(path);
-    if (is_heif(start))
-        throw ConfigError({path.string()},
-                          "is HEIC, which is not read here: convert it to PNG, or "
-                          "to JPEG of quality 95 (heif-convert)");
-    if (is_dicom(start))
-        throw ConfigError({path.string()}, "is DICOM, which is not read here: convert it to PNG");
-    if (is_cut_jpeg(path))
-        throw ConfigError({path.string()}, "is a JPEG that ends early: copy or download it again");
-    cv::Mat image;
+    const FileBytes bytes = bytes_of(path);
+    const std::string why = refusal(bytes);
+    if (!why.empty())
+        throw ConfigError({path.string()}, why);
     try {
-        // As the sensor has it: whichever way up a viewer is told to show it, a camera is one.
-        image = cv::imread(path.string(), cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR |
-                                              cv::IMREAD_IGNORE_ORIENTATION);
-    } catch (const cv::Exception& error) {
-        throw ConfigError({path.string()}, "cannot be decoded: " + error.err);
+        return decode_picture(bytes);
+    } catch (const Error& error) {
+        throw ConfigError({path.string()}, error.what());
     }
-    if (image.empty())
-        throw ConfigError({path.string()}, "is not an image that can be read");
-    return image;
 }
 
-std::vector<unsigned char> encoded(const std::filesystem::path& path, const cv::Mat& image) {
-    std::vector<unsigned char> bytes;
+FileBytes encoded(const std::filesystem::path& path, const cv::Mat& image) {
     try {
-        if (cv::imencode(path.extension().string(), image, bytes))
-            return bytes;
-    } catch (const cv::Exception&) {
-        // an extension that OpenCV has no writer for
+        return encode_picture(path.extension().string(), image);
+    } catch (const Error& error) {
+        throw ConfigError({path.string()}, std::string("cannot be written: ") + error.what());
     }
-    throw ConfigError({path.string()}, "cannot be written: no such image format");
 }
 
-// OpenCV's own writer does not notice when the disk is full.
-std::error_code write_bytes(const std::filesystem::path& path,
-                            const std::vector<unsigned char>& bytes) {
+std::error_code write_bytes(const std::filesystem::path& path, const FileBytes& bytes) {
     errno = 0;
     std::ofstream file(path, std::ios::binary);
     file.write(reinterpret_cast<const char*>(bytes.data()),

@@ -1,7 +1,6 @@
 #include "sim/marker/marker_print.h"
 
 #include <fmt/format.h>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <set>
 
 #include "core/file/text.h"
+#include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -348,8 +348,7 @@ std::vector<unsigned char> marker_png(const Marker& marker, const PrintPage& pag
     check_resolution(marker, page, dots_per_mm);
     const auto dots_per_metre = static_cast<std::uint32_t>(std::lround(dots_per_mm * 1000.0));
     const cv::Mat image = draw_page(marker, page, dots_per_metre / 1000.0);
-    std::vector<unsigned char> png;
-    cv::imencode(".png", image, png);
+    std::vector<unsigned char> png = encode_png(image);
     insert_resolution(png, dots_per_metre);
     return png;
 }

@@ -1,7 +1,6 @@
 #include "sim/sensor/disturbances.h"
 
 #include <fmt/format.h>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <numbers>
 #include <vector>
 
+#include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/sensor/sensor_simd.h"
@@ -248,12 +248,8 @@ CodeImage compressed(const CodeImage& image, double quality) {
     if (image.bits != 8 || image.pixels.type() != CV_8UC1 || image.pixels.empty())
         throw NumericalError(fmt::format("JPEG holds 8 bits, not an image of {} and {} x {} px",
                                          image.bits, image.pixels.cols, image.pixels.rows));
-    std::vector<unsigned char> file;
     const int whole = static_cast<int>(std::floor(quality + 0.5));
-    if (!cv::imencode(".jpg", image.pixels, file, {cv::IMWRITE_JPEG_QUALITY, whole}))
-        throw NumericalError(fmt::format("an image of {} x {} px cannot be written as JPEG",
-                                         image.pixels.cols, image.pixels.rows));
-    return {cv::imdecode(file, cv::IMREAD_GRAYSCALE), image.bits};
+    return {decode_picture(encode_jpeg(image.pixels, whole)), image.bits};
 }
 
 namespace {

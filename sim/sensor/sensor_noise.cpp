@@ -1,6 +1,5 @@
 // Not for vectors of unknown size: a machine that has these takes its others.
-#undef HWY_DISABLED_TARGETS
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#include "sim/tiles/vector_targets.h"
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sim/sensor/sensor_noise.cpp"
 #include <hwy/foreach_target.h>

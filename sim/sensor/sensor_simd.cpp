@@ -1,3 +1,4 @@
+#include "sim/tiles/vector_targets.h"
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sim/sensor/sensor_simd.cpp"
 #include <hwy/foreach_target.h>

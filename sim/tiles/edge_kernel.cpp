@@ -1,6 +1,5 @@
 // Compiled once for each instruction set, as sim/tiles/tile_lens_kernel.cpp.
-#undef HWY_DISABLED_TARGETS
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#include "sim/tiles/vector_targets.h"
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sim/tiles/edge_kernel.cpp"
 #include <hwy/foreach_target.h>

@@ -1,6 +1,5 @@
 // Vectors stand in an array here, which those of unknown size cannot.
-#undef HWY_DISABLED_TARGETS
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#include "sim/tiles/vector_targets.h"
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sim/tiles/filter_simd.cpp"
 #include <hwy/cache_control.h>

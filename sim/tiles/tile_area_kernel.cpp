@@ -1,7 +1,6 @@
 // Compiled once for each instruction set: foreach_target.h includes this file again and again, with
 // another HWY_NAMESPACE each time.
-#undef HWY_DISABLED_TARGETS
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#include "sim/tiles/vector_targets.h"
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sim/tiles/tile_area_kernel.cpp"
 #include <hwy/foreach_target.h>

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
-#include <opencv2/imgcodecs.hpp>
 
 #include <algorithm>
 #include <system_error>
@@ -10,6 +9,7 @@
 #include "compare/photometric/photo_match.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
+#include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 #include "station/planning/expectation_report.h"
 #include "station/qualify/junit.h"
@@ -29,8 +29,7 @@ void throw_if_stopped(const std::stop_token& stop) {
 }
 
 std::string png_of(const CodeImage& image) {
-    std::vector<unsigned char> bytes;
-    cv::imencode(".png", image.pixels, bytes);
+    const std::vector<unsigned char> bytes = encode_png(image.pixels);
     return {bytes.begin(), bytes.end()};
 }
 

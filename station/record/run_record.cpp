@@ -190,10 +190,17 @@ int add_notes(dl_phdr_info* object, std::size_t, void* text) {
     return 0;
 }
 
-std::string found_fingerprint() {
-    std::string all = sha256_of_file("/proc/self/exe") + "\n" + cv::getCPUFeaturesLine() + "\n";
+// What was loaded with the program: plugins (core/program/plugin.h) that come later measure
+// nothing.
+const std::string notes_at_start = [] {
+    std::string all;
     dl_iterate_phdr(add_notes, &all);
-    return sha256(all);
+    return all;
+}();
+
+std::string found_fingerprint() {
+    return sha256(sha256_of_file("/proc/self/exe") + "\n" + cv::getCPUFeaturesLine() + "\n" +
+                  notes_at_start);
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 #include "station/serve/run_monitor.h"
 
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
@@ -9,6 +8,7 @@
 
 #include "capture/frame/frame_log.h"
 #include "compare/detect/detector.h"
+#include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 #include "station/record/qualify_result.h"
 #include "station/setup/station_inputs.h"
@@ -34,8 +34,7 @@ std::string small_jpeg(const cv::Mat& picture) {
         const double scale = static_cast<double>(most_columns) / picture.cols;
         cv::resize(picture, small, {}, scale, scale, cv::INTER_AREA);
     }
-    std::vector<unsigned char> bytes;
-    cv::imencode(".jpg", small, bytes, {cv::IMWRITE_JPEG_QUALITY, jpeg_quality});
+    const std::vector<unsigned char> bytes = encode_jpeg(small, jpeg_quality);
     return {bytes.begin(), bytes.end()};
 }
 

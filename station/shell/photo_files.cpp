@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 #include <glob.h>
 
-#include <opencv2/videoio.hpp>
 #include <system_error>
 
 #include "core/file/text.h"
 #include "core/image/image.h"
+#include "core/image/opencv_plugin.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -81,19 +81,16 @@ void PhotoFiles::add_pattern(const std::string& pattern) {
 
 void PhotoFiles::add_film(const std::string& name) {
     const FilmName of = film_name(name);
-    cv::VideoCapture capture(of.file);
-    if (!capture.isOpened())
-        throw ConfigError({of.file}, "is not a film that can be read");
-    if (frames_.empty())
-        frames_ = new_folder();
     const std::string stem = std::filesystem::path(of.file).stem().string();
     const std::size_t before = paths_.size();
-    cv::Mat picture;
-    for (long frame = 0; capture.grab(); ++frame)
-        if (frame % of.every == 0 && capture.retrieve(picture) && !picture.empty()) {
-            paths_.push_back(frames_ / fmt::format("{}-{:06}.png", stem, frame));
-            write_picture(paths_.back(), picture);
-        }
+    const auto keep = [&](long frame, const cv::Mat& picture) {
+        if (frames_.empty())
+            frames_ = new_folder();
+        paths_.push_back(frames_ / fmt::format("{}-{:06}.png", stem, frame));
+        write_picture(paths_.back(), picture);
+    };
+    if (!opencv_plugin().read_film(of.file, of.every, keep))
+        throw ConfigError({of.file}, "is not a film that can be read");
     if (paths_.size() == before)
         throw ConfigError({of.file}, "holds no frame that can be read");
 }

@@ -3,9 +3,10 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <opencv2/ximgproc/edge_drawing.hpp>
 #include <optional>
 #include <span>
+
+#include "core/image/opencv_plugin.h"
 
 namespace etalon {
 namespace {
@@ -191,11 +192,8 @@ std::vector<Quad> find_quads(const cv::Mat& image) {
     constexpr int min_side_px = 16;  // what the library's own filters need
     if (image.cols < min_side_px || image.rows < min_side_px)
         return {};
-    const auto drawing = cv::ximgproc::createEdgeDrawing();
-    drawing->params.PFmode = true;
-    drawing->detectEdges(image);
     std::vector<Quad> quads;
-    for (const Chain& segment : drawing->getSegments()) {
+    for (const Chain& segment : opencv_plugin().edge_segments(image)) {
         const bool closed = is_closed(segment);
         const Chain chain = closed ? from_a_corner(segment) : segment;
         for (const double tolerance_px : tolerances_px)

@@ -55,6 +55,7 @@ struct EffectAlone {
 struct JointFit {
     std::vector<ContradictedInput> contradicted;  // in the order in which they were found
     std::vector<std::string> beside;  // errors for which nothing is declared and that must be there
+    // Of one more error that is in doubt (2.5 standard deviations) the larger of with and without.
     EffectAlone camera;
     EffectAlone edges;  // where edges lie elsewhere than in the render: exposure, tone, print
     std::vector<Eigen::VectorXd> residual_px;  // per pose of the chain

@@ -91,7 +91,8 @@ std::string tone_of(const std::string& word) {
         {"INCONCLUSIVE", "unsure"}, {"NOT_OBSERVABLE", "unsure"},
         {"SKIPPED", "unsure"},      {"ABORTED", "unsure"},
         {"NOT STABLE", "unsure"},   {"not checked", "unsure"},
-        {"no limit", "plain"},      {"not matched", "unsure"}};
+        {"no limit", "plain"},      {"not asked for", "plain"},
+        {"not matched", "unsure"}};
     const auto found = tones.find(word);
     return found == tones.end() ? "" : found->second;
 }

@@ -234,6 +234,23 @@ std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
     return signatures;
 }
 
+Eigen::MatrixXd fields_after_registration(const SignatureChain& chain,
+                                          const Eigen::MatrixXd& corners_px) {
+    const LinearChain linear(chain);
+    const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
+    Eigen::MatrixXd fields;
+    for (const auto& column : corners_px.colwise()) {
+        std::vector<Eigen::VectorXd> displacement;
+        for (Eigen::Index row = 0; row < column.size(); row += rows)
+            displacement.emplace_back(column.segment(row, rows));
+        ErrorSignature signature;
+        linear.propagate(displacement, signature);
+        fields.conservativeResize(signature.after.size(), fields.cols() + 1);
+        fields.rightCols<1>() = signature.after;
+    }
+    return fields;
+}
+
 std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain) {
     constexpr double small = 1e-2;  // of a standard deviation: the model stays valid
     const CameraModel& camera = chain.projector.camera();

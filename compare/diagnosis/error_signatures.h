@@ -61,6 +61,11 @@ std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
 // detectable or alike is left out. Throws as above.
 std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain);
 
+// What is left on the hold-out poses, as ErrorSignature::after, of motions of all corners (2 rows
+// per point and pose of the chain, px), a column each.
+Eigen::MatrixXd fields_after_registration(const SignatureChain& chain,
+                                          const Eigen::MatrixXd& corners_px);
+
 // Root mean square and largest length of the 3-vectors that are stacked in a field.
 double rms_norm(const Eigen::VectorXd& field);
 double max_norm(const Eigen::VectorXd& field);

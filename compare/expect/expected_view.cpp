@@ -117,6 +117,7 @@ RenderedCorners::RenderedCorners(const ExpectedScene& scene, int frames, std::ui
       detectors_([name = scene.detector, marker = scene.marker] {
           return make_detector(name, marker, name);
       }),
+      frames_(frames),
       exposures_(states_noise(scene.camera) ? exposures_per_frame * frames : 1),
       seed_(seed) {
     detectors_.local();  // whether there is one
@@ -126,13 +127,13 @@ double RenderedCorners::noise_ratio(const CameraModel& camera) {
     return states_noise(camera) ? 1.0 / exposures_per_frame : 0.0;
 }
 
-std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(
+std::vector<std::optional<DetectedCorners>> RenderedCorners::exposed_at(
     const Rigid& camera_from_marker) const {
     if (!view_.takes(camera_from_marker))
-        return std::nullopt;
+        return {};
     const ExpectedExposures exposures(view_, camera_from_marker);
     if (exposures_ == 1)
-        return mean_of({exposures.without_noise(*detectors_.local())});
+        return {exposures.without_noise(*detectors_.local())};
     std::vector<std::optional<DetectedCorners>> seen(static_cast<std::size_t>(exposures_));
     // Isolated: a thread that waits in its detector must not begin another exposure with it.
     tbb::parallel_for(std::size_t{0}, seen.size(), [&](std::size_t i) {
@@ -141,7 +142,33 @@ std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(
             seen[i] = exposures.with_noise(*detectors_.local(), {seed_, frame});
         });
     });
-    return mean_of(seen);
+    return seen;
+}
+
+std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(
+    const Rigid& camera_from_marker) const {
+    return mean_of(exposed_at(camera_from_marker));
+}
+
+std::optional<RenderedCorners::Noise> RenderedCorners::noise_at(
+    const Rigid& camera_from_marker) const {
+    const auto seen = exposed_at(camera_from_marker);
+    const auto mean = mean_of(seen);
+    if (!mean)
+        return std::nullopt;
+    double squares = 0.0;
+    int count = 0;
+    for (const auto& corners : seen) {
+        if (!corners || !corners->is_whole())
+            continue;
+        ++count;
+        for (std::size_t k = 0; k < mean->size(); ++k)
+            squares += (corners->pixels[k] - (*mean)[k]).squaredNorm();
+    }
+    if (count < 2 || !(squares > 0.0))
+        return std::nullopt;
+    const double freedom = 2.0 * static_cast<double>(mean->size()) * (count - 1.0);
+    return Noise{squares / freedom / frames_, freedom};
 }
 
 }  // namespace etalon

@@ -107,16 +107,25 @@ public:
     // Variance of these corners by noise, in units of that of a pose's mean over its frames.
     static double noise_ratio(const CameraModel& camera);
 
+    // How far noise leaves the corners of these exposures apart: of a coordinate in the mean over a
+    // pose's frames. Nothing without noise, or where it is not detected in two.
+    struct Noise {
+        double variance_px2 = 0.0, degrees_of_freedom = 0.0;
+    };
+    std::optional<Noise> noise_at(const Rigid& camera_from_marker) const;
+
     // In the order of Marker::points_mm; nothing when the whole marker is not detected in most of
     // the exposures. A pure function of scene and pose, which are seen in parallel. Safe from every
     // thread. Throws what Renderer::render throws.
     std::optional<std::vector<Eigen::Vector2d>> at(const Rigid& camera_from_marker) const;
 
 private:
+    std::vector<std::optional<DetectedCorners>> exposed_at(const Rigid& camera_from_marker) const;
+
     ExpectedView view_;
     // One a thread and not one an exposure: libapriltag's takes 20 MB.
     mutable tbb::enumerable_thread_specific<std::unique_ptr<Detector>> detectors_;
-    int exposures_;
+    int frames_, exposures_;
     std::uint64_t seed_;
 };
 

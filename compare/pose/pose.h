@@ -61,6 +61,8 @@ struct Pose {
     // Nothing with a single such frame, and when all are alike: then rounding hides the noise, and
     // repeats do not show rounding.
     std::optional<CornerNoise> corner_noise = {};
+    // By the noise that the calibration's sensor states, for as many frames; nothing: not known.
+    std::optional<CornerNoise> stated_noise = {};
     std::optional<PhotometricReading> photometric = {};  // of hold-out poses
     // Where the photograph's pixels show the marker (its photometric pose), and of a render there
     // the corners less the truth, px; nothing and empty: not known.
@@ -72,7 +74,8 @@ struct Pose {
     // ---- judged (compare/qualification/qualification.h)
     bool used = false;      // in the registration (training) or in the field (hold-out)
     bool outlying = false;  // left out of both (compare/diagnosis/outlier_poses.h)
-    PoseBias bias = {};     // of training poses B2 alone, for the record; never judged
+    std::optional<CornerNoise> noise = {};  // that counts (compare/pose/corner_noise.h)
+    PoseBias bias = {};  // of training poses B2 alone, for the record; never judged
     bool is_judged() const { return hold_out && used; }
     // Of hold-out poses: the render at the registered pose, with the camera's bit depth and
     // transfer and without noise ("renders/0007.png"), and the photograph against it.

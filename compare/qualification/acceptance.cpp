@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -20,11 +21,16 @@ using State = AcceptanceCondition::State;
 constexpr double min_share = 0.5;
 constexpr int min_planned = 2;
 
-AcceptanceCondition not_checked(std::string name, std::string why) {
+AcceptanceCondition not_compared(std::string name, State state, std::string why) {
     AcceptanceCondition condition;
     condition.name = std::move(name);
+    condition.state = state;
     condition.text = std::move(why);
     return condition;
+}
+
+AcceptanceCondition not_checked(std::string name, std::string why) {
+    return not_compared(std::move(name), State::not_checked, std::move(why));
 }
 
 AcceptanceCondition checked(std::string name, bool is_met, double value, double limit,
@@ -81,13 +87,105 @@ AcceptanceCondition residuals(const Qualification& result) {
     const char* title = "residuals against noise";
     if (!result.position_lack_of_fit)
         return not_checked(title,
-                           "the noise is not known: it takes two frames per pose that differ");
+                           "the noise is not known: take two frames at each pose, or characterise "
+                           "the camera (etalon characterise), whose file then states it");
     const LackOfFit& rest = *result.position_lack_of_fit;
     const double limit = rest.chi_square_limit;
     return checked(title, rest.chi_square_ratio <= limit, rest.chi_square_ratio, limit, "1",
                    fmt::format("chi-square per degree of freedom is {:.2f} with {:.0f} degrees of "
                                "freedom; {:.2f} is the most",
                                rest.chi_square_ratio, rest.degrees_of_freedom, limit));
+}
+
+AcceptanceCondition residuals_over_image(const QualificationInput& input,
+                                         const Qualification& result) {
+    constexpr double of_limit = 0.25;  // what is less adds a thirtieth to the limit's square
+    const ImageCoherence& found = result.corners->coherence;
+    const double size_mm = result.corners->coherent_rms_mm,
+                 least_mm = of_limit * input.limits.b3_position_field_rms_mm.value();
+    return checked(
+        "residuals over the image", found.deviations <= coherence_deviations || size_mm <= least_mm,
+        found.deviations, coherence_deviations, "1",
+        fmt::format(
+            "residuals of different poses within {:.0f} px of each other in the image have "
+            "{:.0f} % of their power in common ({:.1f} standard deviations from none; {:.1f} "
+            "is the most), some {:.3f} mm RMS of position{}",
+            found.bin_px, 100.0 * found.share, found.deviations, coherence_deviations, size_mm,
+            found.deviations > coherence_deviations
+                ? ": a distortion, or an error of the stage, that no named error follows"
+                : ""));
+}
+
+// ---------------------------------------------------------------------- what cancels in the field
+
+// "20 ppm", "2.75 mrad", "0.02 mm".
+std::string size_text(double size, const std::string& unit) {
+    constexpr double million = 1e6, thousand = 1e3;
+    if (unit == "1")
+        return fmt::format("{:.0f} ppm", million * size);
+    if (unit == "rad")
+        return fmt::format("{:.3g} mrad", thousand * size);
+    return fmt::format("{:.3g}{}{}", size, unit.empty() ? "" : " ", unit);
+}
+
+std::string text_of(const ContradictedInput& input) {
+    std::string text = fmt::format(
+        "{}: declared {}, found {} +- {}", input.name, size_text(input.declared, input.unit),
+        size_text(input.found, input.unit), size_text(input.expanded_uncertainty, input.unit));
+    if (!input.or_all_of.empty())
+        text += fmt::format(" (or, as much the other way and all of them, {})",
+                            fmt::join(input.or_all_of, ", "));
+    return text;
+}
+
+AcceptanceCondition declared_inputs(const Qualification& result) {
+    std::vector<std::string> texts;
+    double largest = 0.0;
+    for (const ContradictedInput& input : result.corners->fit.contradicted) {
+        texts.push_back(text_of(input));
+        largest = std::max(largest, input.deviations);
+    }
+    return checked("declared inputs", texts.empty(), largest, contradiction_deviations, "1",
+                   texts.empty()
+                       ? fmt::format("nothing that is declared is off by more than {:.0f} "
+                                     "of its standard uncertainties",
+                                     contradiction_deviations)
+                       : fmt::format("{}", fmt::join(texts, "; ")));
+}
+
+// A field that some errors make by themselves against the limits of the judged one.
+AcceptanceCondition alone(std::string title, const std::string& whose, const FieldSummary& field,
+                          const QualificationInput& input) {
+    const double rms_limit = input.limits.b3_position_field_rms_mm.value(),
+                 max_limit = input.limits.b3_position_field_max_mm.value();
+    const Outcome rms = decide(field.rms, field.rms_uncertainty, rms_limit, input.limits.rule),
+                  max = decide(field.max, field.max_uncertainty, max_limit, input.limits.rule);
+    const std::string text = fmt::format(
+        "{}: {:.3f} mm RMS with U = {:.3f} mm, limit {:.3f} mm; {:.3f} mm at most with "
+        "U = {:.3f} mm, limit {:.3f} mm",
+        whose, field.rms, field.rms_uncertainty, rms_limit, field.max, field.max_uncertainty,
+        max_limit);
+    const bool is_within = rms == Outcome::pass && max == Outcome::pass;
+    if (is_within || rms == Outcome::fail || max == Outcome::fail)
+        return checked(std::move(title), is_within, field.rms, rms_limit, "mm", text);
+    return not_checked(std::move(title),
+                       "this run does not tell whether it is within its limits, "
+                       "as other errors could hide it; " +
+                           text);
+}
+
+AcceptanceCondition camera_alone(const QualificationInput& input, const Qualification& result) {
+    return alone("camera alone", "the field that the camera's errors make by themselves",
+                 result.corners->camera_alone, input);
+}
+
+AcceptanceCondition edges_alone(const QualificationInput& input, const Qualification& result) {
+    const char* title = "edges alone";
+    if (!result.corners->edges_alone)
+        return checked(title, true, 0.0, input.limits.b3_position_field_rms_mm.value(), "mm",
+                       "edges are not seen to lie elsewhere than in the renders");
+    return alone(title, "the field that edges make which lie elsewhere than in the renders",
+                 *result.corners->edges_alone, input);
 }
 
 // ------------------------------------------------------------------------------------- drift
@@ -168,7 +266,7 @@ struct RepeatedPair {
 // and drop out.
 std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input) {
     const auto usable = [](const Pose& pose) {
-        return pose.bias.b2 && pose.corner_noise && !pose.outlying;
+        return pose.bias.b2 && pose.noise && !pose.outlying;
     };
     std::vector<RepeatedPair> pairs;
     for (std::size_t i = 0; i < input.poses.size(); ++i) {
@@ -189,9 +287,12 @@ std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input) {
 
 AcceptanceCondition repeatability(const QualificationInput& input) {
     const char* title = "repeatability";
+    if (std::ranges::none_of(input.poses,
+                             [](const Pose& pose) { return pose.repeats.has_value(); }))
+        return not_compared(title, State::not_asked, "the plan visits no pose twice");
     const std::vector<RepeatedPair> pairs = repeated_pairs(input);
     if (pairs.empty())
-        return not_checked(title, "no pose was visited twice with frames that tell the noise");
+        return not_checked(title, "no pose was seen twice by corners whose noise is known");
     double sum = 0.0;
     for (const RepeatedPair& pair : pairs) {
         const Eigen::LDLT<Eigen::MatrixXd> solver{Eigen::MatrixXd(pair.covariance)};
@@ -211,20 +312,27 @@ AcceptanceCondition repeatability(const QualificationInput& input) {
 }  // namespace
 
 const char* name(State state) {
-    constexpr const char* names[] = {"met", "NOT MET", "not checked"};
+    constexpr const char* names[] = {"met", "NOT MET", "not checked", "not asked for"};
     return names[static_cast<std::size_t>(state)];
 }
 
 std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput& input,
                                                        const Qualification& result,
                                                        std::span<const FieldSample> samples) {
-    return {volume_coverage(input.poses), poses_that_fit(result), residuals(result),
-            drift(input, result, samples), repeatability(input)};
+    return {volume_coverage(input.poses),
+            poses_that_fit(result),
+            residuals(result),
+            residuals_over_image(input, result),
+            declared_inputs(result),
+            camera_alone(input, result),
+            edges_alone(input, result),
+            drift(input, result, samples),
+            repeatability(input)};
 }
 
 Eigen::Matrix3d position_covariance(const QualificationInput& input, const Pose& pose,
                                     double times) {
-    return times * pose.corner_noise->variance_px2 *
+    return times * pose.noise->variance_px2 *
                pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
            repeatability_mm2(input) * Eigen::Matrix3d::Identity();
 }

@@ -77,7 +77,10 @@ std::map<std::string, double> declared_uncertainties(const QualificationInput& i
                     : *term.standard_uncertainty;
     if (input.marker_size_uncertainty)
         declared["marker print size"] =
-            warmed(*input.marker_size_uncertainty, temperature.marker_expansion_per_k);
+            input.temperature
+                ? warmed(*input.marker_size_uncertainty, temperature.marker_expansion_per_k)
+                : std::hypot(*input.marker_size_uncertainty,
+                             max_temperature_k * max_expansion_per_k);
     if (input.marker_flatness_mm)
         declared["marker twist"] = declared["marker bow"] = *input.marker_flatness_mm;
     return declared;

@@ -23,8 +23,13 @@ std::vector<StageAxisMotion> axis_motions_of(const QualificationInput& input);
 double repeatability_mm2(const QualificationInput& input);
 double error_maps_mm2(const QualificationInput& input);
 
+// The widest plausible standard values of what a station may leave undeclared: how far the
+// temperature is off, and by how much more than the stage the marker grows (aluminium: 23e-6).
+inline constexpr double max_temperature_k = 5.0, max_expansion_per_k = 25e-6;
+
 // Standard uncertainties by the names that signatures and error_candidates have, in their units.
-// Temperature changes the sizes of marker and stage.
+// Temperature changes the sizes of marker and stage, one that is not declared by the widest
+// plausible.
 std::map<std::string, double> declared_uncertainties(const QualificationInput& input);
 
 // What each of them does to the position errors of the used hold-out poses (3 rows per pose, camera

@@ -12,11 +12,11 @@ namespace etalon {
 namespace {
 
 // Of a corner's coordinate in the mean over the frames, and as much more as the render has; where
-// repeats tell none, what registration has left.
+// it is not known, what registration has left.
 double corner_variance_px2(const QualificationInput& input, const Pose& pose,
                            const Qualification& result) {
     const double left = result.registration->registration.residual_rms_px;
-    const double seen = pose.corner_noise ? pose.corner_noise->variance_px2 : left * left;
+    const double seen = pose.noise ? pose.noise->variance_px2 : left * left;
     return std::max(seen, 1e-12) * (1.0 + input.render_noise_ratio);
 }
 

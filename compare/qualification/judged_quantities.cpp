@@ -15,7 +15,10 @@ using Found = std::optional<MeasuredQuantity>;
 using Analysis = Qualification;
 using Monte = MonteCarloUncertainty;
 
-constexpr const char* no_noise = "the noise is not known: it takes two frames per pose that differ";
+constexpr const char* no_noise =
+    "the noise is not known: it takes two frames per pose that differ, or a calibration that "
+    "states "
+    "it";
 constexpr const char* no_photometric = "too few hold-out poses have a photometric pose";
 
 constexpr const char* no_pixels =

@@ -41,6 +41,11 @@ Limits read_limits(const std::filesystem::path& path) {
     }
     if (const auto rule = root.find("decision_rule"))
         limits.rule = read_rule(*rule);
+    if (const auto conditions = root.find("may_be_unchecked"))
+        for (const Value& each : conditions->items())
+            limits.may_be_unchecked.push_back(
+                each.one_of({"residuals against noise", "camera alone", "edges alone",
+                             "drift over the run", "repeatability"}));
     if (const auto days = root.find("due_after_days"))
         limits.due_after_days = days->integer(1, 36500);
     file.finish();

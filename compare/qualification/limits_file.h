@@ -16,6 +16,7 @@
 //     pixel_noise_ratio (unit: "1"), pixel_edge_px, pixel_background_gray, pixel_black_gray
 //     pixels: must_match     # any difference of photographs and renders that is shown is a FAIL
 //     decision_rule: guarded         # or simple, or {guard_band: 0.5}, a factor of U
+//     may_be_unchecked: [repeatability]   # conditions of a PASS that a run may leave unchecked
 //     due_after_days: 365            # when a camera that has passed is to be qualified again
 //
 // Of each quantity, optional, how its values scatter among the cameras that are judged:
@@ -23,10 +24,12 @@
 //     b3_position_field_rms_mm: {limit: 0.06, unit: mm, prior: {mean: 0.03, deviation: 0.01}}
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "compare/decision/decision_rule.h"
 #include "compare/decision/verdict.h"
@@ -55,8 +58,13 @@ struct Limits {
     std::optional<double> pixel_black_gray = {};
     bool pixels_must_match = false;
     DecisionRule rule = {};
-    std::map<std::string, ValuePrior> priors = {};  // by the quantity's name
+    std::map<std::string, ValuePrior> priors = {};   // by the quantity's name
+    std::vector<std::string> may_be_unchecked = {};  // names of conditions (acceptance.h)
     std::optional<int> due_after_days = {};
+
+    bool lets_pass_unchecked(const std::string& condition) const {
+        return std::ranges::find(may_be_unchecked, condition) != may_be_unchecked.end();
+    }
 };
 
 // Throws ConfigError with file, line and key: unknown, missing or doubled keys, a limit that is not

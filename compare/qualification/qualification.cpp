@@ -1,6 +1,7 @@
 #include "compare/qualification/qualification.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -8,6 +9,7 @@
 
 #include "calib/registration/stage_motion.h"
 #include "compare/diagnosis/outlier_poses.h"
+#include "compare/pose/corner_noise.h"
 #include "compare/qualification/declared.h"
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
@@ -55,6 +57,18 @@ void count_detections(const QualificationInput& input, Qualification& result) {
     if (result.detection.rate() < 1.0)
         result.reasons.push_back(fmt::format("the marker was detected in {:.1f} % of the poses",
                                              100.0 * result.detection.rate()));
+}
+
+// A camera that gives one picture again and again may give an old one.
+void find_equal_frames(const QualificationInput& input, Qualification& result) {
+    const std::vector<int> equal = poses_of_equal_frames(input.poses);
+    if (equal.empty())
+        return;
+    const auto shown = std::span(equal).first(std::min<std::size_t>(equal.size(), 5));
+    result.reasons.push_back(fmt::format(
+        "the frames of {} poses are equal to the last bit ({}{}): the camera repeats pictures, or "
+        "its noise is below rounding",
+        equal.size(), fmt::join(shown, ", "), shown.size() < equal.size() ? "..." : ""));
 }
 
 // All quantities in the documented order: those with a limit are judged, the others reported.
@@ -370,12 +384,12 @@ SignatureChain chain_of(const QualificationInput& input, const Projector& projec
 
 // Those that are known already, where they are of as many hold-out poses.
 bool take_known_signatures(const QualificationInput& input, Qualification& result) {
-    if (!input.known_signatures || input.known_signatures->empty())
+    if (!input.known_run || input.known_run->signatures.empty())
         return false;
     const auto used = std::ranges::count_if(input.poses, &Pose::is_judged);
-    if (input.known_signatures->front().after.size() != 3 * used)
+    if (input.known_run->signatures.front().after.size() != 3 * used)
         return false;
-    result.signatures = *input.known_signatures;
+    result.signatures = input.known_run->signatures;
     return true;
 }
 
@@ -397,24 +411,90 @@ void find_signatures(const QualificationInput& input, const SignatureChain& chai
                                          input.limits.b3_position_field_rms_mm.value());
 }
 
+// ------------------------------------------------------------------------- all corners at once
+
+// Whether these are of as many poses, and of the same pixel errors.
+bool are_of(const ErrorEffects& effects, const DiagnosisInput& evidence,
+            const QualificationInput& input) {
+    const SignatureChain& chain = evidence.request.chain;
+    const auto judged = std::ranges::count_if(input.poses, &Pose::is_judged);
+    return evidence.request.pixel_errors.empty() &&
+           effects.errors.front().corners_px.rows() ==
+               2 * std::ssize(chain.points_mm) * std::ssize(chain.poses) &&
+           effects.after_mm.front().rows() == 3 * judged;
+}
+
+// The field that a smooth one fitted to the hold-out poses would be, were there nothing else.
+FieldSummary field_alone(const EffectAlone& effect, const QualificationInput& input,
+                         const NoiseDraws& draws, const Qualification& result) {
+    BiasField field = *result.position_field;
+    const Eigen::MatrixXd from_samples = estimator(field, position_samples(input.poses));
+    const Eigen::MatrixXd factor = from_samples * effect.factor_mm;
+    field.coefficients = from_samples * effect.mean_mm;
+    field.covariance = factor * factor.transpose();
+    return summarize(field, volume_of(input.poses), draws);
+}
+
+std::vector<PoseResiduals> residuals_in_image(const DiagnosisInput& evidence, const JointFit& fit) {
+    std::vector<PoseResiduals> all;
+    const std::vector<Pose>& poses = evidence.request.chain.poses;
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+        const Eigen::Map<const Eigen::VectorXd> place(poses[i].corners.front().data(),
+                                                      2 * std::ssize(poses[i].corners));
+        const double deviation = std::sqrt(evidence.covariance_px2[i].diagonal().mean());
+        all.push_back({place, fit.residual_px[i] / deviation});
+    }
+    return all;
+}
+
+// Root mean square length over the poses.
+double residual_rms_mm(const SignatureChain& chain, const JointFit& fit) {
+    double squares = 0.0;
+    for (std::size_t i = 0; i < chain.poses.size(); ++i)
+        squares += chain.pose_jacobian(i)
+                       .colPivHouseholderQr()
+                       .solve(fit.residual_px[i])
+                       .tail<3>()
+                       .squaredNorm();
+    return std::sqrt(squares / static_cast<double>(chain.poses.size()));
+}
+
+void find_corner_figures(const QualificationInput& input, const SignatureChain& chain,
+                         const NoiseDraws& draws, Qualification& result) {
+    const DiagnosisInput evidence = diagnosis_input(input, chain, result);
+    const bool is_known = input.known_run && input.known_run->effects &&
+                          are_of(*input.known_run->effects, evidence, input);
+    if (!is_known)
+        result.effects = error_effects(evidence.request);
+    CornerFigures figures;
+    figures.fit = joint_fit(evidence, is_known ? *input.known_run->effects : *result.effects);
+    figures.camera_alone = field_alone(figures.fit.camera, input, draws, result);
+    if (!figures.fit.edges.mean_mm.isZero(0.0))
+        figures.edges_alone = field_alone(figures.fit.edges, input, draws, result);
+    figures.coherence = image_coherence(residuals_in_image(evidence, figures.fit),
+                                        input.camera->width, input.camera->height);
+    figures.coherent_rms_mm =
+        residual_rms_mm(chain, figures.fit) * std::sqrt(figures.coherence.share);
+    result.corners = std::move(figures);
+}
+
 // ---------------------------------------------------------------------------------- the rest
 
-// What the frames of each used hold-out pose say about its position, with the declared stage noise
-// and the error maps' uncertainty on top. Nothing when a pose has no repeated frames or they show
-// no noise.
+// What the noise of each used hold-out pose's corners makes of its position, with the declared
+// stage noise and the error maps' uncertainty on top. Nothing when it is not known.
 std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input) {
     std::vector<SampleNoise> noise;
     for (const Pose& pose : input.poses) {
         if (!pose.is_judged())
             continue;
-        if (!pose.corner_noise)
+        if (!pose.noise)
             return std::nullopt;
         SampleNoise one;
         one.covariance = position_covariance(input, pose, 1.0 + input.render_noise_ratio) +
                          error_maps_mm2(input) * Eigen::Matrix3d::Identity();
-        one.degrees_of_freedom = pose.corner_noise->degrees_of_freedom;
+        one.degrees_of_freedom = pose.noise->degrees_of_freedom;
         if (!(one.covariance.trace() > 0.0))
-            return std::nullopt;  // frames alike to the last bit say nothing about noise
+            return std::nullopt;
         noise.push_back(one);
     }
     return noise;
@@ -492,9 +572,15 @@ void judge_all(const Limits& limits, Qualification& result) {
 void require_conditions(const QualificationInput& input, Qualification& result) {
     result.conditions = acceptance_conditions(input, result, position_samples(input.poses));
     for (const AcceptanceCondition& condition : result.conditions) {
-        if (condition.state != AcceptanceCondition::State::not_met)
+        const bool is_unchecked = condition.state == AcceptanceCondition::State::not_checked;
+        if (condition.state == AcceptanceCondition::State::not_met)
+            result.reasons.push_back(condition.name + " is not as it must be: " + condition.text);
+        else if (is_unchecked && !input.limits.lets_pass_unchecked(condition.name))
+            result.reasons.push_back(fmt::format(
+                "{} could not be checked: {}; or let it pass by may_be_unchecked in the limits",
+                condition.name, condition.text));
+        else
             continue;
-        result.reasons.push_back(condition.name + " is not as it must be: " + condition.text);
         if (result.verdict == Outcome::pass)
             result.verdict = Outcome::inconclusive;
     }
@@ -558,10 +644,12 @@ Qualification qualify(QualificationInput& input) {
         pose.used = pose.outlying = false;
         pose.bias = {};
     }
+    find_noise(input.poses);
     const Projector projector(*input.camera);
     Qualification result;
     list_quantities(input, result);
     count_detections(input, result);
+    find_equal_frames(input, result);
     result.pixels = input.pixels;
     if (result.pixels && result.pixels->is_overexposed)
         return overexposed(std::move(result));
@@ -579,10 +667,14 @@ Qualification qualify(QualificationInput& input) {
     if (usable < min_hold_out_poses)
         return skipped(std::move(result),
                        "too few hold-out poses whose render is detected as well");
-    fit_fields(input, input.known_draws ? *input.known_draws : NoiseDraws(input.seed), result);
+    std::optional<NoiseDraws> own_draws;
+    const NoiseDraws& draws =
+        input.known_draws ? *input.known_draws : own_draws.emplace(input.seed);
+    fit_fields(input, draws, result);
     const SignatureChain chain = chain_of(input, projector, result);
     find_signatures(input, chain, result);
     find_position_rest(input, result);
+    find_corner_figures(input, chain, draws, result);
     QualificationBudget budget = qualification_budget(input, result, position_samples(input.poses),
                                                       calibration_signatures(chain));
     result.budget = std::move(budget.rows);

@@ -19,8 +19,10 @@
 #include "compare/diagnosis/causes.h"
 #include "compare/diagnosis/error_signatures.h"
 #include "compare/diagnosis/image_agreement.h"
+#include "compare/diagnosis/image_coherence.h"
 #include "compare/pose/pose.h"
 #include "compare/qualification/acceptance.h"
+#include "compare/qualification/joint_fit.h"
 #include "compare/qualification/limits_file.h"
 #include "compare/uncertainty/bias_field.h"
 #include "compare/uncertainty/lack_of_fit.h"
@@ -28,6 +30,8 @@
 #include "compare/uncertainty/uncertainty_budget.h"
 
 namespace etalon {
+
+struct Qualification;
 
 // A standard uncertainty that the station declares, with the stage error it belongs to.
 struct DeclaredStageTerm {
@@ -102,10 +106,10 @@ struct QualificationInput {
     // Of each pose about where the marker is before the camera: first estimates for the
     // registration. Empty: from the corners.
     std::vector<Rigid> expected_poses = {};
-    // Signatures from another run of the same plan, for studies of thousands of runs: they follow
-    // from the geometry, and making them takes most of qualify()'s time. Taken when they are of as
-    // many hold-out poses; nothing: made from this run.
-    const std::vector<ErrorSignature>* known_signatures = nullptr;
+    // Signatures and effects of errors from another run of the same plan, for studies of thousands
+    // of runs: they follow from the geometry, and making them takes most of qualify()'s time. Taken
+    // when they are of as many poses; nothing: made from this run.
+    const Qualification* known_run = nullptr;
     const NoiseDraws* known_draws = nullptr;  // for the same; nothing: drawn by `seed`
     // Also measure what has no limit. Studies of thousands of runs that read verdicts do without.
     bool measure_reported = true;
@@ -133,6 +137,17 @@ struct PhotometricField {
     BiasField position_field;
     FieldSummary position_summary;
     int poses = 0;  // hold-out poses that have B4
+};
+
+// What all corners together say of the camera (compare/qualification/joint_fit.h).
+struct CornerFigures {
+    JointFit fit;
+    // The judged field that the camera's errors make by themselves; and, where there are any, edges
+    // that lie elsewhere in photographs than in renders, by tone, exposure or print.
+    FieldSummary camera_alone;
+    std::optional<FieldSummary> edges_alone = {};
+    ImageCoherence coherence;
+    double coherent_rms_mm = 0.0;  // what residuals that hang together make of the positions
 };
 
 struct Qualification {
@@ -163,7 +178,9 @@ struct Qualification {
     bool budget_complete = false;  // nothing that is unknown could change the verdict
 
     std::vector<ErrorSignature> signatures;
-    std::optional<Causes> causes;  // nothing where not looked for
+    std::optional<ErrorEffects> effects;
+    std::optional<CornerFigures> corners;  // nothing where the run did not get as far
+    std::optional<Causes> causes;          // nothing where not looked for
 };
 
 // Smallest numbers of detected poses that are judged at all; fewer give SKIPPED quantities and the

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "compare/diagnosis/error_signatures.h"
+#include "compare/qualification/declared.h"
 #include "compare/qualification/judged_quantities.h"
 #include "compare/uncertainty/length_error.h"
 #include "core/program/errors.h"
@@ -15,10 +16,8 @@ namespace etalon {
 namespace {
 
 constexpr double mrad = 1e-3;
-// The widest plausible values of what a station may leave undeclared.
+// The widest plausible value of what a station may leave undeclared.
 constexpr double max_flatness = 0.01;  // of the distance from the marker's centre to its edge
-constexpr double max_temperature_k = 5.0;
-constexpr double max_expansion_per_k = 25e-6;  // aluminium has 23e-6
 
 constexpr const char* not_declared = "unknown: the station does not declare it";
 

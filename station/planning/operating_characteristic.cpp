@@ -20,7 +20,7 @@ namespace etalon {
 
 // What all runs have in common.
 struct SharedByRuns {
-    std::vector<ErrorSignature> signatures;
+    Qualification told;  // a run without any error
     NoiseDraws draws;
 };
 
@@ -39,7 +39,7 @@ std::vector<JudgedQuantity> judged(const Qualification& result) {
 
 // What has a limit, and nothing else: that is what takes no longer than it must.
 Qualification judgement(QualificationInput input, const SharedByRuns& known) {
-    input.known_signatures = &known.signatures;
+    input.known_run = &known.told;
     input.known_draws = &known.draws;
     input.measure_reported = false;
     return qualify(input);
@@ -148,8 +148,8 @@ private:
     }
 
     const ErrorSignature* signature_of(const std::string& name) const {
-        const auto found = std::ranges::find(known_.signatures, name, &ErrorSignature::name);
-        return found == known_.signatures.end() ? nullptr : &*found;
+        const auto found = std::ranges::find(known_.told.signatures, name, &ErrorSignature::name);
+        return found == known_.told.signatures.end() ? nullptr : &*found;
     }
 
     bool is_wanted(const std::string& name) const {
@@ -258,8 +258,8 @@ CharacteristicRuns::CharacteristicRuns(const RunSimulator& simulator,
                                        const CharacteristicRequest& request)
     : parts_(new Parts{simulator, request.seed, {{}, NoiseDraws(request.seed)}, {}, {}}) {
     QualificationInput input = simulator.draw(simulator.as_told(), request.seed, 0);
-    const Qualification told = qualify(input);
-    parts_->known.signatures = told.signatures;
+    parts_->known.told = qualify(input);
+    const Qualification& told = parts_->known.told;
     const std::vector<JudgedQuantity> quantities = judged(told);
     if (quantities.empty())
         throw NumericalError(

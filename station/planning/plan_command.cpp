@@ -36,7 +36,7 @@ struct ExpectedQuantity {
 
 struct Forecast {
     std::vector<ExpectedQuantity> quantities;
-    std::vector<ErrorSignature> signatures;
+    Qualification first;  // of which all have the signatures
     int runs = 0;
 };
 
@@ -67,14 +67,14 @@ Forecast forecast_of(const RunSimulator& simulator) {
     for (int i = 0; i < simulated_runs; ++i) {
         QualificationInput input =
             simulator.draw(simulator.as_told(), 1, static_cast<std::uint64_t>(i));
-        if (!forecast.signatures.empty())
-            input.known_signatures = &forecast.signatures;
+        if (!forecast.first.signatures.empty())
+            input.known_run = &forecast.first;
         const Qualification run = qualify(input);
         if (!run.position_field)
             throw NumericalError(
                 fmt::format("this plan cannot be judged: {}", fmt::join(run.reasons, "; ")));
-        if (forecast.signatures.empty())
-            forecast.signatures = run.signatures;
+        if (forecast.first.signatures.empty())
+            forecast.first = run;
         add(run, forecast);
     }
     return forecast;
@@ -182,7 +182,7 @@ Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
             {"bias_px", study.bias_px},
             {"simulated_runs", forecast.runs},
             {"quantities", quantities},
-            {"errors", json_list(forecast.signatures,
+            {"errors", json_list(forecast.first.signatures,
                                  [](const ErrorSignature& one) { return json_of(one); })}};
 }
 
@@ -198,7 +198,7 @@ int run_plan(const PlanArguments& arguments) {
     }
     print_plan(studied);
     print_quantities(*forecast.value);
-    print_errors(forecast.value->signatures);
+    print_errors(forecast.value->first.signatures);
     return 0;
 }
 

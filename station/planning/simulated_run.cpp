@@ -38,6 +38,7 @@ std::vector<Pose> planned_visits(const StationFile& station, const Plan& plan) {
     std::vector<Pose> poses = plan.poses;
     for (Pose& pose : poses) {
         pose.read_back = pose.target;
+        pose.settled_s = static_cast<double>(pose.index);  // in equal steps: nothing drifts
         pose.read_back_uncertainty = uncertainty;
         pose.base_from_carriage = base_from_carriage(station.stage.axes, pose.target);
     }
@@ -141,6 +142,13 @@ struct FramesNoise {
     Eigen::VectorXd mean;                // of the frames' corners, px
     std::optional<CornerNoise> of_mean;  // as a run tells it: from how far the frames are apart
 };
+
+// As renders with the calibration's noise tell it, of the mean over the frames.
+CornerNoise stated_noise(const DetectorStatistics& pose, int frames) {
+    const auto coordinates = static_cast<double>(pose.bias.size());
+    return {pose.noise_factor.squaredNorm() / coordinates / frames,
+            (pose.frames - 1.0) * coordinates};
+}
 
 FramesNoise noise_of_frames(const DetectorStatistics& pose, int frames, RandomStream& random) {
     Eigen::MatrixXd each(pose.bias.size(), frames);
@@ -295,6 +303,7 @@ void RunSimulator::photograph(const RunTruth& truth, const Draws* draws, std::si
         const FramesNoise noise = noise_of_frames(*statistics, station_.plan.frames, random);
         displacement += noise.mean;
         pose.corner_noise = noise.of_mean;
+        pose.stated_noise = stated_noise(*statistics, station_.plan.frames);
     }
     // What the pixels show is not what a detector that slips makes of them.
     pose.seen_at = truth.camera_from_base * base_from_carriage * truth.carriage_from_marker;

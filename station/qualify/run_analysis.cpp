@@ -83,6 +83,20 @@ void compare_photos(QualifyResult& result, const ExpectedView& view, Progress& p
     }
 }
 
+// Where no frames tell the noise of corners: what the calibration states makes of them.
+void find_stated_noise(std::vector<Pose>& poses, const RenderedCorners& rendered,
+                       const std::stop_token& stop) {
+    if (std::ranges::any_of(poses, [](const Pose& pose) { return pose.corner_noise.has_value(); }))
+        return;
+    for (Pose& pose : poses) {
+        throw_if_stopped(stop);
+        if (!pose.is_detected() || !pose.seen_at)
+            continue;
+        if (const auto noise = rendered.noise_at(*pose.seen_at))
+            pose.stated_noise = CornerNoise{noise->variance_px2, noise->degrees_of_freedom};
+    }
+}
+
 RunOutcome outcome_of(Outcome verdict) {
     if (verdict == Outcome::pass)
         return RunOutcome::pass;
@@ -95,6 +109,7 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
                  const std::stop_token& stop) {
     const StationFile& station = result.station;
     photometric.set_in(result);
+    find_stated_noise(result.poses, photometric.rendered(), stop);
     QualificationInput input = declared_input(station, result.poses, result.environment);
     input.monte_carlo = true;
     input.look_for_causes = true;

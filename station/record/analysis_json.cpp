@@ -104,7 +104,7 @@ Json field_json(const BiasField& field, const FieldSummary& summary) {
 Json conditions_json(const Qualification& analysis) {
     Json list = Json::array();
     for (const AcceptanceCondition& each : analysis.conditions) {
-        const bool checked = each.state != AcceptanceCondition::State::not_checked;
+        const bool checked = each.is_compared();
         list.push_back({{"name", each.name},
                         {"state", name(each.state)},
                         {"value", checked ? Json(each.value) : Json()},

@@ -122,6 +122,17 @@ TEST(LimitsFile, ReadsTheDecisionRule) {
                 HasSubstr("decision_rule.factor"));
 }
 
+TEST(LimitsFile, ReadsWhatMayBeUnchecked) {
+    EXPECT_FALSE(read_limits(file_with(good)).lets_pass_unchecked("repeatability"));
+    const Limits limits = read_limits(file_with(
+        std::string(good) + "may_be_unchecked: [repeatability, residuals against noise]\n"));
+    EXPECT_TRUE(limits.lets_pass_unchecked("repeatability"));
+    EXPECT_TRUE(limits.lets_pass_unchecked("residuals against noise"));
+    EXPECT_FALSE(limits.lets_pass_unchecked("drift over the run"));
+    EXPECT_THAT(refusal(std::string(good) + "may_be_unchecked: [declared inputs]\n"),
+                AllOf(HasSubstr(":5:"), HasSubstr("may_be_unchecked")));
+}
+
 TEST(LimitsFile, ReadsWhenACameraIsDueAndHowItsFleetScatters) {
     const std::string prior = "unit: mm, prior: {mean: 0.03, deviation: 0.01}}";
     std::string text = std::string(good) + "due_after_days: 180\n";

@@ -30,6 +30,20 @@ CameraModel rec709_camera(const CameraModel& geometry) {
     return camera;
 }
 
+// Of a coordinate in one exposure, from six.
+CornerNoise noise_of_exposures(
+    const std::function<std::optional<DetectedCorners>(std::uint32_t frame)>& corners_in,
+    std::uint32_t first) {
+    constexpr std::uint32_t exposures = 6;
+    Eigen::MatrixXd seen(8, exposures);
+    for (std::uint32_t i = 0; i < exposures; ++i) {
+        const Corners corners = corners_in(first + i).value().pixels;
+        seen.col(i) = Eigen::Map<const Eigen::VectorXd>(corners.front().data(), 8);
+    }
+    const double freedom = 8.0 * (exposures - 1.0);
+    return {(seen.colwise() - seen.rowwise().mean()).squaredNorm() / freedom, freedom};
+}
+
 TEST(Rec709, DoesNotKeepAPerfectCameraFromPassing) {
     SimulatedRun run = demo_run();
     run.camera = run.true_camera = rec709_camera(run.camera);
@@ -63,6 +77,13 @@ TEST(Rec709, DoesNotKeepAPerfectCameraFromPassing) {
         Pose& pose = input.poses[i];
         pose.corners = found->pixels;
         pose.corner_noise.reset();
+        if (i % 4 == 0)
+            pose.stated_noise = noise_of_exposures(
+                [&](std::uint32_t frame) {
+                    return detector->detect(sensor.expose(radiance(truth), NoiseKey{2, frame}))
+                        .corners;
+                },
+                static_cast<std::uint32_t>(100 * i));
         pose.photometric.reset();
         if (!pose.hold_out)
             continue;

@@ -87,7 +87,7 @@ TEST_F(SimulatedRun, EveryErrorLeavesTheFieldThatItsSignatureSays) {
         RunTruth truth = unbiased.as_told();
         error.apply(truth, error.size);
         QualificationInput input = unbiased.exact(truth);
-        input.known_signatures = &told.signatures;
+        input.known_run = &told;
         qualify(input);
         const Eigen::VectorXd left = hold_out_errors(input) - zero;
         const Eigen::VectorXd expected = error.size / signature->size * signature->after;

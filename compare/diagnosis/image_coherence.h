@@ -1,0 +1,35 @@
+// Whether what a fit leaves of the corners depends on where in the image they lie: a distortion
+// that no term of the camera's model follows moves the corners of different poses alike where they
+// share a place in the image; noise and an axis that scatters do not.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+namespace etalon {
+
+// Corners of one pose: their places in the image, px, and what is left of each, in units of its
+// noise; x and y of each, stacked.
+struct PoseResiduals {
+    Eigen::VectorXd place_px, left;
+};
+
+struct ImageCoherence {
+    // How far the sum of products of residuals of different poses in the same bin lies above 0, in
+    // its standard deviations; the largest of three sizes of bins.
+    double deviations = 0.0;
+    double share = 0.0;   // of the residuals' power that poses have in common there, 0 to 1
+    double bin_px = 0.0;  // side of these bins
+};
+
+// The image is binned three times, in squares of 1/24, 1/12 and 1/6 of its diagonal. The standard
+// deviation is that of the sum when the residuals of each pose are as probable as with their signs
+// turned: it needs no stated noise, and corners of a pose may depend on each other. Milliseconds
+// for 70 poses. Throws NumericalError where places and residuals do not agree.
+ImageCoherence image_coherence(std::span<const PoseResiduals> poses, int width, int height);
+
+// A PASS bears so many: 99.9 % over the three sizes.
+inline constexpr double coherence_deviations = 3.4;
+
+}  // namespace etalon

@@ -7,7 +7,7 @@
 # runs each, tolerances derived for their size), vm (two virtual machines with real camera drivers)
 # and evidence (whole runs that are repeated, killed or sent to a cluster, and ten seconds of fuzzing
 # for each target of scripts/fuzz.sh). --all: everything that this machine can run. Labels are these,
-# unit, loopback, photo and install, and the room: -L sim/tiles. What cannot run here says skipped
+# unit, loopback, photo and install, and the module: -L sim/tiles. What cannot run here says skipped
 # and why. Times: README.md.
 set -euo pipefail
 cd "$(dirname "$0")"

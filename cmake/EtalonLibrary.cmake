@@ -38,18 +38,19 @@ function(etalon_library name)
     etalon_join_modules(etalon_${name} ${sources})
 endfunction()
 
-# etalon_without_numerics(LIST FOLDER): takes the rooms that only calculate out of a list of FOLDER's
+# etalon_without_numerics(LIST FOLDER): takes the modules that only calculate out of a list of FOLDER's
 # sources. Continuous integration links them from its release build (ETALON_NUMERICS_FROM) when it
 # runs the sanitizers. What reaches them are numbers and matrices that were checked, and all their
 # memory is Eigen's, OpenCV's or the standard library's. With sanitizers it compiles every other
-# room: what reads files, wires, frames and the answers of programs, goes through pictures by pointers
-# to their rows, or calculates with the processor's vectors; and every new room. The one reader in the
-# rooms left out, of limits in compare/verdict, is among those that are fuzzed with them.
+# module: what reads files, wires, frames and the answers of programs, goes through pictures by pointers
+# to their rows, or calculates with the processor's vectors; and every new module. The one reader in the
+# modules left out, of limits in compare/qualification, is among those that are fuzzed with them.
 function(etalon_without_numerics list folder)
     set(numerics calib/camera calib/intrinsics calib/registration
-        compare/drift compare/edges compare/expect compare/verdict)
-    foreach(room IN LISTS numerics)
-        if(room MATCHES "^${folder}/(.*)")
+        compare/drift compare/edges compare/expect compare/pose compare/uncertainty compare/decision
+        compare/diagnosis compare/qualification)
+    foreach(module IN LISTS numerics)
+        if(module MATCHES "^${folder}/(.*)")
             list(FILTER ${list} EXCLUDE REGEX "(^|/)${CMAKE_MATCH_1}/")
         endif()
     endforeach()

@@ -85,7 +85,7 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
     announce(recorded, progress);
     const StationFile& station = recorded.result.station;
     require_recorded(arguments, station.inputs);
-    const StationLock stage_lock(station.stage.link, holder(arguments));
+    const StationLock stage_lock(station.stage, holder(arguments));
     return resume_qualification(recorded, devices(station, arguments, clock, progress, stop), clock,
                                 progress, stop);
 }
@@ -93,7 +93,7 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                     const std::stop_token& stop) {
     const StationFile station = read_station(arguments.station, arguments.calibration);
-    const StationLock stage_lock(station.stage.link, holder(arguments));
+    const StationLock stage_lock(station.stage, holder(arguments));
     return run_qualification(station, arguments.out,
                              devices(station, arguments, clock, progress, stop), clock, progress,
                              stop);

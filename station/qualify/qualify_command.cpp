@@ -2,17 +2,20 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <memory>
+#include <system_error>
 
 #include "core/file/file_lock.h"
 #include "core/program/errors.h"
+#include "core/program/subprocess.h"
 #include "station/qualify/commands.h"
 #include "station/qualify/runner.h"
-#include "station/qualify/twin_process.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
 #include "station/setup/station_inputs.h"
 #include "station/setup/station_lock.h"
 #include "station/shell/command.h"
+#include "station/shell/installed_files.h"
 #include "station/shell/signals.h"
 
 namespace etalon {
@@ -109,6 +112,29 @@ void require_either(const QualifyArguments& arguments) {
         throw ConfigError({"--out"}, "is required, unless a run is resumed with --resume DIR");
 }
 
+// The simulated devices of a run, which end with it.
+std::unique_ptr<Subprocess> started_twin(const std::vector<std::string>& arguments) {
+    std::vector<std::string> command = {(program_folder() / "etalon-twin").string()};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    SubprocessOptions options;
+    options.inherits_stderr = true;
+    try {
+        return std::make_unique<Subprocess>(command, std::move(options));
+    } catch (const std::system_error& error) {
+        throw DeviceError("twin", "start",
+                          fmt::format("{}: {}; a build without Aravis has no twin", command[0],
+                                      error.code().message()));
+    }
+}
+
+// What it prints when both devices listen; empty when it has ended.
+std::string ready_line(Subprocess& twin) {
+    std::string line;
+    while (!line.ends_with('\n') && !twin.has_closed_output())
+        line += twin.read_output(no_time_limit);
+    return line;
+}
+
 int run_report(const ReportArguments& arguments) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
@@ -124,12 +150,14 @@ int run_report(const ReportArguments& arguments) {
 
 int run_qualify(const QualifyArguments& arguments) {
     require_either(arguments);
-    std::optional<TwinProcess> twin;
+    std::unique_ptr<Subprocess> twin;
     if (!arguments.twin.empty()) {
-        twin.emplace(arguments.twin);
-        const std::string ready = twin->ready_line();
-        if (ready.empty())
-            return twin->exit_code();  // it has said why
+        twin = started_twin(arguments.twin);
+        const std::string ready = ready_line(*twin);
+        if (ready.empty()) {  // it has said why
+            twin->wait_for(no_time_limit);
+            return twin->result().exit_code;
+        }
         fmt::print(stderr, "{}", ready);
     }
     std::stop_source stop;

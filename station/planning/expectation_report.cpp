@@ -12,7 +12,6 @@
 #include "report/number_text.h"
 #include "report/pose_numbers.h"
 #include "report/svg_plot.h"
-#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
@@ -292,7 +291,7 @@ std::string expectation_csv(const Expectation& expectation) {
 
 void write_expectation(const ExpectationRequest& request, const Expectation& expectation,
                        const std::filesystem::path& folder) {
-    make_out_folder(folder);
+    make_folder(folder);
     HtmlPage page("Expected pose errors", request.scene.marker.spec);
     add_expectation(page, expectation);
     page.add_facts(

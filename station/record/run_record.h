@@ -22,10 +22,10 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <optional>
 #include <string>
 
+#include "core/file/file_writing.h"
 #include "station/record/image_writer.h"
 #include "station/record/qualify_result.h"
 
@@ -70,7 +70,7 @@ public:
 
 private:
     std::filesystem::path folder_;
-    std::ofstream events_;
+    AppendFile events_;
     ImageWriter images_;
 };
 

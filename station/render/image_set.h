@@ -6,14 +6,16 @@
 //   images.jsonl          a line a pose, as they were made: the file and its SHA-256, or why it was
 //                         refused
 //
-// The folder of a shard (report/shard.h) holds every n-th image. An image is there when its file and
-// its line are. Layout of the files: docs/files.md.
+// The folder of a shard (report/shard.h) holds every n-th image. An image is there when its file
+// and its line are. Layout of the files: docs/files.md.
 #pragma once
 
 #include <filesystem>
-#include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "core/file/file_writing.h"
 
 namespace etalon {
 
@@ -47,7 +49,7 @@ private:
     std::string extension_;
     std::vector<bool> had_;
     std::size_t had_images_ = 0;
-    std::ofstream manifest_;
+    std::optional<AppendFile> manifest_;
 };
 
 struct MergedImages {

@@ -1,5 +1,4 @@
-// What commands do alike with what they make: the folder of --out, the line that names its report,
-// and progress on stderr.
+// What commands print alike: the line that names a report, and progress on stderr.
 #pragma once
 
 #include <filesystem>
@@ -8,9 +7,6 @@
 #include "core/time/progress.h"
 
 namespace etalon {
-
-// Makes the folder where it is missing. Throws ConfigError at --out when it cannot be made.
-void make_out_folder(const std::filesystem::path& folder);
 
 // "report FOLDER/report.html" on stdout; nothing without a folder.
 void print_report(const std::filesystem::path& folder);

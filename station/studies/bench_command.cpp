@@ -10,7 +10,6 @@
 #include "core/program/errors.h"
 #include "sim/scene/bench_poses.h"
 #include "station/shell/command.h"
-#include "station/shell/command_output.h"
 #include "station/studies/commands.h"
 
 namespace etalon {
@@ -113,7 +112,7 @@ int run_bench(const BenchArguments& arguments) {
     if (!arguments.against.empty())
         before = read_bench(arguments.against);
     if (!arguments.out.empty())
-        make_out_folder(arguments.out);
+        make_folder(arguments.out);
     keep_freed_memory();
     const BenchResult result = measure(arguments, scenes);
     if (!arguments.out.empty())

@@ -1,6 +1,5 @@
 #include "core/program/subprocess.h"
 
-#include <fcntl.h>
 #include <linux/close_range.h>
 #include <poll.h>
 #include <sys/prctl.h>
@@ -13,103 +12,68 @@
 #include <array>
 #include <cerrno>
 #include <csignal>
-#include <deque>
 #include <future>
-#include <memory>
+#include <utility>
 
 namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t most_output = 1u << 20, most_line = 4096, kept_lines = 6;
-constexpr const char* own_file = "/proc/self/exe";
+constexpr std::size_t most_output = 1u << 20, most_line = 4096;
+constexpr std::ptrdiff_t kept_lines = 6;
 constexpr Duration patience = 10s;  // between SIGTERM and SIGKILL
+constexpr const char* own_file = "/proc/self/exe";
 
-void require(bool is_done) {
-    if (!is_done)
-        throw std::system_error(errno, std::generic_category());
-}
+// Sockets and no pipes: writing to a program that has ended is then an error and no SIGPIPE.
+struct SocketPair {
+    std::array<int, 2> ends{-1, -1};  // ours, the child's
 
-class Descriptor {
-public:
-    Descriptor() = default;
-    ~Descriptor() { reset(); }
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
-
-    operator int() const { return number_; }
-    void reset(int number = -1) {
-        if (number_ >= 0)
-            close(number_);
-        number_ = number;
+    SocketPair() {
+        if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
+            throw std::system_error(errno, std::generic_category());
     }
-    int release() { return std::exchange(number_, -1); }
+    ~SocketPair() {
+        for (std::size_t end : {0, 1})
+            close_end(end);
+    }
+    SocketPair(const SocketPair&) = delete;
+    SocketPair& operator=(const SocketPair&) = delete;
 
-private:
-    int number_ = -1;
+    void close_end(std::size_t end) {
+        if (ends[end] >= 0)
+            close(std::exchange(ends[end], -1));
+    }
 };
 
-void make_pipe(Descriptor& read_end, Descriptor& write_end) {
-    std::array<int, 2> ends{};
-    require(pipe2(ends.data(), O_CLOEXEC) == 0);
-    read_end.reset(ends[0]);
-    write_end.reset(ends[1]);
+// Between fork and exec only what is safe there: no memory is asked for.
+[[noreturn]] void become(const char* program, char* const* arguments, int talk, int errors,
+                         int failure, pid_t parent) {
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (getppid() != parent)  // it died in between
+        _exit(1);
+    for (int signal = 1; signal < NSIG; ++signal)
+        std::signal(signal, SIG_DFL);
+    sigset_t none;
+    sigemptyset(&none);
+    sigprocmask(SIG_SETMASK, &none, nullptr);
+    setpgid(0, 0);
+    dup2(talk, STDIN_FILENO);
+    dup2(talk, STDOUT_FILENO);
+    dup2(errors, STDERR_FILENO);
+    close_range(STDERR_FILENO + 1, ~0u, CLOSE_RANGE_CLOEXEC);
+    execvp(program, arguments);
+    const int error = errno;
+    send(failure, &error, sizeof error, MSG_NOSIGNAL);
+    _exit(127);
 }
 
-// A socket: writing to a program that has ended is an error and no SIGPIPE.
-void make_socket(Descriptor& ours, Descriptor& theirs) {
-    std::array<int, 2> ends{};
-    require(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) == 0);
-    ours.reset(ends[0]);
-    theirs.reset(ends[1]);
-}
-
-// Lines as they come, and the last of them.
-class LineReader {
-public:
-    explicit LineReader(const std::function<void(const std::string&)>& on_line)
-        : on_line_(on_line) {}
-
-    void add(std::string_view text) {
-        for (const char c : text) {
-            if (c != '\n' && line_.size() < most_line)
-                line_ += c;
-            if (c == '\n')
-                end_line();
-        }
-    }
-    std::string tail() {
-        end_line();
-        std::string text;
-        for (const std::string& line : last_)
-            text += line + "\n";
-        return text;
-    }
-
-private:
-    void end_line() {
-        if (line_.empty())
-            return;
-        if (on_line_)
-            on_line_(line_);
-        last_.push_back(std::move(line_));
-        if (last_.size() > kept_lines)
-            last_.pop_front();
-        line_.clear();
-    }
-
-    const std::function<void(const std::string&)>& on_line_;
-    std::string line_;
-    std::deque<std::string> last_;
-};
-
-// What there is; calls `take` with it. False at the end of the file.
+// What there is; calls `take` with it. False at the end.
 template <class Take>
-bool read_some(int file, Take take) {
+bool receive(int socket, Take take) {
     std::array<char, 4096> bytes{};
     for (;;) {
-        const ssize_t count = read(file, bytes.data(), bytes.size());
+        const ssize_t count = recv(socket, bytes.data(), bytes.size(), MSG_DONTWAIT);
         if (count > 0)
             take(std::string_view(bytes.data(), static_cast<std::size_t>(count)));
         else if (count == 0 || errno != EINTR)
@@ -117,129 +81,35 @@ bool read_some(int file, Take take) {
     }
 }
 
-int poll_limit(Duration left) {
-    return static_cast<int>(std::clamp<std::int64_t>(
-        std::chrono::ceil<std::chrono::milliseconds>(left).count(), 0, 1'000'000));
+int milliseconds_left(Instant deadline) {
+    const auto left =
+        std::chrono::ceil<std::chrono::milliseconds>(deadline - SteadyClock().now()).count();
+    return static_cast<int>(std::clamp<std::int64_t>(left, 0, 1'000'000));
 }
-
-// A thread that is started inside takes no signals: they are for the thread that waits for them.
-class BlockedSignals {
-public:
-    BlockedSignals() {
-        sigset_t all;
-        sigfillset(&all);
-        pthread_sigmask(SIG_SETMASK, &all, &before_);
-    }
-    ~BlockedSignals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-    BlockedSignals(const BlockedSignals&) = delete;
-    BlockedSignals& operator=(const BlockedSignals&) = delete;
-
-private:
-    sigset_t before_{};
-};
 
 }  // namespace
 
-struct Subprocess::Files {
-    Descriptor input, output, errors, failure;  // ends of the child; failure: errno of exec
-    Descriptor from_output, from_errors, from_failure, end;  // ours; end: the process itself
-    std::vector<std::string> words;
-    std::vector<char*> arguments;
-    const char* program = nullptr;
-
-    Files(const std::vector<std::string>& command, const SubprocessOptions& options)
-        : words(command), program(command.at(0).c_str()) {
-        if (words[0] == own_file)
-            words[0] = program_invocation_name;
-        for (std::string& word : words)
-            arguments.push_back(word.data());
-        arguments.push_back(nullptr);
-        make_pipe(from_output, output);
-        make_pipe(from_failure, failure);
-        if (!options.inherits_stderr) {
-            make_pipe(from_errors, errors);
-            fcntl(from_errors, F_SETFL, O_NONBLOCK);
-        }
-        fcntl(from_output, F_SETFL, O_NONBLOCK);
-        if (!options.has_input)
-            input.reset(open("/dev/null", O_RDONLY | O_CLOEXEC));
-    }
-
-    // Between fork and exec only what is safe there: no memory is asked for.
-    [[noreturn]] void become_program(pid_t parent) const {
-        prctl(PR_SET_PDEATHSIG, SIGTERM);
-        if (getppid() != parent)  // it died in between
-            _exit(1);
-        for (int signal = 1; signal < NSIG; ++signal)
-            std::signal(signal, SIG_DFL);
-        sigset_t none;
-        sigemptyset(&none);
-        sigprocmask(SIG_SETMASK, &none, nullptr);
-        setpgid(0, 0);
-        dup2(input, STDIN_FILENO);
-        dup2(output, STDOUT_FILENO);
-        if (errors >= 0)
-            dup2(errors, STDERR_FILENO);
-        close_range(STDERR_FILENO + 1, ~0u, CLOSE_RANGE_CLOEXEC);
-        execvp(program, arguments.data());
-        const int error = errno;
-        [[maybe_unused]] const ssize_t count = ::write(failure, &error, sizeof error);
-        _exit(127);
-    }
-
-    // Returns its id, or throws std::system_error.
-    pid_t start() {
-        const pid_t parent = getpid();
-        const pid_t child = fork();
-        if (child == 0)
-            become_program(parent);
-        require(child > 0);
-        for (Descriptor* theirs : {&input, &output, &errors, &failure})
-            theirs->reset();
-        int error = 0;
-        if (read(from_failure, &error, sizeof error) == 0)
-            end.reset(static_cast<int>(syscall(SYS_pidfd_open, child, 0)));
-        else
-            errno = error;
-        if (end < 0) {
-            error = errno;
-            kill(child, SIGKILL);
-            waitpid(child, nullptr, 0);
-            throw std::system_error(error, std::generic_category());
-        }
-        return child;
-    }
-};
-
 Subprocess::Subprocess(const std::vector<std::string>& command, SubprocessOptions options)
     : options_(std::move(options)) {
-    auto files = std::make_unique<Files>(command, options_);
-    Descriptor ours;
-    if (options_.has_input)
-        make_socket(ours, files->input);
     std::promise<void> promise;
     std::future<void> started = promise.get_future();
-    {
-        const BlockedSignals blocked;
-        // The kernel's SIGTERM follows the thread that forks: it lives as long as the child.
-        thread_ = std::thread([this, &promise, files = std::move(files)] {
-            try {
-                process_ = files->start();
-                promise.set_value();
-            } catch (const std::system_error&) {
-                promise.set_exception(std::current_exception());
-                return;
-            }
-            follow(*files);
-        });
-    }
+    // The kernel's SIGTERM follows the thread that forks: it lives as long as the child.
+    thread_ = std::thread([this, &command, promise = std::move(promise)]() mutable {
+        try {
+            start(command);
+        } catch (const std::system_error&) {
+            promise.set_exception(std::current_exception());
+            return;
+        }
+        promise.set_value();  // from here on nothing of the caller's is used
+        follow();
+    });
     try {
         started.get();
     } catch (...) {
         thread_.join();
         throw;
     }
-    input_ = ours.release();
 }
 
 Subprocess::~Subprocess() {
@@ -247,8 +117,46 @@ Subprocess::~Subprocess() {
     if (!wait_for(patience))
         send(SIGKILL);
     thread_.join();
-    if (input_ >= 0)
-        close(input_);
+    for (const int file : {talk_, errors_, end_})
+        close(file);
+}
+
+// On a thread that takes no signals: they are for the one that waits for them.
+void Subprocess::start(const std::vector<std::string>& command) {
+    sigset_t all;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, nullptr);
+    std::vector<char*> arguments;
+    for (const std::string& word : command)
+        arguments.push_back(const_cast<char*>(word.c_str()));  // exec does not write
+    arguments.push_back(nullptr);
+    if (command.at(0) == own_file)
+        arguments[0] = program_invocation_name;
+    SocketPair talk, errors, failure;
+    const int their_errors = options_.inherits_stderr ? STDERR_FILENO : errors.ends[1];
+    const pid_t parent = getpid(), child = fork();
+    if (child == 0)
+        become(command[0].c_str(), arguments.data(), talk.ends[1], their_errors, failure.ends[1],
+               parent);
+    for (SocketPair* pair : {&talk, &errors, &failure})
+        pair->close_end(1);
+    int error = child < 0 ? errno : 0;
+    if (child > 0 && read(failure.ends[0], &error, sizeof error) <= 0) {
+        end_ = static_cast<int>(syscall(SYS_pidfd_open, child, 0));
+        error = end_ < 0 ? errno : 0;
+    }
+    if (error != 0) {
+        if (child > 0) {
+            kill(child, SIGKILL);
+            waitpid(child, nullptr, 0);
+        }
+        throw std::system_error(error, std::generic_category());
+    }
+    talk_ = std::exchange(talk.ends[0], -1);
+    errors_ = std::exchange(errors.ends[0], -1);
+    process_ = child;
+    if (!options_.has_input)
+        close_input();
 }
 
 bool Subprocess::send(int signal) {
@@ -259,12 +167,10 @@ bool Subprocess::send(int signal) {
 std::error_code Subprocess::write(std::string_view text, Duration limit) {
     const Instant deadline = SteadyClock().now() + limit;
     while (!text.empty()) {
-        pollfd ready{input_, POLLOUT, 0};
-        const int count = poll(&ready, 1, poll_limit(deadline - SteadyClock().now()));
-        if (count == 0)
+        pollfd ready{talk_, POLLOUT, 0};
+        if (poll(&ready, 1, milliseconds_left(deadline)) == 0)
             return std::make_error_code(std::errc::timed_out);
-        const ssize_t sent =
-            count < 0 ? -1 : ::send(input_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+        const ssize_t sent = ::send(talk_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
         if (sent > 0)
             text.remove_prefix(static_cast<std::size_t>(sent));
         else if (errno != EINTR && errno != EAGAIN)
@@ -274,7 +180,7 @@ std::error_code Subprocess::write(std::string_view text, Duration limit) {
 }
 
 void Subprocess::close_input() {
-    shutdown(input_, SHUT_WR);
+    shutdown(talk_, SHUT_WR);
 }
 
 std::string Subprocess::read_output(Duration limit) {
@@ -299,46 +205,54 @@ SubprocessResult Subprocess::result() const {
     return result_;
 }
 
-void Subprocess::follow(Files& files) {
-    LineReader lines(options_.on_stderr_line);
-    std::array<pollfd, 3> sources{
-        {{files.from_output, POLLIN, 0}, {files.from_errors, POLLIN, 0}, {files.end, POLLIN, 0}}};
-    const auto take = [this](std::string_view text) {
-        const std::lock_guard lock(mutex_);
-        result_.output.append(text.substr(0, most_output - result_.output.size()));
-    };
+void Subprocess::follow() {
+    std::array<pollfd, 3> sources{{{talk_, POLLIN, 0}, {errors_, POLLIN, 0}, {end_, POLLIN, 0}}};
     bool has_ended = false;
     while (!has_ended) {
         poll(sources.data(), sources.size(), -1);
         has_ended = sources[2].revents != 0;
         if (has_ended)
             kill(-process_, SIGKILL);  // what it left running; until it is reaped the id is its own
-        if (sources[0].fd >= 0 && !read_some(sources[0].fd, take))
-            sources[0].fd = -1;
-        if (sources[1].fd >= 0 &&
-            !read_some(sources[1].fd, [&](std::string_view text) { lines.add(text); }))
+        if (!receive(errors_, [this](std::string_view text) { add_errors(text); }))
             sources[1].fd = -1;
         const std::lock_guard lock(mutex_);
-        has_closed_output_ = has_ended || sources[0].fd < 0;
+        const bool goes_on = receive(talk_, [this](std::string_view text) {
+            result_.output.append(text.substr(0, most_output - result_.output.size()));
+        });
+        if (!goes_on)
+            sources[0].fd = -1;
+        has_closed_output_ = has_ended || !goes_on;
         changed_.notify_all();
     }
-    end(lines.tail());
-}
-
-void Subprocess::end(std::string stderr_tail) {
+    add_errors("\n");
     {
         const std::lock_guard lock(mutex_);  // nobody signals the id of another process
         int status = 0;
-        while (waitpid(process_, &status, 0) < 0 && errno == EINTR) {
-        }
+        waitpid(process_, &status, 0);
         result_.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
         result_.signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
-        result_.stderr_tail = std::move(stderr_tail);
         process_ = 0;
     }
     changed_.notify_all();
     if (options_.on_end)
-        options_.on_end(result());
+        options_.on_end(result_);
+}
+
+// Lines as they come; the last ones are kept.
+void Subprocess::add_errors(std::string_view text) {
+    for (const char c : text) {
+        if (c != '\n' && line_.size() < most_line)
+            line_ += c;
+        if (c != '\n' || line_.empty())
+            continue;
+        if (options_.on_stderr_line)
+            options_.on_stderr_line(line_);
+        const std::lock_guard lock(mutex_);
+        std::string& tail = result_.stderr_tail += line_ + "\n";
+        if (std::ranges::count(tail, '\n') > kept_lines)
+            tail.erase(0, tail.find('\n') + 1);
+        line_.clear();
+    }
 }
 
 std::vector<std::string> this_program(std::vector<std::string> arguments) {

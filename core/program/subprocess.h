@@ -68,17 +68,17 @@ public:
     SubprocessResult result() const;  // after the end
 
 private:
-    struct Files;
-    void follow(Files& files);
-    void read_until_end(Files& files);
-    void end(std::string stderr_tail);
+    void start(const std::vector<std::string>& command);
+    void follow();
+    void add_errors(std::string_view text);
 
     SubprocessOptions options_;
     mutable std::mutex mutex_;
     std::condition_variable_any changed_;
-    int process_ = 0;  // 0: it has ended
-    int input_ = -1;   // our end of its stdin
+    int process_ = 0;                         // 0: it has ended
+    int talk_ = -1, errors_ = -1, end_ = -1;  // its stdin and stdout, its stderr, its pidfd
     bool has_closed_output_ = false;
+    std::string line_;  // of stderr, not yet whole
     SubprocessResult result_;
     std::thread thread_;
 };

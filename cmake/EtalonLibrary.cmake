@@ -42,7 +42,8 @@ endfunction()
 
 # Reuses core's precompiled header, so that OpenCV, Eigen and the standard library are parsed once.
 set(etalon_common_headers
-    ${PROJECT_SOURCE_DIR}/core/eigen_instances.h ${PROJECT_SOURCE_DIR}/core/json_instances.h <opencv2/core.hpp> <fmt/format.h>
+    ${PROJECT_SOURCE_DIR}/core/precompiled/eigen_instances.h
+    ${PROJECT_SOURCE_DIR}/core/precompiled/json_instances.h <opencv2/core.hpp> <fmt/format.h>
     <algorithm> <array> <chrono> <cmath> <filesystem> <fstream> <functional> <iostream> <map> <memory>
     <mutex> <numeric> <optional> <set> <span> <sstream> <string> <string_view> <thread> <variant>
     <vector>)

@@ -4,10 +4,11 @@
 
 #include <algorithm>
 #include <map>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/files/camera_file.h"
+#include "core/file/text.h"
+#include "core/image/image.h"
 #include "core/program/errors.h"
 #include "core/time/clock.h"
 
@@ -220,7 +221,7 @@ StudyWorker::StudyWorker(const StudyOptics& optics, const std::filesystem::path&
     }
     if (std::ranges::none_of(externals_, [](const auto& e) { return e != nullptr; }))
         return;
-    std::filesystem::create_directories(scratch_);
+    make_folder(scratch_);
     for (std::size_t variant = 0; variant < optics.variants().size(); ++variant)
         write_camera(scratch_ / fmt::format("camera-{}.yml", variant),
                      optics.estimation_camera(variant));
@@ -349,8 +350,7 @@ StudyFinding StudyWorker::judge_external(const CodeImage& image, std::size_t var
                                          std::size_t detector, const Rigid& truth) {
     const Stopwatch watch(times_.detectors[detector]);
     const std::filesystem::path file = scratch_ / "image.png";
-    if (!cv::imwrite(file.string(), image.pixels))
-        throw ConfigError({file.string()}, "cannot be written");
+    write_image(file, image);
     const ExternalAnswer answer =
         externals_[detector]->detect(file, scratch_ / fmt::format("camera-{}.yml", variant));
     if (!answer.camera_from_marker)

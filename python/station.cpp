@@ -25,7 +25,7 @@ py::object read_back(const std::filesystem::path& folder) {
 py::object qualify_station(const StationFile& station, const std::filesystem::path& out, bool homed,
                            bool progress) {
     interruptible([&](std::stop_token stop) {
-        const StationLock held(station.stage.link, stage_holder("a qualification", ""));
+        const StationLock held(station.stage, stage_holder("a qualification", ""));
         RunProgress shown(progress);
         return run_qualification(
             station, out, station_devices(station, homed, shown.clock(), shown.progress(), stop),
@@ -39,8 +39,7 @@ py::object resume(const std::filesystem::path& record, bool homed, bool progress
         const FileLock lock(record / log_file);
         RunProgress shown(progress);
         const RecordedRun recorded = read_record(record, shown.progress(), stop);
-        const StationLock held(recorded.result.station.stage.link,
-                               stage_holder("a qualification", ""));
+        const StationLock held(recorded.result.station.stage, stage_holder("a qualification", ""));
         return resume_qualification(
             recorded,
             station_devices(recorded.result.station, homed, shown.clock(), shown.progress(), stop),

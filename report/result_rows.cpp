@@ -48,10 +48,7 @@ bool is_only_begun(const std::filesystem::path& folder, const RowsDescription& d
 }
 
 void begin_folder(const std::filesystem::path& folder, const RowsDescription& description) {
-    std::error_code error;
-    std::filesystem::create_directories(folder, error);
-    if (error)
-        refuse(folder, "cannot be made: " + error.message());
+    make_folder(folder);
     if (!is_only_begun(folder, description))
         refuse(folder, fmt::format("is not empty and holds no {}", description.work.what));
     write_text(folder / results_file, description.header);
@@ -83,9 +80,7 @@ RowRecord::RowRecord(const std::filesystem::path& folder, const RowsDescription&
         lock_.emplace(folder / results_file);
         write_text(file, description.json + "\n");
     }
-    results_.open(folder / results_file, std::ios::binary | std::ios::app);
-    if (!results_)
-        refuse(folder, std::string("holds a ") + results_file + " that cannot be written");
+    results_.emplace(folder / results_file);
 }
 
 // Lines are counted, not read: whoever reads the results checks them.
@@ -105,13 +100,14 @@ void RowRecord::keep_whole_units(const RowsDescription& description) {
     }
     file.close();
     units_done_ = rows / description.rows_per_unit;
-    std::filesystem::resize_file(path, whole);
+    std::error_code error;
+    std::filesystem::resize_file(path, whole, error);
+    if (error)
+        fail_writing(path, error);
 }
 
 void RowRecord::add(const std::string& rows) {
-    results_ << rows << std::flush;
-    if (!results_)
-        throw ConfigError({(folder_ / results_file).string()}, "cannot be written");
+    results_->write(rows);
     ++units_done_;
 }
 
@@ -195,17 +191,12 @@ void merge_rows(const std::vector<std::filesystem::path>& in_order, const RowsDe
                 const std::filesystem::path& out) {
     ShardRows rows(in_order, whole);
     RowRecord(out, whole);  // refuses a folder that holds something else
-    const std::filesystem::path path = out / results_file, part = path.string() + ".part";
-    std::ofstream merged(part, std::ios::binary | std::ios::trunc);
-    merged << whole.header;
+    AtomicFile merged(out / results_file);
+    merged.write(whole.header);
     for (std::size_t unit = 0; unit < whole.units; ++unit)
         for (const std::string& row : rows.next())
-            merged << row << '\n';
-    merged.close();
-    std::error_code error;
-    std::filesystem::rename(part, path, error);
-    if (!merged || error)
-        throw ConfigError({path.string()}, "cannot be written");
+            merged.write(row + "\n");
+    merged.commit();
 }
 
 }  // namespace etalon

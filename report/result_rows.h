@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "core/file/file_lock.h"
+#include "core/file/file_writing.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -64,7 +65,7 @@ public:
     std::size_t units_done() const { return units_done_; }  // of the shard
 
     // All rows of the next unit, each with its line end. They are in the file when this returns;
-    // throws ConfigError when they cannot be written.
+    // throws as fail_writing() when they cannot be written.
     void add(const std::string& rows);
 
 private:
@@ -73,7 +74,7 @@ private:
     std::filesystem::path folder_;
     std::size_t units_done_ = 0;
     std::optional<FileLock> lock_;  // on results.csv
-    std::ofstream results_;
+    std::optional<AppendFile> results_;
 };
 
 // The folders by their shards' index. Each is described by JSON with "shard", in that order. Throws

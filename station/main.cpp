@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdio>
 #include <limits>
+#include <string_view>
 
 #include "capture/frame/camera.h"
 #include "core/program/errors.h"
@@ -29,8 +30,9 @@ std::string version_text() {
     return text;
 }
 
-// Pictures of many megapixels come and go: memory that a run has got it keeps, for new pages cost
-// more than many a step of the work on them.
+// Pictures of many megapixels come and go: memory that a command has got it keeps, for new pages
+// cost more than many a step of the work on them. Not the server's, which lives for months: it
+// would keep its peak (docs/performance.md).
 void keep_memory() {
     mallopt(M_MMAP_MAX, 0);
     mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
@@ -48,7 +50,8 @@ int printed(int code) {
 
 int main(int argc, char** argv) {
     using namespace etalon;
-    keep_memory();
+    if (argc < 2 || std::string_view(argv[1]) != "serve")
+        keep_memory();
     // A reader that goes away (`etalon qualify ... | head`) must not end a run with moving axes.
     std::signal(SIGPIPE, SIG_IGN);
     try {

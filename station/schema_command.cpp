@@ -10,7 +10,6 @@
 #include "station/certify/certificate_form.h"
 #include "station/commands.h"
 #include "station/setup/station_file.h"
-#include "station/shell/command.h"
 #include "study/study_file.h"
 
 namespace etalon {

@@ -18,15 +18,16 @@
 // with all that it started, and started anew for the next image.
 #pragma once
 
-#include <sys/types.h>
-
 #include <chrono>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "core/geometry/rigid.h"
+#include "core/program/subprocess.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 
@@ -53,20 +54,14 @@ public:
     ExternalAnswer detect(const std::filesystem::path& image, const std::filesystem::path& camera);
 
 private:
-    using Deadline = std::chrono::steady_clock::time_point;
-
-    int start();          // 0 or an errno
-    void end();           // now, whatever it is doing
+    void start();         // throws std::system_error
     std::string ended();  // how it ended by itself, in words
-    bool said_more();     // than it was asked for, or it has ended
-    std::optional<std::string> send(const std::string& line, Deadline deadline);  // what failed
-    ExternalAnswer receive(Deadline deadline);
+    ExternalAnswer receive(Instant deadline);
     ExternalAnswer failed(const std::string& why);
 
     std::vector<std::string> command_;
     std::chrono::milliseconds time_out_;
-    pid_t process_ = -1;
-    int socket_ = -1;  // its standard input and output
+    std::unique_ptr<Subprocess> process_;
 };
 
 }  // namespace etalon

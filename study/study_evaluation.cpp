@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "calib/files/camera_file.h"
+#include "core/file/text.h"
 #include "core/image/image.h"
 #include "core/program/errors.h"
 #include "core/time/clock.h"
@@ -220,7 +221,7 @@ StudyWorker::StudyWorker(const StudyOptics& optics, const std::filesystem::path&
     }
     if (std::ranges::none_of(externals_, [](const auto& e) { return e != nullptr; }))
         return;
-    std::filesystem::create_directories(scratch_);
+    make_folder(scratch_);
     for (std::size_t variant = 0; variant < optics.variants().size(); ++variant)
         write_camera(scratch_ / fmt::format("camera-{}.yml", variant),
                      optics.estimation_camera(variant));

@@ -21,7 +21,7 @@ load = lambda path: yaml.safe_load(open(path))
 if platform == "github":
     action = load(source + "/ci/github/action.yml")
     job = load(".github/workflows/qualify.yml")["jobs"]["twin"]
-    given = next(step["with"] for step in job["steps"] if step["uses"].startswith("YOU/etalon"))
+    given = next(step["with"] for step in job["steps"] if step["uses"].startswith("your-organisation/etalon"))
     assert set(given) <= set(action["inputs"]), given
     inputs = {name: given.get(name, about["default"]) for name, about in action["inputs"].items()}
     step = next(step for step in action["runs"]["steps"] if step["name"] == "Qualify")

@@ -188,7 +188,7 @@ std::map<std::string, std::string> file_schemas(const ReadTrace& trace) {
 }
 
 void write_schemas(const ReadTrace& trace, const std::filesystem::path& folder) {
-    std::filesystem::create_directories(folder);
+    make_folder(folder);
     for (const auto& [kind, schema] : file_schemas(trace))
         write_text(folder / (kind.substr(0, kind.find('/')) + ".json"), schema);
 }

@@ -17,8 +17,7 @@ void sync_to_disk(const std::filesystem::path& file_or_folder) {
         close(descriptor);
     // A file system that cannot keep folders by themselves keeps them some other way.
     if (failure != 0 && failure != EINVAL)
-        throw ConfigError({file_or_folder.string()},
-                          "cannot be kept: " + std::generic_category().message(failure));
+        fail_writing(file_or_folder, {failure, std::generic_category()});
 }
 
 }  // namespace etalon

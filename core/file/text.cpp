@@ -3,14 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <fstream>
 #include <numeric>
 #include <sstream>
-#include <system_error>
 
 namespace etalon {
 namespace {
@@ -192,29 +190,16 @@ std::string read_text(const std::filesystem::path& path) {
 }
 
 void write_text(const std::filesystem::path& path, std::string_view text) {
-    std::filesystem::path part = path;
-    part += ".part";
-    errno = 0;
-    std::ofstream file(part, std::ios::binary | std::ios::trunc);
-    file.write(text.data(), static_cast<std::streamsize>(text.size()));
-    file.close();
-    std::error_code error;
-    if (file)
-        std::filesystem::rename(part, path, error);
-    else
-        error.assign(errno ? errno : EIO, std::generic_category());
-    if (error) {
-        std::error_code ignored;
-        std::filesystem::remove(part, ignored);
-        fail_writing(path, error);
-    }
+    AtomicFile file(path);
+    file.write(text);
+    file.commit();
 }
 
 void make_folder(const std::filesystem::path& folder) {
     std::error_code failure;
     std::filesystem::create_directories(folder, failure);
     if (failure)
-        throw ConfigError({folder.string()}, "cannot be made: " + failure.message());
+        fail_writing(folder, failure);
 }
 
 std::string escape_html(std::string_view text) {

@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <fstream>
 #include <opencv2/imgproc.hpp>
 #include <string_view>
-#include <system_error>
 
+#include "core/file/file_writing.h"
 #include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 
@@ -102,27 +101,12 @@ FileBytes encoded(const std::filesystem::path& path, const cv::Mat& image) {
     }
 }
 
-std::error_code write_bytes(const std::filesystem::path& path, const FileBytes& bytes) {
-    errno = 0;
-    std::ofstream file(path, std::ios::binary);
-    file.write(reinterpret_cast<const char*>(bytes.data()),
-               static_cast<std::streamsize>(bytes.size()));
-    file.close();
-    return file ? std::error_code() : std::error_code(errno ? errno : EIO, std::generic_category());
-}
-
 // Written beside its place and renamed into it, so that no reader ever sees half a file.
 void write_any(const std::filesystem::path& path, const cv::Mat& image) {
-    std::filesystem::path part = path;
-    part.replace_filename("." + path.stem().string() + ".part" + path.extension().string());
-    std::error_code error = write_bytes(part, encoded(path, image));
-    if (!error)
-        std::filesystem::rename(part, path, error);
-    if (error) {
-        std::error_code ignored;
-        std::filesystem::remove(part, ignored);
-        fail_writing(path, error);
-    }
+    const FileBytes bytes = encoded(path, image);
+    AtomicFile file(path);
+    file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+    file.commit();
 }
 
 }  // namespace

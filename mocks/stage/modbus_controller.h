@@ -1,7 +1,7 @@
 // A stage controller as its bus sees it: requests for its units are carried out on the registers of
 // a profile, in front of a simulated stage, and a script says which of them go wrong. Behind
 // sockets and serial lines (mocks/stage/modbus_stage_server.h) or in memory
-// (mocks/stage/memory_transport.h).
+// (tests/fakes/memory_transport.h).
 #pragma once
 
 #include <mutex>

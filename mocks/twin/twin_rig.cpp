@@ -27,8 +27,8 @@ TwinRig::TwinRig(const TwinFile& file)
     : nominal_exposure_(file.nominal_exposure),
       stage_(file.stage.axes, stage_options(file), clock_),
       physics_(file.true_camera, file.scene, file.method, file.seed),
-      darkroom_([this](const std::vector<double>& q) { return develop(q); },
-                stage_.true_positions()),
+      image_source_([this](const std::vector<double>& q) { return develop(q); },
+                    stage_.true_positions()),
       line_(line_of(file.stage)),
       server_(line_ ? ModbusStageServer(stage_, file.stage.profile, line_->pair())
                     : ModbusStageServer(stage_, file.stage.profile, file.stage.port)) {
@@ -36,7 +36,7 @@ TwinRig::TwinRig(const TwinFile& file)
         room_.emplace(file.room->room, clock_, file.room->port);
     server_.set_script(scripted_faults(file.stage.link_faults, stage_));
     stage_.hold_in_position_until(
-        [this](const std::vector<double>& positions) { return darkroom_.shows(positions); });
+        [this](const std::vector<double>& positions) { return image_source_.shows(positions); });
 }
 
 std::string TwinRig::stage_place() const {

@@ -1,7 +1,7 @@
 // What every twin has, whatever its camera: a stage controller on Modbus TCP or RTU, and pictures
 // of the marker where the simulated stage truly is.
 //
-//   station --Modbus--> stage --true positions--> darkroom (renders) --picture--> camera
+//   station --Modbus--> stage --true positions--> image source (renders) --picture--> camera
 //
 // The stage reports "in position" only once the picture of the new position is finished, so every
 // frame that is exposed after a settled move shows it. While axes move the last picture stays on
@@ -13,7 +13,7 @@
 #include <string>
 
 #include "core/time/clock.h"
-#include "mocks/camera/darkroom.h"
+#include "mocks/camera/scene_image_source.h"
 #include "mocks/stage/modbus_stage_server.h"
 #include "mocks/stage/serial_link.h"
 #include "mocks/stage/simulated_stage.h"
@@ -33,7 +33,7 @@ public:
     int room_port() const { return room_ ? room_->port() : 0; }  // of the room's sensor; 0: none
     SimulatedStage& stage() { return stage_; }
     const TwinPhysics& physics() const { return physics_; }
-    Radiance picture() const { return darkroom_.picture(); }  // safe from every thread
+    Radiance picture() const { return image_source_.picture(); }  // safe from every thread
 
     // What such an exposure collects, 1 at the nominal exposure time and 0 dB. Light grows in
     // proportion to the time and with the gain.
@@ -46,7 +46,7 @@ private:
     std::chrono::microseconds nominal_exposure_;
     SimulatedStage stage_;
     TwinPhysics physics_;
-    Darkroom darkroom_;
+    SceneImageSource image_source_;
     std::optional<SerialLink> line_;
     std::optional<RoomSensorServer> room_;
     ModbusStageServer server_;  // last: its thread uses all the others

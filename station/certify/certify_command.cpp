@@ -60,7 +60,7 @@ int run_certify(const CertifyArguments& arguments) {
     const Certificate certificate{run, form, utc_now().substr(0, 10),
                                   sha256_of_file(run.folder / log_file),
                                   sha256_of_file(run.folder / "run.json")};
-    make_out_folder(arguments.out);
+    make_folder(arguments.out);
     const auto html = arguments.out / "certificate.html", pdf = arguments.out / "certificate.pdf";
     write_text(html, certificate_html(certificate));
     write_text(arguments.out / "dcc.xml", dcc_xml(certificate));

@@ -176,7 +176,7 @@ void compare_all(const CompareArguments& arguments, const Job& job, Comparison& 
         fail_without_photos(comparison);
     const PhotoComparer comparer(job.marker, job.area, job.camera,
                                  depth_range(comparison.photos, job.area));
-    make_out_folder(arguments.out);
+    make_folder(arguments.out);
     comparison.profiles = comparer.empty_profiles();
     for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
         ComparedPhoto& photo = comparison.photos[i];

@@ -119,7 +119,7 @@ int run_capture_drift(const CaptureArguments& arguments) {
     VirtualClock recorded;
     Clock& clock = is_recording(arguments) ? static_cast<Clock&>(recorded) : real;
     const auto camera = opened_camera(arguments, clock, stop.get_token());
-    std::filesystem::create_directories(arguments.out);
+    make_folder(arguments.out);
     std::optional<DriftResult> result;
     {
         DriftPrinter printer;

@@ -75,7 +75,7 @@ int run_init(const InitArguments& arguments) {
     const StationTemplate draft = draft_of(arguments);
     const std::string text = drafted_station(draft);
     const std::filesystem::path station = arguments.folder / "station.yaml";
-    make_out_folder(arguments.folder);
+    make_folder(arguments.folder);
     write_new(station, text);
     write_new(arguments.folder / "limits.yaml", drafted_limits());
     const bool is_calibrated =

@@ -71,7 +71,7 @@ int move_axes(const StageArguments& arguments, bool relative) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
     const StationStage station = read_station_stage(arguments.station);
-    const StationLock lock(station.link, stage_holder("a motion", arguments.operator_name));
+    const StationLock lock(station, stage_holder("a motion", arguments.operator_name));
     Session session(station, arguments.trace);
     if (arguments.homed)
         session.stage().take_for_homed();
@@ -96,7 +96,7 @@ int run_stage_home(const StageArguments& arguments) {
     confirm_homing(station.axes, arguments.yes);
     std::stop_source stop;
     const StopOnSignals signals(stop);
-    const StationLock lock(station.link, stage_holder("homing", arguments.operator_name));
+    const StationLock lock(station, stage_holder("homing", arguments.operator_name));
     Session session(station, arguments.trace);
     session.stage().enable(stop.get_token());
     session.stage().home(stop.get_token());

@@ -7,7 +7,6 @@
 #include "station/history/fleet.h"
 #include "station/history/run_history.h"
 #include "station/record/record_json.h"
-#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -239,7 +238,7 @@ std::string history_json(std::span<const HistoricRun> runs, std::span<const Quan
 void write_history_report(std::span<const HistoricRun> runs,
                           std::span<const QuantityHistory> charts,
                           std::span<const CameraState> fleet, const std::filesystem::path& folder) {
-    make_out_folder(folder);
+    make_folder(folder);
     HtmlPage page("Cameras over time", counted(runs.size(), "run"));
     std::vector<std::string> drifting;
     for (const QuantityHistory& history : charts)

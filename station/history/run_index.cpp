@@ -24,7 +24,20 @@ constexpr const char* tables = R"(
     CREATE INDEX run_started ON run(started_utc);)";
 
 class IndexError : public Error {
-    using Error::Error;
+public:
+    explicit IndexError(const char* text) : Error(text) {}
+    explicit IndexError(sqlite3* database)
+        : Error(sqlite3_errmsg(database)), code_(sqlite3_errcode(database) & 0xff) {}
+
+    [[noreturn]] void fail_in(const Path& folder) const {
+        const SourcePlace place{(folder / run_index_file).string()};
+        if (code_ == SQLITE_FULL || code_ == SQLITE_IOERR)
+            throw DiskError(place, what());
+        throw ConfigError(place, what());
+    }
+
+private:
+    int code_ = SQLITE_ERROR;
 };
 
 // One statement. Columns and parameters count as in SQLite, from 0 and from 1.
@@ -79,7 +92,7 @@ public:
 private:
     void check(int code) const {
         if (code != SQLITE_OK)
-            throw IndexError(sqlite3_errmsg(database_));
+            throw IndexError(database_);
     }
 
     sqlite3* database_;
@@ -89,7 +102,7 @@ private:
 
 void execute(sqlite3* database, const std::string& sql) {
     if (sqlite3_exec(database, sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK)
-        throw IndexError(sqlite3_errmsg(database));
+        throw IndexError(database);
 }
 
 int version_of(sqlite3* database) {
@@ -171,7 +184,7 @@ RunIndex::RunIndex(Path folder) : folder_(std::move(folder)) {
             open();
         } catch (const IndexError& error) {
             sqlite3_close(database_);
-            throw ConfigError({(folder_ / run_index_file).string()}, error.what());
+            error.fail_in(folder_);
         }
     }
 }
@@ -183,7 +196,7 @@ RunIndex::~RunIndex() {
 void RunIndex::open() {
     const Path file = folder_ / run_index_file;
     if (sqlite3_open(file.c_str(), &database_) != SQLITE_OK)
-        throw IndexError(sqlite3_errmsg(database_));
+        throw IndexError(database_);
     sqlite3_busy_timeout(database_, 5000);
     execute(database_, "PRAGMA synchronous = OFF");  // what a power cut breaks is made anew
     execute(database_, "BEGIN IMMEDIATE");           // two programs may come to make it
@@ -225,7 +238,7 @@ IndexUpdate RunIndex::update() {
         execute(database_, "COMMIT");
     } catch (const IndexError& error) {
         sqlite3_exec(database_, "ROLLBACK", nullptr, nullptr, nullptr);
-        throw ConfigError({(folder_ / run_index_file).string()}, error.what());
+        error.fail_in(folder_);
     }
     return update;
 }
@@ -273,7 +286,7 @@ std::vector<HistoricRun> RunIndex::runs(const RunFilter& filter) const {
         read_quantities(database_, runs);
         return runs;
     } catch (const IndexError& error) {
-        throw ConfigError({(folder_ / run_index_file).string()}, error.what());
+        error.fail_in(folder_);
     }
 }
 

@@ -11,7 +11,6 @@
 #include "report/json_text.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
-#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -291,7 +290,7 @@ std::string expectation_csv(const Expectation& expectation) {
 
 void write_expectation(const ExpectationRequest& request, const Expectation& expectation,
                        const std::filesystem::path& folder) {
-    make_out_folder(folder);
+    make_folder(folder);
     HtmlPage page("Expected pose errors", request.scene.marker.spec);
     add_expectation(page, expectation);
     page.add_facts(

@@ -4,12 +4,14 @@
 
 #include <cstdio>
 #include <ctime>
+#include <memory>
+#include <system_error>
 
 #include "core/file/file_lock.h"
 #include "core/program/errors.h"
+#include "core/program/subprocess.h"
 #include "station/qualify/commands.h"
 #include "station/qualify/runner.h"
-#include "station/qualify/twin_process.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
 #include "station/setup/station_inputs.h"
@@ -87,7 +89,7 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
     announce(recorded, progress);
     const StationFile& station = recorded.result.station;
     require_recorded(arguments, station.inputs);
-    const StationLock stage_lock(station.stage.link, holder(arguments));
+    const StationLock stage_lock(station.stage, holder(arguments));
     return resume_qualification(recorded, devices(station, arguments, clock, progress, stop), clock,
                                 progress, stop);
 }
@@ -95,7 +97,7 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                     const std::stop_token& stop) {
     const StationFile station = read_station(arguments.station, arguments.calibration);
-    const StationLock stage_lock(station.stage.link, holder(arguments));
+    const StationLock stage_lock(station.stage, holder(arguments));
     return run_qualification(station, arguments.out,
                              devices(station, arguments, clock, progress, stop), clock, progress,
                              stop);
@@ -109,6 +111,29 @@ void require_either(const QualifyArguments& arguments) {
         throw ConfigError({"STATION"}, "is required, unless a run is resumed with --resume DIR");
     if (arguments.out.empty())
         throw ConfigError({"--out"}, "is required, unless a run is resumed with --resume DIR");
+}
+
+// The simulated devices of a run, which end with it.
+std::unique_ptr<Subprocess> started_twin(const std::vector<std::string>& arguments) {
+    std::vector<std::string> command = {(program_folder() / "etalon-twin").string()};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    SubprocessOptions options;
+    options.inherits_stderr = true;
+    try {
+        return std::make_unique<Subprocess>(command, std::move(options));
+    } catch (const std::system_error& error) {
+        throw DeviceError("twin", "start",
+                          fmt::format("{}: {}; a build without Aravis has no twin", command[0],
+                                      error.code().message()));
+    }
+}
+
+// What it prints when both devices listen; empty when it has ended.
+std::string ready_line(Subprocess& twin) {
+    std::string line;
+    while (!line.ends_with('\n') && !twin.has_closed_output())
+        line += twin.read_output(no_time_limit);
+    return line;
 }
 
 int run_report(const ReportArguments& arguments) {
@@ -126,12 +151,14 @@ int run_report(const ReportArguments& arguments) {
 
 int run_qualify(const QualifyArguments& arguments) {
     require_either(arguments);
-    std::optional<TwinProcess> twin;
+    std::unique_ptr<Subprocess> twin;
     if (!arguments.twin.empty()) {
-        twin.emplace(arguments.twin);
-        const std::string ready = twin->ready_line();
-        if (ready.empty())
-            return twin->exit_code();  // it has said why
+        twin = started_twin(arguments.twin);
+        const std::string ready = ready_line(*twin);
+        if (ready.empty()) {  // it has said why
+            twin->wait_for(no_time_limit);
+            return twin->result().exit_code;
+        }
         fmt::print(stderr, "{}", ready);
     }
     std::stop_source stop;

@@ -6,9 +6,7 @@
 #include <link.h>
 #include <opencv2/core/utility.hpp>
 
-#include <cerrno>
 #include <ctime>
-#include <system_error>
 
 #include "core/file/file_sync.h"
 #include "core/file/sha256.h"
@@ -112,11 +110,8 @@ void require_new_folder(const std::filesystem::path& folder) {
 
 void make_record_folders(const std::filesystem::path& folder,
                          std::initializer_list<const char*> parts) {
-    std::error_code error;
     for (const char* part : parts)
-        if (std::filesystem::create_directories(folder / part, error); error)
-            throw ConfigError({"--out"}, fmt::format("{} cannot be made: {}",
-                                                     (folder / part).string(), error.message()));
+        make_folder(folder / part);
 }
 
 std::string utc_now() {
@@ -135,24 +130,15 @@ std::optional<double> utc_seconds(const std::string& utc) {
 }
 
 RunRecord::RunRecord(const std::filesystem::path& folder, std::initializer_list<const char*> parts)
-    : folder_(made(folder, parts)), events_(folder / log_file, std::ios::binary | std::ios::app) {
-    if (!events_)
-        throw ConfigError({"--out"}, fmt::format("{} cannot be written", folder.string()));
-}
+    : folder_(made(folder, parts)), events_(folder / log_file) {}
 
 RunRecord::RunRecord(const std::filesystem::path& folder, std::uintmax_t whole_bytes)
-    : folder_(folder),
-      events_(cut(folder / log_file, whole_bytes), std::ios::binary | std::ios::app) {
-    if (!events_)
-        throw ConfigError({(folder / log_file).string()}, "cannot be written");
+    : folder_(folder), events_(cut(folder / log_file, whole_bytes)) {
     make_record_folders(folder, {"frames", "renders"});
 }
 
 void RunRecord::log(const std::string& line) {
-    errno = 0;
-    events_ << line << '\n' << std::flush;
-    if (!events_)
-        fail_writing(folder_ / log_file, {errno, std::generic_category()});
+    events_.write(line + "\n");
 }
 
 void RunRecord::log_pose(Pose& pose, const CaptureStatistics& counts) {

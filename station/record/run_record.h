@@ -25,12 +25,12 @@
 #include <deque>
 #include <exception>
 #include <filesystem>
-#include <fstream>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 
+#include "core/file/file_writing.h"
 #include "core/image/image.h"
 #include "station/record/qualify_result.h"
 
@@ -109,7 +109,7 @@ public:
 
 private:
     std::filesystem::path folder_;
-    std::ofstream events_;
+    AppendFile events_;
     ImageWriter images_;
 };
 

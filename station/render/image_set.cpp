@@ -31,10 +31,8 @@ std::string image_file(std::size_t index, const std::string& extension) {
 }
 
 void make_set_folder(const std::filesystem::path& folder) {
+    make_folder(folder);
     std::error_code error;
-    std::filesystem::create_directories(folder, error);
-    if (error)
-        refuse(folder, "cannot be made: " + error.message());
     if (!std::filesystem::is_empty(folder, error))
         refuse(folder, "is not empty and holds no image set");
 }
@@ -81,21 +79,16 @@ std::string ImageSet::file_name(std::size_t index) const {
 // Without the lines of images that are gone, of refused poses (refusing them again costs nothing),
 // and what a broken run left half written.
 void ImageSet::open_manifest() {
-    const std::filesystem::path path = folder_ / manifest_file, part = path.string() + ".part";
+    const std::filesystem::path path = folder_ / manifest_file;
     {
         std::ifstream old(path, std::ios::binary);
-        std::ofstream kept(part, std::ios::binary | std::ios::trunc);
+        AtomicFile kept(path);
         for (std::string line; std::getline(old, line);)
             if (keeps(line))
-                kept << line << "\n";
-        kept.close();
-        std::error_code error;
-        if (kept)
-            std::filesystem::rename(part, path, error);
-        if (!kept || error)
-            throw ConfigError({path.string()}, "cannot be written");
+                kept.write(line + "\n");
+        kept.commit();
     }
-    manifest_.open(path, std::ios::binary | std::ios::app);
+    manifest_.emplace(path);
 }
 
 bool ImageSet::keeps(const std::string& line) {
@@ -114,9 +107,7 @@ bool ImageSet::keeps(const std::string& line) {
 }
 
 void ImageSet::add(const std::string& line) {
-    manifest_ << line << "\n" << std::flush;
-    if (!manifest_)
-        throw ConfigError({(folder_ / manifest_file).string()}, "cannot be written");
+    manifest_->write(line + "\n");
 }
 
 // --------------------------------------------------------------------------------------- merging
@@ -204,16 +195,11 @@ public:
     }
 
     MergedImages merge() {
-        const std::filesystem::path path = out_ / manifest_file, part = path.string() + ".part";
-        std::ofstream manifest(part, std::ios::binary | std::ios::trunc);
+        AtomicFile manifest(out_ / manifest_file);
         for (std::size_t pose = 0; pose < poses_; ++pose)
-            manifest << take(pose) << "\n";
-        manifest.close();
+            manifest.write(take(pose) + "\n");
         link_or_copy(folders_[0] / poses_file, out_ / poses_file);
-        std::error_code error;
-        std::filesystem::rename(part, path, error);
-        if (!manifest || error)
-            throw ConfigError({path.string()}, "cannot be written");
+        manifest.commit();
         return merged_;
     }
 

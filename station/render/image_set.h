@@ -11,9 +11,11 @@
 #pragma once
 
 #include <filesystem>
-#include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "core/file/file_writing.h"
 
 namespace etalon {
 
@@ -47,7 +49,7 @@ private:
     std::string extension_;
     std::vector<bool> had_;
     std::size_t had_images_ = 0;
-    std::ofstream manifest_;
+    std::optional<AppendFile> manifest_;
 };
 
 struct MergedImages {

@@ -358,9 +358,9 @@ WebReply PageServer::end_live(const WebRequest&) {
 WebReply PageServer::find_devices(const WebRequest&) {
     if (control_.holder().work == Work::run || (control_.live() && !control_.live()->has_ended()))
         throw NotNow("the camera is at work");
-    const EndedProgram ended = run_program({"devices", "--json"});
+    const SubprocessResult ended = run_subprocess(this_program({"devices", "--json"}));
     if (ended.exit_code != 0)
-        return error_reply(502, ended.last_words);
+        return error_reply(502, ended.stderr_tail);
     return {200, "application/json", ended.output};
 }
 
@@ -377,15 +377,16 @@ WebReply PageServer::start_forecast(const WebRequest& request) {
     if (forecast.is_going)
         return done();
     forecast = {};
-    forecast.program = std::make_unique<ChildProgram>(
-        std::vector<std::string>{"plan", control_.workplace().stations[station].file.string(),
-                                 "--json"},
-        nullptr, [this, &forecast](const EndedProgram& ended) {
-            const std::lock_guard inner(forecast_mutex_);
-            forecast.is_going = false;
-            (ended.exit_code == 0 ? forecast.json : forecast.failure) =
-                ended.exit_code == 0 ? ended.output : ended.last_words;
-        });
+    SubprocessOptions options;
+    options.on_end = [this, &forecast](const SubprocessResult& ended) {
+        const std::lock_guard inner(forecast_mutex_);
+        forecast.is_going = false;
+        (ended.exit_code == 0 ? forecast.json : forecast.failure) =
+            ended.exit_code == 0 ? ended.output : ended.stderr_tail;
+    };
+    const std::string file = control_.workplace().stations[station].file.string();
+    forecast.program =
+        std::make_unique<Subprocess>(this_program({"plan", file, "--json"}), std::move(options));
     forecast.is_going = true;
     return done();
 }

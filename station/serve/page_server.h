@@ -99,7 +99,7 @@ private:
     struct Forecast {
         bool is_going = false;
         std::string json, failure;
-        std::unique_ptr<ChildProgram> program;  // last: ends first, and writes to the others
+        std::unique_ptr<Subprocess> program;  // last: ends first, and writes to the others
     };
     std::mutex forecast_mutex_;
     std::map<std::size_t, Forecast> forecasts_;  // by station

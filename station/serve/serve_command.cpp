@@ -8,7 +8,7 @@
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "station/serve/http_door.h"
+#include "station/serve/http_server.h"
 #include "station/serve/page_server.h"
 #include "station/shell/command.h"
 #include "station/shell/commands.h"
@@ -77,17 +77,17 @@ int run_serve(const ServeArguments& arguments) {
     const StopOnSignals signals(stop);
     const AccessRules rules = access_rules(arguments);
     PageServer server(rules, workplace_of(arguments));
-    HttpDoor door({}, [&server](const WebRequest& request) { return server.answer(request); });
+    HttpServer http({}, [&server](const WebRequest& request) { return server.answer(request); });
     const int port =
-        door.open(arguments.listen.empty() ? loopback : arguments.listen, arguments.port);
+        http.open(arguments.listen.empty() ? loopback : arguments.listen, arguments.port);
     fmt::print("page {}\n", link_to(arguments, rules, port));
     std::fflush(stdout);
-    // The run first: readers that are slow may keep the door open for long.
+    // The run first: readers that are slow may keep their connections for long.
     const std::stop_callback close(stop.get_token(), [&] {
         server.close();
-        door.close();
+        http.close();
     });
-    door.serve();
+    http.serve();
     return 0;
 }
 

@@ -121,8 +121,8 @@ std::string new_record_name(const std::string& serial) {
 }
 
 // The line that a person needs: the program's own, without its name.
-std::string reason_of(const EndedProgram& ended) {
-    const std::vector<std::string> lines = split(std::string(trimmed(ended.last_words)), '\n');
+std::string reason_of(const SubprocessResult& ended) {
+    const std::vector<std::string> lines = split(std::string(trimmed(ended.stderr_tail)), '\n');
     constexpr std::string_view mark = "etalon: ";
     for (const std::string& line : lines)
         if (line.starts_with(mark))
@@ -157,7 +157,7 @@ StationControl::~StationControl() {
     const Holder last = holder();
     program_.reset();  // in order, or after ten seconds by force
     if (last.work != Work::none)
-        run_program({"stage", "stop", station_at(last.station).file.string()});
+        run_subprocess(this_program({"stage", "stop", station_at(last.station).file.string()}));
 }
 
 const StationSession& StationControl::station_at(std::size_t index) const {
@@ -170,7 +170,7 @@ const StationSession& StationControl::station_at(std::size_t index) const {
 
 void StationControl::begin(Work work, std::size_t station, const std::string& who,
                            const std::vector<std::string>& arguments, std::optional<ShownRun> run) {
-    std::unique_ptr<ChildProgram> over;  // joined when the lock is gone: its thread may want it
+    std::unique_ptr<Subprocess> over;  // joined when the lock is gone: its thread may want it
     const std::lock_guard lock(mutex_);
     if (holder_.work != Work::none)
         throw NotNow(fmt::format("{} by {} goes on since {}", words_of(holder_.work), holder_.who,
@@ -178,14 +178,14 @@ void StationControl::begin(Work work, std::size_t station, const std::string& wh
     if (is_closed_)
         throw NotNow("the server is about to end");
     over = std::move(program_);
-    program_ = std::make_unique<ChildProgram>(
-        arguments,
-        [this, work](const std::string& line) {
-            const std::lock_guard inner(mutex_);
-            if (work == Work::run && run_)
-                run_->said = line;
-        },
-        [this, work](const EndedProgram& ended) { has_ended(work, ended); });
+    SubprocessOptions options;
+    options.on_stderr_line = [this, work](const std::string& line) {
+        const std::lock_guard inner(mutex_);
+        if (work == Work::run && run_)
+            run_->said = line;
+    };
+    options.on_end = [this, work](const SubprocessResult& ended) { has_ended(work, ended); };
+    program_ = std::make_unique<Subprocess>(this_program(arguments), std::move(options));
     holder_ = {work, station, who, utc_now()};
     if (run)
         run_ = std::move(run);
@@ -193,7 +193,7 @@ void StationControl::begin(Work work, std::size_t station, const std::string& wh
     stop_.clear();
 }
 
-void StationControl::has_ended(Work work, const EndedProgram& ended) {
+void StationControl::has_ended(Work work, const SubprocessResult& ended) {
     {
         const std::lock_guard lock(mutex_);
         if (holder_.work == work)
@@ -309,16 +309,15 @@ void StationControl::close() {
 // is not known that one stands still.
 std::string StationControl::stop_stages() const {
     std::set<std::string> stages;
-    std::vector<std::pair<std::string, std::future<EndedProgram>>> stops;
+    std::vector<std::pair<std::string, std::future<SubprocessResult>>> stops;
     for (const StationSession& served : workplace_.stations)
         if (stages.insert(describe(served.station.stage.link)).second)
-            stops.emplace_back(
-                served.station.id,
-                std::async(std::launch::async, run_program,
-                           std::vector<std::string>{"stage", "stop", served.file.string()}));
+            stops.emplace_back(served.station.id,
+                               std::async(std::launch::async, run_subprocess,
+                                          this_program({"stage", "stop", served.file.string()})));
     std::string failure;
     for (auto& [station, stopped] : stops)
-        if (const EndedProgram ended = stopped.get(); ended.exit_code != 0)
+        if (const SubprocessResult ended = stopped.get(); ended.exit_code != 0)
             failure += (failure.empty() ? "" : "; ") + station + ": " + reason_of(ended);
     return failure;
 }
@@ -354,7 +353,8 @@ std::string StationControl::stage_status(std::size_t station) {
     const Instant now = SteadyClock().now();
     if (holder().work != Work::none || (status.at != Instant{} && now - status.at < 1s))
         return status.json;
-    const EndedProgram ended = run_program({"stage", "status", served.file.string(), "--json"});
+    const SubprocessResult ended =
+        run_subprocess(this_program({"stage", "status", served.file.string(), "--json"}));
     status.json = ended.exit_code == 0 ? ended.output : "";
     status.at = SteadyClock().now();
     if (ended.exit_code != 0) {

@@ -1,10 +1,10 @@
 // What the page may make the stations do, and who does it: one run or motion at a time, however
 // many browsers look on.
 //
-// Every run and motion is a command of `etalon` in a process of its own (child_program.h), so the
-// page and the command line drive the same runner, a run that hangs can be stopped all the same,
-// and one that the server's death ends is gone on with from its record. Besides these, the server
-// itself holds at most a camera, for its live picture.
+// Every run and motion is a command of `etalon` in a process of its own
+// (core/program/subprocess.h), so the page and the command line drive the same runner, a run that
+// hangs can be stopped all the same, and one that the server's death ends is gone on with from its
+// record. Besides these, the server itself holds at most a camera, for its live picture.
 //
 // Safe from every thread.
 #pragma once
@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "core/program/errors.h"
-#include "station/serve/child_program.h"
+#include "core/program/subprocess.h"
 #include "station/serve/live_camera.h"
 #include "station/serve/run_monitor.h"
 
@@ -117,7 +117,7 @@ private:
     void begin(Work work, std::size_t station, const std::string& who,
                const std::vector<std::string>& arguments, std::optional<ShownRun> run = {});
     void begin_run(ShownRun run, const std::vector<std::string>& arguments);
-    void has_ended(Work work, const EndedProgram& ended);
+    void has_ended(Work work, const SubprocessResult& ended);
     std::string stop_stages() const;
     void stop_all(const std::stop_token& closing);
     bool wait_for_end(std::unique_lock<std::mutex>& lock, std::chrono::seconds time);
@@ -132,7 +132,7 @@ private:
     std::map<std::size_t, Status> statuses_;
     std::mutex status_mutex_;
     std::shared_ptr<LiveCamera> live_;
-    std::unique_ptr<ChildProgram> program_;
+    std::unique_ptr<Subprocess> program_;
     std::jthread stopper_;
 };
 

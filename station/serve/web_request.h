@@ -1,4 +1,4 @@
-// What the page's server is asked and answers, free of any library: the door (http_door.h) makes
+// What the page's server is asked and answers, free of any library: http_server.h makes
 // the one of what came over the network and sends the other; tests make and read both.
 #pragma once
 
@@ -11,8 +11,8 @@
 
 namespace etalon {
 
-// Hostile until checked; bounded by DoorLimits. A header that is absent is empty, one that came
-// twice is refused at the door.
+// Hostile until checked; bounded by ServerLimits. A header that is absent is empty, one that came
+// twice is refused before.
 struct WebRequest {
     std::string method;                         // "GET", "POST"
     std::string path;                           // decoded, "/api/state"

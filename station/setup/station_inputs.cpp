@@ -5,6 +5,7 @@
 #include "core/config/strict_reader.h"
 #include "core/file/file_sync.h"
 #include "core/file/sha256.h"
+#include "core/file/text.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -100,12 +101,11 @@ void copy_inputs(std::vector<InputFile>& inputs, const Path& record) {
     for (InputFile& input : inputs) {
         const Path copy = "inputs" / full_path(input.path).lexically_relative(folder);
         std::error_code error;
-        std::filesystem::create_directories((record / copy).parent_path(), error);
-        if (!error)
-            std::filesystem::copy_file(input.path, record / copy,
-                                       std::filesystem::copy_options::overwrite_existing, error);
+        make_folder((record / copy).parent_path());
+        std::filesystem::copy_file(input.path, record / copy,
+                                   std::filesystem::copy_options::overwrite_existing, error);
         if (error)
-            throw ConfigError({input.path.string()}, "cannot be copied: " + error.message());
+            fail_writing(record / copy, error);
         input.copy = copy.generic_string();
         require_recorded_bytes(record, input);
         for (Path kept = full_path(record / copy); kept != full_path(record).parent_path();

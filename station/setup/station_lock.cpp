@@ -6,24 +6,22 @@
 #include <pwd.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <cstdlib>
 #include <ctime>
 #include <filesystem>
+#include <set>
+#include <system_error>
 
 #include "core/file/sha256.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
-
-// 127.0.0.1 is another place in another network namespace.
-std::string network() {
-    std::error_code ignored;
-    return std::filesystem::read_symlink("/proc/self/ns/net", ignored).string();
-}
 
 // A host by its number, IPv4's where it has one, as it is written where nobody knows it: localhost
 // and 127.0.0.1 are one.
@@ -44,38 +42,67 @@ std::string numeric(const std::string& host) {
     return host;
 }
 
-// However the link is spelled: a device by way of /dev/serial/by-id is the same.
-StageLink as_one(StageLink stage) {
-    if (auto* tcp = std::get_if<TcpAddress>(&stage.address))
-        tcp->host = numeric(tcp->host);
-    if (auto* serial = std::get_if<SerialPort>(&stage.address)) {
-        std::error_code missing;
-        const auto device = std::filesystem::canonical(serial->device, missing);
-        serial->device = missing ? serial->device : device.string();
-    }
-    return stage;
+bool is_loopback(const std::string& number) {
+    return number.starts_with("127.") || number == "::1";
 }
 
-std::filesystem::path lock_path(const StageLink& stage) {
-    const std::filesystem::path usual = "/run/lock";
-    const std::filesystem::path folder =
-        access(usual.c_str(), W_OK) == 0 ? usual : std::filesystem::temp_directory_path();
-    const std::string name = sha256(describe(as_one(stage)) + "\n" + network());
-    return folder / fmt::format("etalon-stage-{}.lock", name.substr(0, 16));
+std::string network_namespace() {
+    std::error_code ignored;
+    return std::filesystem::read_symlink("/proc/self/ns/net", ignored).string();
 }
 
-// Another user's file can be locked by who can only read it.
+// By its number: links and other nodes of the same device are the same.
+std::string name_of(const SerialPort& serial) {
+    struct stat status {};
+    if (stat(serial.device.c_str(), &status) == 0 && S_ISCHR(status.st_mode))
+        return fmt::format("serial {}:{}", major(status.st_rdev), minor(status.st_rdev));
+    return "serial " + serial.device;
+}
+
+// Of the controllers that drive the stage's axes. A serial line has one master, whatever its units.
+std::set<std::string> controllers_of(const StationStage& stage) {
+    if (const auto* serial = std::get_if<SerialPort>(&stage.link.address))
+        return {name_of(*serial)};
+    const auto& tcp = std::get<TcpAddress>(stage.link.address);
+    const std::string host = numeric(tcp.host);
+    const std::string network = is_loopback(host) ? network_namespace() : "";
+    std::set<std::string> names;
+    for (const Axis& axis : stage.axes)
+        names.insert(fmt::format("tcp {} {} unit {} {}", host, tcp.port,
+                                 axis.unit.value_or(stage.link.unit), network));
+    return names;
+}
+
+bool may_everybody_write(const char* folder) {
+    struct stat status {};
+    return stat(folder, &status) == 0 && (status.st_mode & S_IWOTH) != 0;
+}
+
+// The same for all users of a machine, whatever their rights.
+std::filesystem::path lock_folder() {
+    constexpr const char* usual = "/run/lock";
+    const char* chosen = std::getenv("ETALON_LOCK_FOLDER");
+    if (chosen && *chosen != '\0')
+        return chosen;
+    return may_everybody_write(usual) ? usual : "/tmp";
+}
+
+// Everybody can lock it: who can only read it, too.
 int opened(const std::filesystem::path& path) {
     constexpr int flags = O_CLOEXEC | O_NOFOLLOW;
-    const int existing = open(path.c_str(), O_RDWR | flags);
-    if (existing >= 0)
-        return existing;
-    if (errno != ENOENT)
-        return open(path.c_str(), O_RDONLY | flags);
-    const int made = open(path.c_str(), O_RDWR | O_CREAT | flags, 0666);
-    if (made >= 0)
-        fchmod(made, 0666);
-    return made;
+    for (int attempt = 0; attempt < 2; ++attempt) {  // another program may make it in between
+        for (const int access : {O_RDWR, O_RDONLY})
+            if (const int existing = open(path.c_str(), access | flags); existing >= 0)
+                return existing;
+        if (errno != ENOENT)
+            return -1;
+        const int made = open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | flags, 0666);
+        if (made >= 0)
+            fchmod(made, 0666);
+        if (made >= 0 || errno != EEXIST)
+            return made;
+    }
+    return -1;
 }
 
 std::string words_in(int descriptor) {
@@ -84,25 +111,49 @@ std::string words_in(int descriptor) {
     return count > 0 ? std::string(text.data(), static_cast<std::size_t>(count)) : "another";
 }
 
+// Its descriptor.
+int locked(const std::filesystem::path& path, const StageLink& stage, const std::string& holder) {
+    const int descriptor = opened(path);
+    if (descriptor >= 0 && flock(descriptor, LOCK_EX | LOCK_NB) == 0) {
+        if (ftruncate(descriptor, 0) == 0) {
+            [[maybe_unused]] const ssize_t count =
+                pwrite(descriptor, holder.data(), holder.size(), 0);
+        }
+        return descriptor;
+    }
+    const int error = errno;
+    const std::string by = descriptor >= 0 ? words_in(descriptor) : "";
+    if (descriptor >= 0)
+        close(descriptor);
+    if (descriptor >= 0 && error == EWOULDBLOCK)
+        throw ConfigError({"stage " + describe(stage)}, "is in use by " + by);
+    throw ConfigError(
+        {path.string()},
+        fmt::format("cannot be locked: {}. Without this lock another program could move the stage "
+                    "{} at the same time. Set ETALON_LOCK_FOLDER to a folder that all users of the "
+                    "stage can write to, the same for all of them",
+                    std::generic_category().message(error), describe(stage)));
+}
+
 }  // namespace
 
-StationLock::StationLock(const StageLink& stage, const std::string& holder)
-    : descriptor_(opened(lock_path(stage))) {
-    if (descriptor_ < 0)
-        return;
-    if (flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-        const std::string by = words_in(descriptor_);
-        close(descriptor_);
-        throw ConfigError({"stage " + describe(stage)}, "is in use by " + by);
-    }
-    if (ftruncate(descriptor_, 0) == 0) {
-        [[maybe_unused]] const ssize_t count = pwrite(descriptor_, holder.data(), holder.size(), 0);
+StationLock::StationLock(const StationStage& stage, const std::string& holder) {
+    const std::filesystem::path folder = lock_folder();
+    try {
+        for (const std::string& controller : controllers_of(stage))
+            descriptors_.push_back(locked(
+                folder / fmt::format("etalon-stage-{}.lock", sha256(controller).substr(0, 16)),
+                stage.link, holder));
+    } catch (const ConfigError&) {
+        for (const int descriptor : descriptors_)
+            close(descriptor);
+        throw;
     }
 }
 
 StationLock::~StationLock() {
-    if (descriptor_ >= 0)
-        close(descriptor_);
+    for (const int descriptor : descriptors_)
+        close(descriptor);
 }
 
 std::string stage_holder(const std::string& what, const std::string& who) {

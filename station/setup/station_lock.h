@@ -1,29 +1,32 @@
-// One program moves a stage at a time: an advisory lock for each stage, held while a run or a
-// motion goes on, with the name of who holds it. The kernel lets it go when its holder dies,
-// however it dies. Looking and stopping need none.
+// One program moves a stage at a time: an advisory lock, held while a run or a motion goes on, with
+// the name of who holds it. The kernel releases it when its holder dies, however it dies. Reading
+// and stopping need none.
 //
-// It is a file in /run/lock (else in the folder of temporary files), named after the stage's
-// address and the network that this is an address in: it holds on one machine, for all of its
-// users. It does not keep anybody off who does not ask for it.
+// It is a file for each controller: the address, port and Modbus unit, or the serial device. All
+// users, and all network namespaces, see the same one; an address of the loopback interface is
+// another place in each namespace. The folder is $ETALON_LOCK_FOLDER, else /run/lock where
+// everybody may write, else /tmp. Programs that see different folders do not see each other, and
+// nobody is kept off who does not ask: docs/stage.md says what protects then.
 #pragma once
 
 #include <string>
+#include <vector>
 
-#include "stage/link/stage_link.h"
+#include "station/setup/station_file.h"
 
 namespace etalon {
 
 class StationLock {
 public:
-    // Does not wait. Throws ConfigError with the holder's words when another has it. Where no such
-    // file can be made nothing is locked: a stage that works must not need a folder.
-    StationLock(const StageLink& stage, const std::string& holder);
+    // Does not wait. Throws ConfigError with the holder's words when another has one of the stage's
+    // controllers, and with the file and the cause when it cannot be locked: nothing moves then.
+    StationLock(const StationStage& stage, const std::string& holder);
     ~StationLock();
     StationLock(const StationLock&) = delete;
     StationLock& operator=(const StationLock&) = delete;
 
 private:
-    int descriptor_;
+    std::vector<int> descriptors_;
 };
 
 // "a qualification by Anna since 14:05 UTC, process 4711"; without a name that of the user.

@@ -229,13 +229,6 @@ const SteadyClock steady_clock;
 
 }  // namespace
 
-void make_out_folder(const std::filesystem::path& folder) {
-    std::error_code error;
-    std::filesystem::create_directories(folder, error);
-    if (error)
-        throw ConfigError({"--out"}, folder.string() + " cannot be made: " + error.message());
-}
-
 void print_report(const std::filesystem::path& folder) {
     if (!folder.empty())
         fmt::print("report {}\n", (folder / "report.html").string());

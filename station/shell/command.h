@@ -122,11 +122,7 @@ int fail(int exit_code, const std::string& message);
 // Help on what several commands ask for.
 extern const std::string marker_help, pose_help, homed_help;
 
-// What commands do alike with what they make: the folder of --out, the line that names its report,
-// and progress on stderr.
-
-// Makes the folder where it is missing. Throws ConfigError at --out when it cannot be made.
-void make_out_folder(const std::filesystem::path& folder);
+// What commands print alike: the line that names a report, and progress on stderr.
 
 // "report FOLDER/report.html" on stdout; nothing without a folder.
 void print_report(const std::filesystem::path& folder);

@@ -111,7 +111,7 @@ int run_bench(const BenchArguments& arguments) {
     if (!arguments.against.empty())
         before = read_bench(arguments.against);
     if (!arguments.out.empty())
-        make_out_folder(arguments.out);
+        make_folder(arguments.out);
     keep_freed_memory();
     const BenchResult result = measure(arguments, scenes);
     if (!arguments.out.empty())

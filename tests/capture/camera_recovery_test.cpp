@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "capture/frame/camera.h"
-#include "mocks/camera/fake_camera.h"
+#include "tests/fakes/fake_camera.h"
 
 namespace etalon {
 namespace {

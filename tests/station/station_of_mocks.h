@@ -6,10 +6,10 @@
 
 #include "compare/expect/expected_view.h"
 #include "core/program/errors.h"
-#include "mocks/camera/fake_camera.h"
-#include "mocks/stage/fake_stage.h"
 #include "stage/axes/kinematics.h"
 #include "station/qualify/runner.h"
+#include "tests/fakes/fake_camera.h"
+#include "tests/fakes/fake_stage.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

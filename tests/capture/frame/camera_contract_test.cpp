@@ -4,7 +4,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "capture/files_camera.h"
-#include "mocks/camera/fake_camera.h"
+#include "tests/fakes/fake_camera.h"
 #include "tests/capture/frame/camera_contract.h"
 #include "tests/temporary_folder.h"
 

@@ -2,7 +2,7 @@
 #include <opencv2/core.hpp>
 
 #include "capture/v4l2/v4l2_camera.h"
-#include "mocks/camera/fake_v4l2.h"
+#include "tests/fakes/fake_v4l2.h"
 #include "tests/capture/frame/camera_contract.h"
 
 namespace etalon {

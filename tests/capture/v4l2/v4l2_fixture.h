@@ -1,4 +1,4 @@
-// A scripted V4L2 device (mocks/camera/fake_v4l2.h) and the camera over it.
+// A scripted V4L2 device (tests/fakes/fake_v4l2.h) and the camera over it.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 
 #include "capture/v4l2/v4l2_camera.h"
 #include "core/program/errors.h"
-#include "mocks/camera/fake_v4l2.h"
+#include "tests/fakes/fake_v4l2.h"
 
 namespace etalon {
 

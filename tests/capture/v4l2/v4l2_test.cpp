@@ -1,5 +1,5 @@
 // What the V4L2 backend makes of devices that misbehave, over a scripted one
-// (mocks/camera/fake_v4l2.h); of their frames: v4l2_frames_test.cpp. The contract that all backends
+// (tests/fakes/fake_v4l2.h); of their frames: v4l2_frames_test.cpp. The contract that all backends
 // keep is tested in v4l2_contract_test.cpp.
 #include <gmock/gmock.h>
 #include <linux/videodev2.h>

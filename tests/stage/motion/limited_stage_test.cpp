@@ -7,11 +7,11 @@
 
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
-#include "mocks/stage/fake_stage.h"
-#include "mocks/stage/memory_transport.h"
 #include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
+#include "tests/fakes/fake_stage.h"
+#include "tests/fakes/memory_transport.h"
 #include "tests/stage/motion/two_axes.h"
 
 namespace etalon {

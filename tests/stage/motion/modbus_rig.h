@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "mocks/stage/memory_transport.h"
+#include "tests/fakes/memory_transport.h"
 #include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"

@@ -14,9 +14,9 @@
 #include <string>
 
 #include "core/statistics/random.h"
-#include "mocks/stage/memory_transport.h"
 #include "stage/motion/modbus_stage.h"
 #include "stage/motion/motion_guard.h"
+#include "tests/fakes/memory_transport.h"
 
 namespace etalon {
 namespace {

@@ -8,11 +8,11 @@
 #include "calib/camera/projector.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "mocks/camera/fake_camera.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 #include "station/devices/commands.h"
+#include "tests/fakes/fake_camera.h"
 #include "tests/pages.h"
 #include "tests/temporary_folder.h"
 

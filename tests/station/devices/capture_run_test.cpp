@@ -9,8 +9,8 @@
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "mocks/camera/fake_camera.h"
 #include "station/devices/commands.h"
+#include "tests/fakes/fake_camera.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

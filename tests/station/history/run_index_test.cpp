@@ -8,6 +8,7 @@
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "tests/error_text.h"
+#include "tests/file_size_limit.h"
 #include "tests/station/built_program.h"
 #include "tests/temporary_folder.h"
 
@@ -155,6 +156,12 @@ TEST_F(RunIndexTest, GivesTheCommandTheTableThatTheRecordsGive) {
 TEST_F(RunIndexTest, SaysWhereItCannotBe) {
     EXPECT_THAT(config_error_of([&] { RunIndex index(folder_ / "nowhere"); }),
                 testing::HasSubstr(run_index_file));
+}
+
+TEST_F(RunIndexTest, OnAFullDiskIsADiskError) {
+    add(3, "A");
+    const FileSizeLimit limit(5000);
+    EXPECT_THROW(RunIndex index(folder()), DiskError);
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "core/image/image.h"
 #include "core/program/errors.h"
 #include "station/render/image_set.h"
+#include "tests/file_size_limit.h"
 #include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"
 
@@ -298,6 +299,15 @@ TEST_F(RenderSet, WritesRadianceAsTiff) {
     arguments_.linear = true;
     render();
     EXPECT_EQ(read_radiance(arguments_.out / "pose-000002.tiff").size(), cv::Size(80, 60));
+}
+
+TEST(ImageSetFolder, AFullDiskIsADiskError) {
+    const TemporaryFolder folder;
+    ImageSet set(folder / "set", R"({"seed": 7})", "{}", ".png", 3);
+    set.add(R"({"image":0,"refused":"behind the camera"})");
+    const FileSizeLimit limit(60);
+    EXPECT_THROW(set.add(R"({"image":1,"refused":"behind the camera"})"), DiskError);
+    EXPECT_THROW(ImageSet(folder / "other", R"({"seed": 7})", "{}", ".png", 3), DiskError);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "mocks/camera/darkroom.h"
+#include "mocks/camera/scene_image_source.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,15 +14,15 @@ bool same_place(const std::vector<double>& a, const std::vector<double>& b) {
 
 }  // namespace
 
-Darkroom::Darkroom(Develop develop, std::vector<double> positions)
-    : develop_(std::move(develop)),
+SceneImageSource::SceneImageSource(Render render, std::vector<double> positions)
+    : render_(std::move(render)),
       shown_positions_(std::move(positions)),
-      shown_(develop_(shown_positions_)),
+      shown_(render_(shown_positions_)),
       thread_([this](std::stop_token stop) { work(std::move(stop)); }) {}
 
-Darkroom::~Darkroom() = default;
+SceneImageSource::~SceneImageSource() = default;
 
-bool Darkroom::shows(const std::vector<double>& positions) {
+bool SceneImageSource::shows(const std::vector<double>& positions) {
     const std::lock_guard lock(mutex_);
     if (same_place(positions, shown_positions_))
         return true;
@@ -31,12 +31,12 @@ bool Darkroom::shows(const std::vector<double>& positions) {
     return false;
 }
 
-Radiance Darkroom::picture() const {
+Radiance SceneImageSource::picture() const {
     const std::lock_guard lock(mutex_);
     return shown_;
 }
 
-void Darkroom::work(std::stop_token stop) {
+void SceneImageSource::work(std::stop_token stop) {
     std::unique_lock lock(mutex_);
     while (wished_.wait(lock, stop, [this] { return wish_.has_value(); })) {
         const std::vector<double> positions = std::move(*wish_);
@@ -44,7 +44,7 @@ void Darkroom::work(std::stop_token stop) {
         if (same_place(positions, shown_positions_))
             continue;  // wished for again while it was in work
         lock.unlock();
-        Radiance picture = develop_(positions);
+        Radiance picture = render_(positions);
         lock.lock();
         shown_ = std::move(picture);
         shown_positions_ = positions;

@@ -1,4 +1,4 @@
-#include "mocks/camera/fake_v4l2.h"
+#include "tests/fakes/fake_v4l2.h"
 
 #include <linux/videodev2.h>
 #include <poll.h>

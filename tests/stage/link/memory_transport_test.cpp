@@ -1,5 +1,5 @@
 // The link's guards against what a wire can do, on virtual time: thousands of faults in a moment.
-#include "mocks/stage/memory_transport.h"
+#include "tests/fakes/memory_transport.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "mocks/camera/fake_camera.h"
+#include "tests/fakes/fake_camera.h"
 
 #include "capture/frame/frame_checks.h"
 #include "core/program/errors.h"

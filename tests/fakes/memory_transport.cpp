@@ -1,4 +1,4 @@
-#include "mocks/stage/memory_transport.h"
+#include "tests/fakes/memory_transport.h"
 
 #include <fmt/format.h>
 

@@ -14,14 +14,14 @@
 
 namespace etalon {
 
-class Darkroom {
+class SceneImageSource {
 public:
-    // The picture at the given axis positions. Called on the darkroom's thread; must not throw.
-    using Develop = std::function<Radiance(const std::vector<double>& positions)>;
+    // The picture at the given axis positions. Called on a thread of its own; must not throw.
+    using Render = std::function<Radiance(const std::vector<double>& positions)>;
 
-    // Develops the first picture before it returns.
-    Darkroom(Develop develop, std::vector<double> positions);
-    ~Darkroom();  // waits for the picture in work
+    // Renders the first picture before it returns.
+    SceneImageSource(Render render, std::vector<double> positions);
+    ~SceneImageSource();  // waits for the picture in work
 
     // Whether the picture on show is the one of these positions, within 10 nm or 10 urad; if not,
     // it will be the next one (a newer wish replaces one that is not in work yet). Returns at once.
@@ -35,7 +35,7 @@ public:
 private:
     void work(std::stop_token stop);
 
-    Develop develop_;
+    Render render_;
     mutable std::mutex mutex_;
     std::condition_variable_any wished_;
     std::optional<std::vector<double>> wish_;

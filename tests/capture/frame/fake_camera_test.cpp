@@ -1,4 +1,4 @@
-#include "mocks/camera/fake_camera.h"
+#include "tests/fakes/fake_camera.h"
 
 #include <gtest/gtest.h>
 

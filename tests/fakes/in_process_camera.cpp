@@ -1,4 +1,4 @@
-#include "mocks/camera/in_process_camera.h"
+#include "tests/fakes/in_process_camera.h"
 
 #include <arv.h>
 

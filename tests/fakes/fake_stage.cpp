@@ -1,4 +1,4 @@
-#include "mocks/stage/fake_stage.h"
+#include "tests/fakes/fake_stage.h"
 
 #include <array>
 

@@ -1,6 +1,5 @@
-// The door to the network: HTTP/1.1 by cpp-httplib behind bounds for everything that a stranger can
-// send or keep waiting. One request a connection; each connection has a thread of its own. What is
-// asked and answered is web_request.h's.
+// HTTP/1.1 by cpp-httplib, with bounds for everything that a stranger can send or keep waiting. One
+// request a connection. What is asked and answered is web_request.h's.
 #pragma once
 
 #include <chrono>
@@ -13,7 +12,7 @@
 
 namespace etalon {
 
-struct DoorLimits {
+struct ServerLimits {
     std::size_t request_bytes = 64u << 10;  // line, headers and body
     std::chrono::seconds request_time{5};   // for all of them
     std::chrono::seconds write_time{10};    // for each piece of an answer to be taken
@@ -21,13 +20,13 @@ struct DoorLimits {
     int streams = 160;                      // of them; one more is answered 503
 };
 
-class HttpDoor {
+class HttpServer {
 public:
     // `answer` is called from many threads. What it throws becomes an answer 500.
-    HttpDoor(const DoorLimits& limits, std::function<WebReply(const WebRequest&)> answer);
-    ~HttpDoor();
-    HttpDoor(const HttpDoor&) = delete;
-    HttpDoor& operator=(const HttpDoor&) = delete;
+    HttpServer(const ServerLimits& limits, std::function<WebReply(const WebRequest&)> answer);
+    ~HttpServer();
+    HttpServer(const HttpServer&) = delete;
+    HttpServer& operator=(const HttpServer&) = delete;
 
     // Port 0: any. Returns the port. Throws ConfigError when it cannot be had.
     int open(const std::string& address, int port);

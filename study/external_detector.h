@@ -26,7 +26,7 @@
 #include <vector>
 
 #include "core/geometry/rigid.h"
-#include "core/program/subprocess.h"
+#include "core/process/subprocess.h"
 #include "core/time/clock.h"
 
 namespace etalon {

@@ -590,8 +590,8 @@ void add_monte_carlo(const QualificationInput& input, std::span<const FieldInput
                      Qualification& result) {
     const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
     const auto samples = position_samples(input.poses);
-    const MonteCarloUncertainty b3 =
-        monte_carlo_uncertainty(*result.position_field, samples, volume, inputs, input.seed);
+    const MonteCarloUncertainty b3 = monte_carlo_uncertainty(
+        *result.position_field, samples, volume, inputs, input.seed, input.stop);
     for (std::vector<JudgedQuantity>* list : {&result.quantities, &result.reported})
         for (JudgedQuantity& quantity : *list)
             if (const auto figure = quantity_kind(quantity.name).monte_carlo)

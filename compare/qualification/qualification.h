@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -119,6 +120,7 @@ struct QualificationInput {
     bool look_for_causes = false;
     // Of the hold-out photographs against their renders; nothing: not compared.
     std::optional<ImageAgreement> pixels = {};
+    std::stop_token stop = {};  // asked while it takes long
 };
 
 struct DetectionCounts {
@@ -190,7 +192,8 @@ inline constexpr int min_hold_out_poses = 15;
 
 // Judges input.poses: sets `used` and `bias` of each, and reads the rest alone. Throws
 // NumericalError for inconsistent or non-finite input, a stage that did not move, and a
-// registration that does not converge; whatever render_and_detect throws passes through.
+// registration that does not converge; Interrupted when `stop` is requested; whatever
+// render_and_detect throws passes through.
 // Single-threaded; its cost is that of the renders.
 Qualification qualify(QualificationInput& input);
 inline Qualification qualify(QualificationInput&& input) {

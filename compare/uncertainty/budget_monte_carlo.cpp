@@ -21,6 +21,11 @@ namespace {
 constexpr int draws = 2000;
 constexpr std::uint32_t stream = 1;  // summarize() draws from stream 0
 
+void throw_if_stopped(const std::stop_token& stop) {
+    if (stop.stop_requested())
+        throw Interrupted();
+}
+
 // The largest length of a field at many positions, for one field after another. The positions are
 // parted into boxes; from the range of each number of the design within a box follows what a field
 // can reach there, and few boxes can hold its largest length. No more than the positions is kept of
@@ -144,7 +149,8 @@ public:
     double max(const Eigen::VectorXd& c) const { return largest_.of(c); }
 
     // For each column of coefficients. The rows of so many pairs are made for so many columns.
-    Eigen::VectorXd length_max(const Eigen::MatrixXd& coefficients) const {
+    Eigen::VectorXd length_max(const Eigen::MatrixXd& coefficients,
+                               const std::stop_token& stop) const {
         constexpr std::size_t columns_at_a_time = 64;
         Eigen::VectorXd largest = Eigen::VectorXd::Zero(coefficients.cols());
         tbb::parallel_for(
@@ -152,6 +158,7 @@ public:
             [&](const auto& columns) {
                 const Eigen::Index pairs = lengthening_.size();
                 for (Eigen::Index first = 0; first < pairs; first += pairs_at_a_time) {
+                    throw_if_stopped(stop);
                     const Eigen::MatrixXd rows =
                         lengthening_.of(design_, first, std::min(pairs_at_a_time, pairs - first));
                     for (Eigen::Index i = columns.begin(); i < columns.end(); ++i)
@@ -205,7 +212,7 @@ MonteCarloUncertainty monte_carlo_uncertainty(const BiasField& field,
                                               std::span<const FieldSample> samples,
                                               std::span<const Eigen::Vector3d> positions_mm,
                                               std::span<const FieldInput> inputs,
-                                              std::uint64_t seed) {
+                                              std::uint64_t seed, const std::stop_token& stop) {
     const FieldFigures figures(field, samples, positions_mm);
     const Eigen::MatrixXd from_samples = estimator(field, samples);
     std::vector<Eigen::MatrixXd> ways;
@@ -220,6 +227,7 @@ MonteCarloUncertainty monte_carlo_uncertainty(const BiasField& field,
     drawn_fields.col(draws) = field.coefficients;
     std::vector<double> rms(draws), max(draws);
     tbb::parallel_for(0, draws, [&](int draw) {
+        throw_if_stopped(stop);
         RandomStream random(seed, stream, static_cast<std::uint64_t>(draw));
         Eigen::VectorXd c = field.coefficients +
                             drawn(random, noise, Distribution::normal, field.degrees_of_freedom);
@@ -229,7 +237,7 @@ MonteCarloUncertainty monte_carlo_uncertainty(const BiasField& field,
         max[static_cast<std::size_t>(draw)] = figures.max(c);
         drawn_fields.col(draw) = c;
     });
-    const Eigen::VectorXd lengths = figures.length_max(drawn_fields);
+    const Eigen::VectorXd lengths = figures.length_max(drawn_fields, stop);
     std::vector<double> length(lengths.begin(), lengths.end() - 1);
     const auto beyond = [](std::vector<double>& values, double value) {
         return std::max(0.0, quantile(values) - value);

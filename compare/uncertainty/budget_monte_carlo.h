@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include "compare/uncertainty/bias_field.h"
@@ -30,11 +31,11 @@ struct MonteCarloUncertainty {
 // `samples` are those that the field was fitted to, `positions_mm` those of summarize(). Inputs
 // with degrees of freedom are drawn from Student's distribution, the field's own noise too. 2000
 // draws from `seed`; some 0.2 s for 40 samples and 70 positions. Throws what summarize() throws,
-// and NumericalError for an input of another size.
+// NumericalError for an input of another size, and Interrupted when a stop is requested.
 MonteCarloUncertainty monte_carlo_uncertainty(const BiasField& field,
                                               std::span<const FieldSample> samples,
                                               std::span<const Eigen::Vector3d> positions_mm,
                                               std::span<const FieldInput> inputs,
-                                              std::uint64_t seed);
+                                              std::uint64_t seed, const std::stop_token& stop = {});
 
 }  // namespace etalon

@@ -5,7 +5,7 @@
 #include <csignal>
 #include <system_error>
 
-#include "core/program/subprocess.h"
+#include "core/process/subprocess.h"
 
 namespace etalon {
 

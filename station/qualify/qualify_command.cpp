@@ -8,8 +8,8 @@
 #include <system_error>
 
 #include "core/file/file_lock.h"
+#include "core/process/subprocess.h"
 #include "core/program/errors.h"
-#include "core/program/subprocess.h"
 #include "station/qualify/commands.h"
 #include "station/qualify/runner.h"
 #include "station/record/run_json.h"

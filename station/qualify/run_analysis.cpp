@@ -112,6 +112,7 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
     find_stated_noise(result.poses, photometric.rendered(), stop);
     QualificationInput input = declared_input(station, result.poses, result.environment);
     input.monte_carlo = true;
+    input.stop = stop;
     input.look_for_causes = true;
     input.pixels = match_pixels(photometric.pixels(), station.camera.model);
     input.render_and_detect = [&](const Rigid& camera_from_marker) {

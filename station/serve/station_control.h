@@ -2,7 +2,7 @@
 // many browsers look on.
 //
 // Every run and motion is a command of `etalon` in a process of its own
-// (core/program/subprocess.h), so the page and the command line drive the same runner, a run that
+// (core/process/subprocess.h), so the page and the command line drive the same runner, a run that
 // hangs can be stopped all the same, and one that the server's death ends is gone on with from its
 // record. Besides these, the server itself holds at most a camera, for its live picture.
 //
@@ -19,8 +19,8 @@
 #include <thread>
 #include <vector>
 
+#include "core/process/subprocess.h"
 #include "core/program/errors.h"
-#include "core/program/subprocess.h"
 #include "station/serve/live_camera.h"
 #include "station/serve/run_monitor.h"
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "compare/uncertainty/budget_monte_carlo.h"
 #include "core/program/errors.h"
 #include "tests/compare/uncertainty/field_samples.h"
 
@@ -138,6 +139,16 @@ TEST(HullPositions, AreTheGivenOnesAndTheMidpointsOfAllPairs) {
     ASSERT_EQ(all.size(), 6u);
     EXPECT_EQ(all[3], Eigen::Vector3d(2, 0, 1));
     EXPECT_EQ(all[5], Eigen::Vector3d(2, 3, 2));
+}
+
+TEST(MonteCarloStop, IsAnInterruption) {
+    const auto all = samples(40, 1.0, 0.0, 1);
+    const BiasField field = fit_smooth_field(all, FieldBasis::position);
+    std::stop_source stop;
+    EXPECT_NO_THROW(monte_carlo_uncertainty(field, all, positions(40), {}, 1, stop.get_token()));
+    stop.request_stop();
+    EXPECT_THROW(monte_carlo_uncertainty(field, all, positions(40), {}, 1, stop.get_token()),
+                 Interrupted);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "core/program/subprocess.h"
+#include "core/process/subprocess.h"
 
 #include <linux/close_range.h>
 #include <poll.h>

@@ -1,4 +1,4 @@
-#include "core/program/subprocess.h"
+#include "core/process/subprocess.h"
 
 #include <gmock/gmock.h>
 #include <sys/wait.h>

@@ -162,8 +162,6 @@ BENCHMARK_CAPTURE(unpack_frame, YUYV, find_v4l2_format("YUYV"))->Unit(benchmark:
 
 namespace {
 
-constexpr int width = 2592, height = 1944;
-
 double seconds_of(const auto& call) {
     const auto start = std::chrono::steady_clock::now();
     call();

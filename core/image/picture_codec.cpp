@@ -154,6 +154,12 @@ private:
     }
     static void ignore(png_structp, png_const_charp) {}
 
+    int colour_type() const {
+        if (picture_.channels() == 1)
+            return PNG_COLOR_TYPE_GRAY;
+        return picture_.channels() == 3 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_RGB_ALPHA;
+    }
+
     // The difference to the left neighbour and runs of equal bytes: a tenth of the time of libpng's
     // own choice, for files a fifth larger.
     void write_all() {
@@ -163,8 +169,8 @@ private:
         png_set_compression_strategy(png_, run_lengths);
         png_set_IHDR(png_, info_, static_cast<unsigned>(picture_.cols),
                      static_cast<unsigned>(picture_.rows), picture_.depth() == CV_16U ? 16 : 8,
-                     picture_.channels() == 1 ? PNG_COLOR_TYPE_GRAY : PNG_COLOR_TYPE_RGB,
-                     PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+                     colour_type(), PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+                     PNG_FILTER_TYPE_DEFAULT);
         png_write_info(png_, info_);
         png_set_bgr(png_);
         if constexpr (std::endian::native == std::endian::little)
@@ -511,8 +517,8 @@ cv::Mat decode_jpeg_luma(std::span<const unsigned char> bytes) {
 }
 
 std::vector<unsigned char> encode_png(const cv::Mat& picture) {
-    if (!is_of(picture, {CV_8U, CV_16U}, {1, 3}))
-        throw Error("PNG holds 8 or 16 bits, of gray or colour");
+    if (!is_of(picture, {CV_8U, CV_16U}, {1, 3, 4}))
+        throw Error("PNG holds 8 or 16 bits, of gray or colour, or of colour and opacity");
     return PngWriter(picture).write();
 }
 
@@ -525,7 +531,7 @@ std::vector<unsigned char> encode_jpeg(const cv::Mat& picture, int quality) {
 std::vector<unsigned char> encode_picture(const std::string& extension, const cv::Mat& picture) {
     std::string kind = extension;
     std::ranges::transform(kind, kind.begin(), [](unsigned char c) { return std::tolower(c); });
-    if (kind == ".png" && is_of(picture, {CV_8U, CV_16U}, {1, 3}))
+    if (kind == ".png" && is_of(picture, {CV_8U, CV_16U}, {1, 3, 4}))
         return encode_png(picture);
     if ((kind == ".jpg" || kind == ".jpeg") && is_of(picture, {CV_8U}, {1, 3}))
         return encode_jpeg(picture);

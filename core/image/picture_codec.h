@@ -23,7 +23,7 @@ cv::Mat decode_picture(std::span<const unsigned char> bytes);
 // CV_8UC1: a colour JPEG's own luma, before any conversion to RGB.
 cv::Mat decode_jpeg_luma(std::span<const unsigned char> bytes);
 
-// 8 or 16 bits, one channel or BGR. Fast rather than small.
+// 8 or 16 bits, one channel, BGR or BGRA. Fast rather than small.
 std::vector<unsigned char> encode_png(const cv::Mat& picture);
 
 // 8 bits, one channel or BGR; quality 0 to 100.

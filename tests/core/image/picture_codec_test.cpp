@@ -52,7 +52,7 @@ std::string cause_of(const Bytes& bytes) {
 }
 
 TEST(PictureCodec, WritesTheBytesThatOpenCvWrites) {
-    for (const int type : {CV_8UC1, CV_8UC3, CV_16UC1, CV_16UC3})
+    for (const int type : {CV_8UC1, CV_8UC3, CV_8UC4, CV_16UC1, CV_16UC3, CV_16UC4})
         EXPECT_EQ(encode_png(picture(type)), by_opencv(".png", picture(type))) << type;
     for (const int type : {CV_8UC1, CV_8UC3})
         for (const int quality : {1, 60, 95, 100})

@@ -1,4 +1,6 @@
 // What surrounds the kernels: the undistortion map, whole frames with their filters, the sensor.
+#include "sim/tiles/vector_targets.h"
+
 #include <benchmark/benchmark.h>
 #include <hwy/targets.h>
 

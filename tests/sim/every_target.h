@@ -1,6 +1,8 @@
 // What must hold on every instruction set that the vector code was built for.
 #pragma once
 
+#include "sim/tiles/vector_targets.h"
+
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 

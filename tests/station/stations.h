@@ -22,6 +22,7 @@ inline const char* const limits_text = R"(etalon: limits/1
 id: test-limits-5
 b3_position_field_rms_mm: {limit: 0.30, unit: mm}
 b3_position_field_max_mm: {limit: 0.90, unit: mm}
+may_be_unchecked: [residuals against noise]   # of quick runs: one frame a pose, no noise stated
 )";
 
 // One line per setting, so that a test can break any of them and knows its line.

@@ -1,4 +1,5 @@
 #include "sim/tiles/edge_group.h"
+#include "sim/tiles/vector_targets.h"
 
 #include <gtest/gtest.h>
 #include <hwy/targets.h>

@@ -1,6 +1,7 @@
 // The vector code in single precision against the same sums from the scalar functions in double
 // precision, on every instruction set that was compiled in and that this machine has.
 #include "sim/tiles/tile_kernel.h"
+#include "sim/tiles/vector_targets.h"
 
 #include <gtest/gtest.h>
 #include <hwy/targets.h>

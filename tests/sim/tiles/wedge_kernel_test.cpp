@@ -1,4 +1,6 @@
 // Pixels by the table of edges and corners against sums over the pixel, the lens and the spread.
+#include "sim/tiles/vector_targets.h"
+
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 

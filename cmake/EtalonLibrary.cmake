@@ -20,7 +20,12 @@ function(etalon_library name)
         set(all ${sources})
         etalon_without_numerics(sources ${name})
         if(NOT sources STREQUAL all)
-            set(linked ${ETALON_NUMERICS_FROM}/${name}/libetalon_${name}.a)
+            # An archive needs what it calls behind it: its folder's other modules and the folders below.
+            add_library(etalon_${name}_numerics STATIC IMPORTED GLOBAL)
+            set_target_properties(etalon_${name}_numerics PROPERTIES
+                IMPORTED_LOCATION ${ETALON_NUMERICS_FROM}/${name}/libetalon_${name}.a
+                INTERFACE_LINK_LIBRARIES "etalon_${name};${ARG_PUBLIC}")
+            set(linked $<BUILD_INTERFACE:etalon_${name}_numerics>)
         endif()
     endif()
     add_library(etalon_${name} ${kind} ${sources})

@@ -25,7 +25,9 @@ if(ETALON_SANITIZE)
         -fno-sanitize=null,object-size,alignment,vptr
         # Nor do they see a variable or a vector that nobody has set: it is no plausible number.
         -ftrivial-auto-var-init=pattern)
-    target_compile_definitions(etalon_compiler INTERFACE EIGEN_INITIALIZE_MATRICES_BY_NAN)
+    target_compile_definitions(etalon_compiler INTERFACE EIGEN_INITIALIZE_MATRICES_BY_NAN
+        # As without the address sanitizer: libraries with and without it free what the other made.
+        EIGEN_MALLOC_ALREADY_ALIGNED=1)
     target_link_options(etalon_compiler INTERFACE -fsanitize=${ETALON_SANITIZE})
 endif()
 

@@ -59,8 +59,10 @@ install_packages() {
     }
 }
 
-# build_etalon TARGET...: configures and builds the release preset; quiet unless it fails.
+# build_etalon TARGET...: configures and builds the release preset; says what it took, quiet else
+# unless it fails.
 build_etalon() {
+    local begun=$SECONDS
     echo "== building (log: build/build.log)"
     if ! { cmake --preset release && cmake --build build/release --target "$@"; } \
             >build/build.log 2>&1; then
@@ -68,4 +70,5 @@ build_etalon() {
         grep -E -A 5 'error|Error|FAILED' build/build.log | head -n 40 >&2
         return 3
     fi
+    echo "   built in $((SECONDS - begun)) s"
 }

@@ -64,37 +64,331 @@ std::string names_of(const std::vector<CameraFormat>& formats) {
 
 class V4l2Camera final : public Camera {
 public:
-    V4l2Camera(V4l2System& system, const std::string& id, const CameraLink& link, Clock& clock);
+    V4l2Camera(V4l2System& system, const std::string& id, const CameraLink& link, Clock& clock)
+        : system_(system), link_(link), clock_(clock), name_("camera v4l2:" + id) {
+        std::string node = id;
+        if (id.rfind('/', 0) != 0)
+            node = find_node(system_, [&](const V4l2Identity& found) { return found.bus == id; });
+        if (node.empty())
+            fail("open", "no camera is there");
+        open(node);
+        device_identity_ = device_->identity();
+        identity_ = {"v4l2:" + id, "", device_identity_.card, device_identity_.serial};
+    }
 
     const CameraIdentity& identity() const override { return identity_; }
-    CameraAbilities abilities() const override;
-    CaptureSettings configure(const CaptureSettings& wanted) override;
-    void arm() override;
-    Frame frame_after(Instant t, int retries, std::stop_token stop) override;
-    void disarm() noexcept override;
-    void reconnect(Instant deadline, std::stop_token stop) override;
+
+    CameraAbilities abilities() const override {
+        require_alive("list abilities");
+        CameraAbilities abilities{device_->formats(), controls_->list()};
+        if (const auto frame_rate = device_->frame_rate_control())
+            abilities.controls.push_back(*frame_rate);
+        return abilities;
+    }
+
+    CaptureSettings configure(const CaptureSettings& wanted) override {
+        require_alive("configure");
+        if (armed_)
+            fail("configure", "the camera is armed");
+        settings_.reset();
+        remarks_.clear();
+        image_format_ = device_->set_format(chosen_format(wanted), wanted.width, wanted.height);
+        apply_controls(wanted);
+        const CaptureSettings actual = read_back(wanted);
+        const double step_us = static_cast<double>(controls_->exposure_step().count());
+        if (const auto difference = first_difference(wanted, actual, step_us))
+            fail(difference->request, difference->cause);
+        require_alive("configure");
+        remark_on_format();
+        wanted_ = wanted;
+        settings_ = actual;
+        return actual;
+    }
+
+    void arm() override {
+        require_alive("arm");
+        if (!settings_)
+            fail("arm", "the camera is not configured");
+        if (armed_)
+            return;
+        const V4l2Timing::Camera timing = timing_of(*settings_);
+        stream_ = std::make_unique<V4l2Stream>(*device_);
+        timing_.emplace(timing, clock_.now());
+        last_sequence_.reset();
+        armed_ = true;
+    }
+
+    Frame frame_after(Instant t, int retries, std::stop_token stop) override {
+        if (!armed_)
+            fail("take a frame", "the camera is not armed");
+        return first_complete_frame(retries, statistics_,
+                                    [&] { return next_frame_after(t, stop); });
+    }
+
+    void disarm() noexcept override {
+        stream_.reset();
+        armed_ = false;
+    }
+
+    void reconnect(Instant deadline, std::stop_token stop) override {
+        const std::optional<CaptureSettings> before = settings_;
+        const bool arm_again = armed_;
+        for (;;) {
+            try {
+                reopen();
+                if (arm_again)
+                    arm();
+                ++statistics_.reconnects;
+                return;
+            } catch (const DeviceError&) {
+                close();
+                settings_ = before;  // to be tried again
+                armed_ = arm_again;
+                if (clock_.now() >= deadline)
+                    throw;
+            }
+            if (!clock_.wait_for(look_again, stop))
+                throw Interrupted();
+        }
+    }
+
     CaptureStatistics statistics() const override { return statistics_; }
     std::vector<std::string> remarks() const override { return remarks_; }
 
 private:
-    void open(const std::string& node);
-    void close() noexcept;
-    void reopen();
-    void require_alive(const std::string& request) const;
-    const PixelFormat& chosen_format(const CaptureSettings& wanted);
-    void apply_controls(const CaptureSettings& wanted);
-    CaptureSettings read_back(const CaptureSettings& wanted);
-    V4l2Timing::Camera timing_of(const CaptureSettings& settings);
-    Duration frame_period();
-    void remark_on_format();
-    void remark(const std::string& text);
+    void open(const std::string& node) {
+        device_ = std::make_unique<V4l2Device>(system_, node, name_);
+        controls_ = std::make_unique<V4l2Controls>(*device_);
+    }
 
-    Frame next_frame_after(Instant t, std::stop_token stop);
-    std::optional<Frame> judged(const FilledBuffer& buffer, Instant t);
-    Frame described(const FilledBuffer& buffer, Instant now);
-    void require_codes(const Frame& frame) const;
-    void count(std::uint32_t sequence);
-    std::string unpacked(const FilledBuffer& buffer, CodeImage& image) const;
+    void close() noexcept {
+        disarm();
+        controls_.reset();
+        device_.reset();
+    }
+
+    // The same device, with the same settings as before.
+    void reopen() {
+        close();
+        const std::string node = find_node(
+            system_, [this](const V4l2Identity& found) { return found == device_identity_; });
+        if (node.empty())
+            fail("reconnect",
+                 fmt::format("no {} is at {}", device_identity_.card, device_identity_.bus));
+        open(node);
+        if (!settings_)
+            return;
+        const CaptureSettings before = *settings_;
+        configure(wanted_);
+        if (const auto difference = first_difference(before, *settings_, 0.0))
+            fail("reconnect: " + difference->request, difference->cause);
+    }
+
+    void require_alive(const std::string& request) const {
+        if (!device_ || device_->lost())
+            fail(request, "the device is gone");
+    }
+
+    const PixelFormat& chosen_format(const CaptureSettings& wanted) {
+        const std::vector<CameraFormat> offered = device_->formats();
+        const std::string request = wanted.format.empty()
+                                        ? fmt::format("set {} bits a pixel", wanted.bits)
+                                        : "set pixel format " + wanted.format;
+        const auto is_wanted = [&](const CameraFormat& f) { return f.name == wanted.format; };
+        if (!wanted.format.empty() && std::none_of(offered.begin(), offered.end(), is_wanted))
+            fail(request, "the device offers " + names_of(offered));
+        const PixelFormat* format = wanted.format.empty() ? monochrome_format(offered, wanted.bits)
+                                                          : find_trimmed_v4l2_format(wanted.format);
+        if (!format)
+            fail(request,
+                 wanted.format.empty()
+                     ? "no monochrome format of the device has them; it offers " + names_of(offered)
+                     : "this program cannot unpack it");
+        const int depth = format->bits <= 8 ? CV_8U : CV_16U;
+        if (wanted.bits && (!bits_fit_depth(wanted.bits, depth) || wanted.bits > format->bits))
+            fail(fmt::format("set {} bits a pixel", wanted.bits),
+                 fmt::format("{} has {}", format->v4l2, format->bits));
+        return *format;
+    }
+
+    // The frame rate comes first, since it limits the exposure. Those asked for by name come last:
+    // who asks for sharpness gets it.
+    void apply_controls(const CaptureSettings& wanted) {
+        if (const auto rate = wanted.controls.find(frame_rate_name); rate != wanted.controls.end())
+            device_->set_frame_rate(rate->second);
+        remarks_ = controls_->bring_to_rest();
+        if (wanted.exposure.count())
+            controls_->set_exposure(wanted.exposure);
+        if (wanted.gain_db != 0.0)
+            fail(fmt::format("set gain {} dB", wanted.gain_db),
+                 "gains of V4L2 devices have no unit: set the control \"gain\"");
+        if (wanted.black_level)
+            controls_->set("black_level", *wanted.black_level);
+        for (const auto& [name, value] : wanted.controls)
+            if (name != frame_rate_name)
+                controls_->set(name, value);
+    }
+
+    CaptureSettings read_back(const CaptureSettings& wanted) {
+        CaptureSettings actual;
+        actual.width = image_format_.width;
+        actual.height = image_format_.height;
+        actual.bits = wanted.bits ? wanted.bits : image_format_.pixels->bits;
+        actual.format = std::string(image_format_.pixels->v4l2.substr(
+            0, image_format_.pixels->v4l2.find_last_not_of(' ') + 1));
+        actual.exposure = controls_->exposure().value_or(0us);
+        actual.trigger = "none";
+        if (wanted.black_level)
+            actual.black_level = controls_->get("black_level");
+        for (const auto& [name, value] : wanted.controls)
+            actual.controls[name] = name == frame_rate_name ? device_->frame_rate().value_or(0.0)
+                                                            : controls_->get(name);
+        return actual;
+    }
+
+    V4l2Timing::Camera timing_of(const CaptureSettings& settings) {
+        const bool usb = device_identity_.driver == "uvcvideo";
+        const Duration period = frame_period();
+        V4l2Timing::Camera timing;
+        timing.longest_hold = usb ? UsbDelay::expected(period) : period;
+        timing.shortest_exposure = settings.exposure;
+        timing.longest_exposure = settings.exposure.count() ? settings.exposure : period;
+        timing.over_usb = usb;
+        return timing;
+    }
+
+    // A frame takes at least its exposure, whatever rate the driver says.
+    Duration frame_period() {
+        Duration period = device_->frame_period();
+        if (period <= Duration(0)) {
+            period = link_.frame_timeout;
+            remark(
+                fmt::format("the driver does not say its frame rate: {} ms between frames are "
+                            "assumed",
+                            link_.frame_timeout.count()));
+        }
+        return std::max<Duration>(period, settings_->exposure);
+    }
+
+    void remark_on_format() {
+        const PixelFormat& format = *image_format_.pixels;
+        if (format.lossy())
+            remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", format.v4l2));
+        if (format.luma_of_colours())
+            remark(fmt::format("of {} the luma is kept, which the camera made", format.v4l2));
+    }
+
+    void remark(const std::string& text) {
+        if (std::find(remarks_.begin(), remarks_.end(), text) == remarks_.end())
+            remarks_.push_back(text);
+    }
+
+    // The first frame, good or bad, that is not older.
+    Frame next_frame_after(Instant t, std::stop_token stop) {
+        require_alive("take a frame");
+        wait_until_after(clock_, t, stop);
+        const Duration limit = link_.frame_timeout + timing_->longest_wait();
+        const Instant deadline = clock_.now() + limit;
+        int too_old = 0;
+        bool announced = false;
+        do {
+            if (stop.stop_requested())
+                throw Interrupted();
+            if (const auto buffer = stream_->take()) {
+                std::optional<Frame> frame = judged(*buffer, t);
+                stream_->give_back(*buffer);
+                if (frame) {
+                    require_codes(*frame);
+                    return std::move(*frame);
+                }
+                ++too_old;
+                ++statistics_.rejected;
+                announced = false;
+                continue;
+            }
+            timing_->saw_empty_queue(clock_.now());
+            if (announced)  // falsely: not again and again without a pause
+                clock_.wait_for(1ms, stop);
+            announced = stream_->wait(look_around);
+        } while (clock_.now() < deadline);
+        Frame frame;
+        frame.settings = *settings_;
+        frame.status_detail =
+            fmt::format("no frame within {} ms{}", duration_cast<milliseconds>(limit).count(),
+                        too_old ? fmt::format(", but {} that were too old", too_old) : "");
+        return frame;
+    }
+
+    // Nothing for a frame that is too old.
+    std::optional<Frame> judged(const FilledBuffer& buffer, Instant t) {
+        const Instant now = clock_.now();
+        count(buffer.sequence);
+        const std::string stamp_fault = timing_->check(buffer, frame_id_, now);
+        Frame frame = described(buffer, now);
+        if (stamp_fault.empty() && frame.exposure_start - frame.exposure_start_uncertainty <= t)
+            return std::nullopt;
+        frame.status = FrameStatus::corrupt;
+        frame.status_detail = !buffer.fault.empty() ? buffer.fault : stamp_fault;
+        if (!frame.status_detail.empty())
+            return frame;
+        frame.status_detail = unpacked(buffer, frame.image);
+        frame.status =
+            frame.status_detail.empty() ? FrameStatus::complete : FrameStatus::short_frame;
+        return frame;
+    }
+
+    Frame described(const FilledBuffer& buffer, Instant now) {
+        const ExposureStart start = timing_->exposure_start(buffer, now);
+        if (start.source == TimeSource::request)
+            remark(
+                "the driver's time stamps are of an unknown clock or lie ahead of the frames: "
+                "their "
+                "arrival is used");
+        Frame frame;
+        frame.mosaic = image_format_.pixels->mosaic;
+        frame.id = frame_id_;
+        frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
+        frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
+        frame.time_source = start.source;
+        frame.device_time_ns = static_cast<std::uint64_t>(buffer.stamp.count());
+        frame.settings = *settings_;
+        return frame;
+    }
+
+    void require_codes(const Frame& frame) const {
+        if (frame.status != FrameStatus::complete)
+            return;
+        const std::string fault = code_fault(frame.image, *image_format_.pixels);
+        if (!fault.empty())
+            fail("take a frame", fault);
+    }
+
+    // The driver's counter has 32 bits, and some stand still or begin anew; a frame's id only
+    // grows.
+    void count(std::uint32_t sequence) {
+        const std::uint32_t ahead = last_sequence_ ? sequence - *last_sequence_ : 0;
+        if (!last_sequence_)
+            frame_id_ = std::max<std::uint64_t>(sequence, frame_id_ + 1);
+        else if (ahead == 0 || ahead > std::numeric_limits<std::uint32_t>::max() / 2)
+            ++frame_id_;
+        else {
+            frame_id_ += ahead;
+            statistics_.skipped += ahead - 1;
+        }
+        last_sequence_ = sequence;
+    }
+
+    // What is wrong with the pixels; empty if nothing.
+    std::string unpacked(const FilledBuffer& buffer, CodeImage& image) const {
+        const PixelFormat& format = *image_format_.pixels;
+        std::string fault = unpack(
+            format,
+            {buffer.data, image_format_.width, image_format_.height, image_format_.bytes_per_line},
+            image);
+        if (fault.empty())
+            image.bits = settings_->bits;
+        return fault;
+    }
 
     [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
         throw DeviceError(name_, request, cause);
@@ -124,333 +418,6 @@ private:
     std::optional<std::uint32_t> last_sequence_;
     std::uint64_t frame_id_ = 0;
 };
-
-// ---- opening -------------------------------------------------------------------------------
-
-V4l2Camera::V4l2Camera(V4l2System& system, const std::string& id, const CameraLink& link,
-                       Clock& clock)
-    : system_(system), link_(link), clock_(clock), name_("camera v4l2:" + id) {
-    std::string node = id;
-    if (id.rfind('/', 0) != 0)
-        node = find_node(system_, [&](const V4l2Identity& found) { return found.bus == id; });
-    if (node.empty())
-        fail("open", "no camera is there");
-    open(node);
-    device_identity_ = device_->identity();
-    identity_ = {"v4l2:" + id, "", device_identity_.card, device_identity_.serial};
-}
-
-void V4l2Camera::open(const std::string& node) {
-    device_ = std::make_unique<V4l2Device>(system_, node, name_);
-    controls_ = std::make_unique<V4l2Controls>(*device_);
-}
-
-void V4l2Camera::close() noexcept {
-    disarm();
-    controls_.reset();
-    device_.reset();
-}
-
-void V4l2Camera::require_alive(const std::string& request) const {
-    if (!device_ || device_->lost())
-        fail(request, "the device is gone");
-}
-
-CameraAbilities V4l2Camera::abilities() const {
-    require_alive("list abilities");
-    CameraAbilities abilities{device_->formats(), controls_->list()};
-    if (const auto frame_rate = device_->frame_rate_control())
-        abilities.controls.push_back(*frame_rate);
-    return abilities;
-}
-
-// ---- settings ------------------------------------------------------------------------------
-
-CaptureSettings V4l2Camera::configure(const CaptureSettings& wanted) {
-    require_alive("configure");
-    if (armed_)
-        fail("configure", "the camera is armed");
-    settings_.reset();
-    remarks_.clear();
-    image_format_ = device_->set_format(chosen_format(wanted), wanted.width, wanted.height);
-    apply_controls(wanted);
-    const CaptureSettings actual = read_back(wanted);
-    const double step_us = static_cast<double>(controls_->exposure_step().count());
-    if (const auto difference = first_difference(wanted, actual, step_us))
-        fail(difference->request, difference->cause);
-    require_alive("configure");
-    remark_on_format();
-    wanted_ = wanted;
-    settings_ = actual;
-    return actual;
-}
-
-const PixelFormat& V4l2Camera::chosen_format(const CaptureSettings& wanted) {
-    const std::vector<CameraFormat> offered = device_->formats();
-    const std::string request = wanted.format.empty()
-                                    ? fmt::format("set {} bits a pixel", wanted.bits)
-                                    : "set pixel format " + wanted.format;
-    const auto is_wanted = [&](const CameraFormat& f) { return f.name == wanted.format; };
-    if (!wanted.format.empty() && std::none_of(offered.begin(), offered.end(), is_wanted))
-        fail(request, "the device offers " + names_of(offered));
-    const PixelFormat* format = wanted.format.empty() ? monochrome_format(offered, wanted.bits)
-                                                      : find_trimmed_v4l2_format(wanted.format);
-    if (!format)
-        fail(request,
-             wanted.format.empty()
-                 ? "no monochrome format of the device has them; it offers " + names_of(offered)
-                 : "this program cannot unpack it");
-    const int depth = format->bits <= 8 ? CV_8U : CV_16U;
-    if (wanted.bits && (!bits_fit_depth(wanted.bits, depth) || wanted.bits > format->bits))
-        fail(fmt::format("set {} bits a pixel", wanted.bits),
-             fmt::format("{} has {}", format->v4l2, format->bits));
-    return *format;
-}
-
-// The frame rate comes first, since it limits the exposure. Those asked for by name come last: who
-// asks for sharpness gets it.
-void V4l2Camera::apply_controls(const CaptureSettings& wanted) {
-    if (const auto rate = wanted.controls.find(frame_rate_name); rate != wanted.controls.end())
-        device_->set_frame_rate(rate->second);
-    remarks_ = controls_->bring_to_rest();
-    if (wanted.exposure.count())
-        controls_->set_exposure(wanted.exposure);
-    if (wanted.gain_db != 0.0)
-        fail(fmt::format("set gain {} dB", wanted.gain_db),
-             "gains of V4L2 devices have no unit: set the control \"gain\"");
-    if (wanted.black_level)
-        controls_->set("black_level", *wanted.black_level);
-    for (const auto& [name, value] : wanted.controls)
-        if (name != frame_rate_name)
-            controls_->set(name, value);
-}
-
-CaptureSettings V4l2Camera::read_back(const CaptureSettings& wanted) {
-    CaptureSettings actual;
-    actual.width = image_format_.width;
-    actual.height = image_format_.height;
-    actual.bits = wanted.bits ? wanted.bits : image_format_.pixels->bits;
-    actual.format = std::string(
-        image_format_.pixels->v4l2.substr(0, image_format_.pixels->v4l2.find_last_not_of(' ') + 1));
-    actual.exposure = controls_->exposure().value_or(0us);
-    actual.trigger = "none";
-    if (wanted.black_level)
-        actual.black_level = controls_->get("black_level");
-    for (const auto& [name, value] : wanted.controls)
-        actual.controls[name] =
-            name == frame_rate_name ? device_->frame_rate().value_or(0.0) : controls_->get(name);
-    return actual;
-}
-
-void V4l2Camera::remark_on_format() {
-    const PixelFormat& format = *image_format_.pixels;
-    if (format.lossy())
-        remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", format.v4l2));
-    if (format.luma_of_colours())
-        remark(fmt::format("of {} the luma is kept, which the camera made", format.v4l2));
-}
-
-void V4l2Camera::remark(const std::string& text) {
-    if (std::find(remarks_.begin(), remarks_.end(), text) == remarks_.end())
-        remarks_.push_back(text);
-}
-
-// ---- stream --------------------------------------------------------------------------------
-
-void V4l2Camera::arm() {
-    require_alive("arm");
-    if (!settings_)
-        fail("arm", "the camera is not configured");
-    if (armed_)
-        return;
-    const V4l2Timing::Camera timing = timing_of(*settings_);
-    stream_ = std::make_unique<V4l2Stream>(*device_);
-    timing_.emplace(timing, clock_.now());
-    last_sequence_.reset();
-    armed_ = true;
-}
-
-V4l2Timing::Camera V4l2Camera::timing_of(const CaptureSettings& settings) {
-    const bool usb = device_identity_.driver == "uvcvideo";
-    const Duration period = frame_period();
-    V4l2Timing::Camera timing;
-    timing.longest_hold = usb ? UsbDelay::expected(period) : period;
-    timing.shortest_exposure = settings.exposure;
-    timing.longest_exposure = settings.exposure.count() ? settings.exposure : period;
-    timing.over_usb = usb;
-    return timing;
-}
-
-// A frame takes at least its exposure, whatever rate the driver says.
-Duration V4l2Camera::frame_period() {
-    Duration period = device_->frame_period();
-    if (period <= Duration(0)) {
-        period = link_.frame_timeout;
-        remark(
-            fmt::format("the driver does not say its frame rate: {} ms between frames are "
-                        "assumed",
-                        link_.frame_timeout.count()));
-    }
-    return std::max<Duration>(period, settings_->exposure);
-}
-
-void V4l2Camera::disarm() noexcept {
-    stream_.reset();
-    armed_ = false;
-}
-
-// ---- frames --------------------------------------------------------------------------------
-
-Frame V4l2Camera::frame_after(Instant t, int retries, std::stop_token stop) {
-    if (!armed_)
-        fail("take a frame", "the camera is not armed");
-    return first_complete_frame(retries, statistics_, [&] { return next_frame_after(t, stop); });
-}
-
-// The first frame, good or bad, that is not older.
-Frame V4l2Camera::next_frame_after(Instant t, std::stop_token stop) {
-    require_alive("take a frame");
-    wait_until_after(clock_, t, stop);
-    const Duration limit = link_.frame_timeout + timing_->longest_wait();
-    const Instant deadline = clock_.now() + limit;
-    int too_old = 0;
-    bool announced = false;
-    do {
-        if (stop.stop_requested())
-            throw Interrupted();
-        if (const auto buffer = stream_->take()) {
-            std::optional<Frame> frame = judged(*buffer, t);
-            stream_->give_back(*buffer);
-            if (frame) {
-                require_codes(*frame);
-                return std::move(*frame);
-            }
-            ++too_old;
-            ++statistics_.rejected;
-            announced = false;
-            continue;
-        }
-        timing_->saw_empty_queue(clock_.now());
-        if (announced)  // falsely: not again and again without a pause
-            clock_.wait_for(1ms, stop);
-        announced = stream_->wait(look_around);
-    } while (clock_.now() < deadline);
-    Frame frame;
-    frame.settings = *settings_;
-    frame.status_detail =
-        fmt::format("no frame within {} ms{}", duration_cast<milliseconds>(limit).count(),
-                    too_old ? fmt::format(", but {} that were too old", too_old) : "");
-    return frame;
-}
-
-void V4l2Camera::require_codes(const Frame& frame) const {
-    if (frame.status != FrameStatus::complete)
-        return;
-    const std::string fault = code_fault(frame.image, *image_format_.pixels);
-    if (!fault.empty())
-        fail("take a frame", fault);
-}
-
-// Nothing for a frame that is too old.
-std::optional<Frame> V4l2Camera::judged(const FilledBuffer& buffer, Instant t) {
-    const Instant now = clock_.now();
-    count(buffer.sequence);
-    const std::string stamp_fault = timing_->check(buffer, frame_id_, now);
-    Frame frame = described(buffer, now);
-    if (stamp_fault.empty() && frame.exposure_start - frame.exposure_start_uncertainty <= t)
-        return std::nullopt;
-    frame.status = FrameStatus::corrupt;
-    frame.status_detail = !buffer.fault.empty() ? buffer.fault : stamp_fault;
-    if (!frame.status_detail.empty())
-        return frame;
-    frame.status_detail = unpacked(buffer, frame.image);
-    frame.status = frame.status_detail.empty() ? FrameStatus::complete : FrameStatus::short_frame;
-    return frame;
-}
-
-Frame V4l2Camera::described(const FilledBuffer& buffer, Instant now) {
-    const ExposureStart start = timing_->exposure_start(buffer, now);
-    if (start.source == TimeSource::request)
-        remark(
-            "the driver's time stamps are of an unknown clock or lie ahead of the frames: their "
-            "arrival is used");
-    Frame frame;
-    frame.mosaic = image_format_.pixels->mosaic;
-    frame.id = frame_id_;
-    frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
-    frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
-    frame.time_source = start.source;
-    frame.device_time_ns = static_cast<std::uint64_t>(buffer.stamp.count());
-    frame.settings = *settings_;
-    return frame;
-}
-
-// The driver's counter has 32 bits, and some stand still or begin anew; a frame's id only grows.
-void V4l2Camera::count(std::uint32_t sequence) {
-    const std::uint32_t ahead = last_sequence_ ? sequence - *last_sequence_ : 0;
-    if (!last_sequence_)
-        frame_id_ = std::max<std::uint64_t>(sequence, frame_id_ + 1);
-    else if (ahead == 0 || ahead > std::numeric_limits<std::uint32_t>::max() / 2)
-        ++frame_id_;
-    else {
-        frame_id_ += ahead;
-        statistics_.skipped += ahead - 1;
-    }
-    last_sequence_ = sequence;
-}
-
-// What is wrong with the pixels; empty if nothing.
-std::string V4l2Camera::unpacked(const FilledBuffer& buffer, CodeImage& image) const {
-    const PixelFormat& format = *image_format_.pixels;
-    std::string fault = unpack(
-        format,
-        {buffer.data, image_format_.width, image_format_.height, image_format_.bytes_per_line},
-        image);
-    if (fault.empty())
-        image.bits = settings_->bits;
-    return fault;
-}
-
-// ---- a device that comes back --------------------------------------------------------------
-
-void V4l2Camera::reconnect(Instant deadline, std::stop_token stop) {
-    const std::optional<CaptureSettings> before = settings_;
-    const bool arm_again = armed_;
-    for (;;) {
-        try {
-            reopen();
-            if (arm_again)
-                arm();
-            ++statistics_.reconnects;
-            return;
-        } catch (const DeviceError&) {
-            close();
-            settings_ = before;  // to be tried again
-            armed_ = arm_again;
-            if (clock_.now() >= deadline)
-                throw;
-        }
-        if (!clock_.wait_for(look_again, stop))
-            throw Interrupted();
-    }
-}
-
-// The same device, with the same settings as before.
-void V4l2Camera::reopen() {
-    close();
-    const std::string node =
-        find_node(system_, [this](const V4l2Identity& found) { return found == device_identity_; });
-    if (node.empty())
-        fail("reconnect",
-             fmt::format("no {} is at {}", device_identity_.card, device_identity_.bus));
-    open(node);
-    if (!settings_)
-        return;
-    const CaptureSettings before = *settings_;
-    configure(wanted_);
-    if (const auto difference = first_difference(before, *settings_, 0.0))
-        fail("reconnect: " + difference->request, difference->cause);
-}
 
 }  // namespace
 

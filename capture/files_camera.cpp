@@ -49,7 +49,7 @@ public:
         armed_ = true;
     }
 
-    Frame frame_after(Instant t, int retries, std::stop_token stop) override {
+    Frame frame_after(Instant t, int, std::stop_token stop) override {
         if (!armed_)
             fail("take a frame", "the camera is not armed");
         wait_until_after(clock_, t, stop);

@@ -236,8 +236,8 @@ public:
             fail("open", "another program uses it");
         else
             require("open", result);
-        camera_->requestCompleted.connect(this, &request_completed);
-        camera_->disconnected.connect(this, &camera_disconnected);
+        camera_->requestCompleted.connect(this, &Device::request_completed);
+        camera_->disconnected.connect(this, &Device::camera_disconnected);
     }
 
     ~Device() override {

@@ -54,10 +54,8 @@ public:
         return link;
     }
 
-    std::unique_ptr<ModbusStage> connect() {
-        return std::make_unique<ModbusStage>(link(), profile, axes, clock);
-    }
-    std::unique_ptr<ModbusStage> connect_and_home() {
+    std::unique_ptr<Stage> connect() { return open_modbus_stage(link(), profile, axes, clock); }
+    std::unique_ptr<Stage> connect_and_home() {
         auto stage = connect();
         stage->enable({});
         stage->home({});

@@ -7,8 +7,6 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "capture/genicam/genicam_clock.h"
-
 namespace etalon {
 namespace {
 

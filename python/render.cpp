@@ -1,12 +1,12 @@
 // etalon.Marker, Renderer, SensorModel: what a calibrated camera sees of a marker.
-#include "python/render.h"
-
 #include <fmt/format.h>
 
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"
+#include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
+#include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 
@@ -24,6 +24,20 @@ std::pair<double, double> pair_of(const Eigen::Vector2d& vector) {
 }
 
 // ---- rendering
+
+// A list of (Marker, camera_from_marker (4, 4)).
+Scene scene_of(const py::object& markers, double background) {
+    Scene scene;
+    scene.background = background;
+    for (const py::handle item : markers) {
+        if (!py::isinstance<py::tuple>(item) || py::len(item) != 2)
+            throw py::type_error("markers: must be (Marker, camera_from_marker) pairs");
+        const py::tuple placed = py::reinterpret_borrow<py::tuple>(item);
+        scene.markers.push_back(
+            {placed[0].cast<const Marker&>().grid, rigid_of(placed[1], "camera_from_marker")});
+    }
+    return scene;
+}
 
 RenderMethod method_named(const std::string& name) {
     for (const auto& [word, method] : {std::pair("automatic", RenderMethod::automatic),
@@ -62,19 +76,6 @@ py::array linear_radiance(const SensorModel& sensor, const py::array& image) {
 }
 
 }  // namespace
-
-Scene scene_of(const py::object& markers, double background) {
-    Scene scene;
-    scene.background = background;
-    for (const py::handle item : markers) {
-        if (!py::isinstance<py::tuple>(item) || py::len(item) != 2)
-            throw py::type_error("markers: must be (Marker, camera_from_marker) pairs");
-        const py::tuple placed = py::reinterpret_borrow<py::tuple>(item);
-        scene.markers.push_back(
-            {placed[0].cast<const Marker&>().grid, rigid_of(placed[1], "camera_from_marker")});
-    }
-    return scene;
-}
 
 void bind_marker(py::module_& module) {
     py::class_<Marker>(module, "Marker", R"(A marker or board by its name: docs/files.md, "Markers".

@@ -1,6 +1,6 @@
 // A GenICam device under our control: opened, its transport set up, its errors turned into
 // DeviceErrors, its loss noticed. What is asked of it is in genicam_settings.h, what comes from it
-// in genicam_stream.h. Aravis' headers stay in .cpp files.
+// in genicam_camera.cpp. Aravis' headers stay in .cpp files.
 #pragma once
 
 #include <atomic>

@@ -88,7 +88,7 @@ public:
     struct Camera {
         Duration longest_hold{};  // from the end of an exposure to the stamp of its frame
         Duration shortest_exposure{}, longest_exposure{};  // equal where known
-        bool over_usb = false;                             // stamped as in usb_delay.h
+        bool over_usb = false;                             // stamped as UsbDelay says
     };
     // For a stream that starts now.
     V4l2Timing(const Camera& camera, Instant now) : camera_(camera), seen_empty_(now) {}

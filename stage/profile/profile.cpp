@@ -7,7 +7,6 @@
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "stage/profile/builtin_profiles.h"
 #include "stage/profile/profile_layers.h"
 
 namespace etalon {

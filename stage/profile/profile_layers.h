@@ -54,4 +54,7 @@ struct InputWord {
 const std::vector<SignalWord>& signal_words();
 const std::vector<InputWord>& input_words();
 
+// The text of the profiles that CMake builds into the library, by name.
+const std::map<std::string, std::string>& builtin_profile_texts();
+
 }  // namespace etalon

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "mocks/stage/modbus_stage_server.h"
+#include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
 

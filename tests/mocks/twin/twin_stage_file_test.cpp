@@ -1,4 +1,4 @@
-#include "mocks/twin/twin_stage_file.h"
+#include "mocks/twin/twin_file.h"
 
 #include <gtest/gtest.h>
 

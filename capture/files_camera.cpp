@@ -2,56 +2,27 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
 #include <cctype>
-#include <optional>
-#include <string>
-#include <string_view>
-#include <vector>
 
-#include "capture/frame/frame_checks.h"
-#include "core/program/errors.h"
+#include "capture/frame/device_camera.h"
 
 namespace etalon {
 namespace {
 
 namespace fs = std::filesystem;
 
-class FilesCamera final : public Camera {
+class FilesCamera final : public DeviceCamera {
 public:
     FilesCamera(const fs::path& folder, Clock& clock)
-        : clock_(clock),
-          name_("camera files:" + folder.string()),
-          recorded_(recorded_frames(folder)) {
-        identity_.uri = "files:" + folder.string();
-    }
+        : DeviceCamera("files:" + folder.string(), {}, clock), recorded_(recorded_frames(folder)) {}
 
-    const CameraIdentity& identity() const override { return identity_; }
-
-    CaptureSettings configure(const CaptureSettings& wanted) override {
-        if (armed_)
-            fail("configure", "the camera is armed");
-        settings_.reset();
-        const CaptureSettings actual = settings_of_recording(wanted.bits);
-        CaptureSettings comparable = wanted;
-        if (wanted.gain_db == 0.0)  // a recording's own
-            comparable.gain_db = actual.gain_db;
-        if (const auto difference = first_difference(comparable, actual, 0.5))
-            fail(difference->request, "a recording cannot be taken again: " + difference->cause);
-        settings_ = actual;
-        return actual;
-    }
-
-    void arm() override {
-        if (!settings_)
-            fail("arm", "the camera is not configured");
-        armed_ = true;
-    }
-
+    // A recorded frame that is bad is not taken again.
     Frame frame_after(Instant t, int, std::stop_token stop) override {
-        if (!armed_)
-            fail("take a frame", "the camera is not armed");
+        return DeviceCamera::frame_after(t, 0, stop);
+    }
+
+private:
+    Frame next_frame(Instant t, std::stop_token stop) override {
         wait_until_after(clock_, t, stop);
         if (next_ == recorded_.frames.size())
             fail("take a frame", fmt::format("all {} images were shown", recorded_.frames.size()));
@@ -68,14 +39,9 @@ public:
         frame.settings = recorded_.are_logged ? recorded.settings : *settings_;
         frame.settings.format = settings_->format;
         ++next_;
-        ++(frame.status == FrameStatus::complete ? statistics_.delivered : statistics_.rejected);
         return frame;
     }
 
-    void disarm() noexcept override { armed_ = false; }
-    CaptureStatistics statistics() const override { return statistics_; }
-
-private:
     // What is known of the recording: from its log, and from its first image. A plain image file
     // does not say how many of its bits are used, so `bits` is believed; 0 means all.
     CaptureSettings settings_of_recording(int bits) const {
@@ -107,18 +73,18 @@ private:
         return image;
     }
 
-    [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
-        throw DeviceError(name_, request, cause);
+    CaptureSettings apply(const CaptureSettings& wanted) override {
+        const CaptureSettings actual = settings_of_recording(wanted.bits);
+        CaptureSettings comparable = wanted;
+        if (wanted.gain_db == 0.0)  // a recording's own
+            comparable.gain_db = actual.gain_db;
+        if (const auto difference = first_difference(comparable, actual, 0.5))
+            fail(difference->request, "a recording cannot be taken again: " + difference->cause);
+        return actual;
     }
 
-    Clock& clock_;
-    std::string name_;  // for errors
-    CameraIdentity identity_;
     RecordedFrames recorded_;
     std::size_t next_ = 0;
-    std::optional<CaptureSettings> settings_;
-    bool armed_ = false;
-    CaptureStatistics statistics_;
 };
 
 }  // namespace

@@ -3,14 +3,11 @@
 #include <arv.h>
 #include <fmt/format.h>
 
-#include <optional>
 #include <set>
-#include <utility>
 
-#include "capture/frame/frame_checks.h"
+#include "capture/frame/device_camera.h"
 #include "capture/genicam/genicam_device.h"
 #include "capture/genicam/genicam_settings.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -287,59 +284,21 @@ private:
     long skipped_ = 0;
 };
 
-class GenicamCamera final : public Camera {
+class GenicamCamera final : public DeviceCamera {
 public:
     GenicamCamera(const std::string& id, const CameraLink& link, Clock& clock)
-        : id_(id),
-          link_(link),
-          clock_(clock),
-          device_(std::make_unique<GenicamDevice>(id, link)),
-          identity_(device_->identity()) {}
+        : DeviceCamera("genicam:" + id, link, clock),
+          id_(id),
+          device_(std::make_unique<GenicamDevice>(id, link)) {
+        identity_ = device_->identity();
+    }
     ~GenicamCamera() override { disarm(); }
     GenicamCamera(const GenicamCamera&) = delete;
     GenicamCamera& operator=(const GenicamCamera&) = delete;
 
-    const CameraIdentity& identity() const override { return identity_; }
-
     CameraAbilities abilities() const override {
         require_alive("list abilities");
         return genicam_abilities(*device_);
-    }
-
-    CaptureSettings configure(const CaptureSettings& wanted) override {
-        require_alive("configure");
-        if (armed_)
-            fail("configure", "the camera is armed");
-        asked_.reset();
-        capture_ = configure_genicam(*device_, wanted);
-        asked_ = wanted;
-        return capture_.settings;
-    }
-
-    void arm() override {
-        require_alive("arm");
-        if (!asked_)
-            fail("arm", "the camera is not configured");
-        if (armed_)
-            return;
-        try {
-            start_stream();
-        } catch (const Error&) {
-            stop_stream();
-            throw;
-        }
-        armed_ = true;
-    }
-
-    Frame frame_after(Instant t, int retries, std::stop_token stop) override {
-        if (!armed_)
-            fail("take a frame", "the camera is not armed");
-        return first_complete_frame(retries, statistics_, [&] { return one_frame(t, stop); });
-    }
-
-    void disarm() noexcept override {
-        armed_ = false;
-        stop_stream();
     }
 
     // The library only finds a device again when everything of the old one is gone.
@@ -379,16 +338,17 @@ public:
     }
 
 private:
-    [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
-        throw DeviceError("camera " + identity_.uri, request, cause);
-    }
-
-    void require_alive(const std::string& request) const {
+    void require_alive(const std::string& request) const override {
         if (!device_ || device_->lost())
             fail(request, "the camera is lost: it no longer answers");
     }
 
-    void start_stream() {
+    CaptureSettings apply(const CaptureSettings& wanted) override {
+        capture_ = configure_genicam(*device_, wanted);
+        return capture_.settings;
+    }
+
+    void start_stream() override {
         require_alive("start the stream");
         stream_ = std::make_unique<GenicamStream>(*device_, capture_);
         answer_outstanding_ = false;
@@ -400,7 +360,7 @@ private:
             discard_next_frame();
     }
 
-    void stop_stream() noexcept {
+    void stop_stream() noexcept override {
         if (stream_) {
             add(stream_->statistics(), statistics_);
             had_unreadable_chunks_ |= stream_->had_unreadable_chunks();
@@ -437,8 +397,7 @@ private:
 
     bool by_software() const { return capture_.settings.trigger == "Software"; }
 
-    Frame one_frame(Instant t, std::stop_token stop) {
-        require_alive("take a frame");
+    Frame next_frame(Instant t, std::stop_token stop) override {
         // The answer to an old trigger may still come and would pass for the new one's. Only a new
         // stream, on a port of its own, is sure to be without it.
         if (answer_outstanding_ || !stream_) {
@@ -588,9 +547,9 @@ private:
         if (device_->identity().serial != identity_.serial)
             fail("reconnect", fmt::format("camera {} came back in place of {}",
                                           device_->identity().serial, identity_.serial));
-        if (asked_) {
+        if (settings_) {
             const CaptureSettings before = capture_.settings;
-            capture_ = configure_genicam(*device_, *asked_);
+            capture_ = configure_genicam(*device_, wanted_);
             if (const auto difference = first_difference(before, capture_.settings, 0.0))
                 fail(difference->request + " again", difference->cause);
         }
@@ -599,14 +558,9 @@ private:
     }
 
     std::string id_;
-    CameraLink link_;
-    Clock& clock_;
     std::unique_ptr<GenicamDevice> device_;  // null while it is being opened again
-    CameraIdentity identity_;
 
-    std::optional<CaptureSettings> asked_;  // nothing: not configured
     GenicamCapture capture_;
-    bool armed_ = false;
     std::unique_ptr<GenicamStream> stream_;
     DeviceClock device_clock_;
     std::set<std::string> ptp_states_;  // that were seen
@@ -614,7 +568,6 @@ private:
     std::uint64_t last_device_ns_ = 0;
     bool answer_outstanding_ = false;  // a trigger was sent whose frame never came
     bool had_unreadable_chunks_ = false;
-    CaptureStatistics statistics_;  // without those of stream_
 };
 
 }  // namespace

@@ -3,7 +3,6 @@
 #include <arv.h>
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 

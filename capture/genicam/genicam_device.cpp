@@ -6,13 +6,10 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <system_error>
 #include <thread>
 
-#include "capture/frame/camera.h"
 #include "capture/genicam/genicam_camera.h"
 #include "capture/genicam/genicam_description.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -3,11 +3,9 @@
 #include <arv.h>
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "capture/frame/frame_checks.h"
-#include "capture/genicam/genicam_device.h"
 
 namespace etalon {
 namespace {

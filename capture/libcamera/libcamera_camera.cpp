@@ -4,15 +4,9 @@
 
 #include <cmath>
 #include <future>
-#include <memory>
-#include <optional>
-#include <system_error>
 #include <thread>
-#include <utility>
 
-#include "capture/libcamera/libcamera_device.h"
-#include "core/program/errors.h"
-
+#include "capture/frame/device_camera.h"
 namespace etalon {
 namespace {
 
@@ -44,23 +38,20 @@ bool done_within(Duration patience, std::function<void()> call) noexcept {
     return is_done.wait_for(patience) == std::future_status::ready;
 }
 
-class LibcameraCamera final : public Camera {
+class LibcameraCamera final : public DeviceCamera {
 public:
     LibcameraCamera(const std::string& id, const CameraLink& link, Clock& clock,
                     LibcameraOpener open)
-        : id_(id),
-          name_("camera libcamera:" + id),
-          link_(link),
-          clock_(clock),
+        : DeviceCamera("libcamera:" + id, link, clock),
+          id_(id),
           open_(std::move(open)),
-          device_(open_(id)),
-          identity_(device_->identity()) {}
+          device_(open_(id)) {
+        identity_ = device_->identity();
+    }
 
-    ~LibcameraCamera() override { let_go(); }
+    ~LibcameraCamera() override { close(); }
     LibcameraCamera(const LibcameraCamera&) = delete;
     LibcameraCamera& operator=(const LibcameraCamera&) = delete;
-
-    const CameraIdentity& identity() const override { return identity_; }
 
     CameraAbilities abilities() const override {
         require_alive("read abilities");
@@ -84,94 +75,35 @@ public:
         return abilities;
     }
 
-    CaptureSettings configure(const CaptureSettings& wanted) override {
-        require_alive("configure");
-        if (streaming_)
-            fail("configure", "the camera is armed");
-        configured_ = false;
-        try {
-            settings_ = apply(wanted);
-        } catch (const Error&) {
-            stop_stream();
-            throw;
-        }
-        stop_stream();
-        wanted_ = wanted;
-        configured_ = true;
-        return settings_;
-    }
-
-    void arm() override {
-        require_alive("arm");
-        if (!configured_)
-            fail("arm", "the camera is not configured");
-        if (streaming_)
-            return;
-        try {
-            start_stream();
-        } catch (const Error&) {
-            stop_stream();
-            throw;
-        }
-    }
-
-    Frame frame_after(Instant t, int retries, std::stop_token stop) override {
-        require_alive("take a frame");
-        if (!streaming_)
-            fail("take a frame", "the camera is not armed");
-        return first_complete_frame(retries, statistics_, [&] { return fresh_frame(t, stop); });
-    }
-
-    void disarm() noexcept override {
-        was_armed_ = false;
-        stop_stream();
-    }
-
     void reconnect(Instant deadline, std::stop_token stop) override {
-        was_configured_ = was_configured_ || configured_;
-        was_armed_ = was_armed_ || streaming_;
-        for (;;) {
-            lost_ = true;
-            let_go();
-            try {
-                come_back();
-                break;
-            } catch (const DeviceError&) {
-                lost_ = true;
-                if (clock_.now() >= deadline)
-                    throw;
-            }
-            if (!clock_.wait_until(std::min(deadline, clock_.now() + reopen_pause), stop))
-                throw Interrupted();
-        }
-        was_configured_ = was_armed_ = false;
-        ++statistics_.reconnects;
+        reconnect_every(reopen_pause, deadline, stop);
     }
 
-    CaptureStatistics statistics() const override { return statistics_; }
     std::vector<std::string> remarks() const override { return remarks_; }
 
 private:
-    [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
-        throw DeviceError(name_, request, cause);
-    }
-
-    void refuse_if(const std::optional<SettingDifference>& difference) const {
-        if (difference)
-            fail(difference->request, difference->cause);
-    }
-
     [[noreturn]] void lose(const std::string& request, const std::string& cause) {
         lost_ = true;
         fail(request, cause);
     }
 
-    void require_alive(const std::string& request) const {
-        if (lost_ || device_->disconnected())
+    void require_alive(const std::string& request) const override {
+        if (!device_ || lost_ || device_->disconnected())
             fail(request, "the camera is gone");
     }
 
-    CaptureSettings apply(const CaptureSettings& wanted) {
+    CaptureSettings apply(const CaptureSettings& wanted) override {
+        try {
+            const CaptureSettings actual = applied(wanted);
+            stop_stream();
+            return actual;
+        } catch (const Error&) {
+            stop_stream();
+            throw;
+        }
+    }
+
+    CaptureSettings applied(const CaptureSettings& wanted) {
         if (wanted.black_level)
             fail("set black level", "libcamera cannot set it");
         if (!wanted.trigger.empty() && wanted.trigger != "none")
@@ -265,14 +197,14 @@ private:
 
     // A rolling shutter exposes in steps of a line's readout, and a frame takes at least as many of
     // them as it has lines.
-    double exposure_step_us() const {
+    double exposure_step_us() const override {
         const std::chrono::duration<double, std::micro> period =
             timing_.period().value_or(Duration(0));
         return std::max(0.5, period.count() / stream_.size.height);
     }
 
     // Returns when the settings are in force.
-    void start_stream() {
+    void start_stream() override {
         timing_ = {};
         streaming_ = true;
         device_->start({plan_.automatics, plan_.asked});
@@ -309,7 +241,7 @@ private:
         return *raw;
     }
 
-    void stop_stream() noexcept {
+    void stop_stream() noexcept override {
         if (!std::exchange(streaming_, false))
             return;
         if (device_ && !done_within(stop_patience, [device = device_] { device->stop(); })) {
@@ -318,31 +250,21 @@ private:
         }
     }
 
-    void let_go() noexcept {
-        streaming_ = false;
+    void close() noexcept override {
+        armed_ = streaming_ = false;
         if (device_)
             done_within(stop_patience, [device = std::move(device_)]() mutable { device.reset(); });
     }
 
-    void come_back() {
+    void reopen() override {
         device_ = open_(id_);
         if (device_->identity().model != identity_.model)
             fail("reconnect", fmt::format("there is a {} now, it was a {}",
                                           device_->identity().model, identity_.model));
         lost_ = false;
-        if (was_configured_) {
-            const CaptureSettings before = settings_;
-            configure(wanted_);
-            if (const auto difference = first_difference(before, settings_, exposure_step_us())) {
-                settings_ = before;
-                refuse_if(difference);
-            }
-        }
-        if (was_armed_)
-            arm();
     }
 
-    Frame fresh_frame(Instant t, std::stop_token stop) {
+    Frame next_frame(Instant t, std::stop_token stop) override {
         wait_until_after(clock_, t, stop);
         waiting_since_ = clock_.now();
         expected_.reset();
@@ -405,7 +327,7 @@ private:
         Frame frame;
         frame.id = raw.sequence;
         frame.mosaic = format_->mosaic;
-        frame.settings = with_metadata(settings_, raw.metadata);
+        frame.settings = with_metadata(*settings_, raw.metadata);
         frame.time_source = TimeSource::driver_start;
         frame.device_time_ns = static_cast<std::uint64_t>(raw.timestamp_ns.value_or(0));
         frame.status = FrameStatus::corrupt;
@@ -417,7 +339,7 @@ private:
     }
 
     void unpack_into(Frame& frame, const LibcameraFrame& raw) const {
-        const RawImage image{raw.data, settings_.width, settings_.height, stream_.bytes_per_line};
+        const RawImage image{raw.data, settings_->width, settings_->height, stream_.bytes_per_line};
         const std::size_t needed =
             image_bytes(*format_, image.width, image.height, image.bytes_per_line);
         frame.status_detail = unpack(*format_, image, frame.image);
@@ -427,7 +349,7 @@ private:
             return;
         }
         frame.status = FrameStatus::complete;
-        frame.image.bits = settings_.bits;
+        frame.image.bits = settings_->bits;
     }
 
     void require_as_asked(const Frame& frame, const LibcameraValues& metadata) const {
@@ -441,15 +363,9 @@ private:
     }
 
     std::string id_;
-    std::string name_;  // for errors
-    CameraLink link_;
-    Clock& clock_;
     LibcameraOpener open_;
     std::shared_ptr<LibcameraDevice> device_;
-    CameraIdentity identity_;
 
-    bool configured_ = false;
-    CaptureSettings wanted_, settings_;  // asked for, in force
     const PixelFormat* format_ = nullptr;
     LibcameraStream stream_;
     LibcameraPlan plan_;
@@ -460,11 +376,9 @@ private:
     FrameTiming timing_;
     Instant waiting_since_{};
     std::optional<std::uint64_t> expected_;  // sequence number, while waiting
-    CaptureStatistics statistics_;
 
     // Nothing works any more until reconnect() has brought back what there was.
     bool lost_ = false;
-    bool was_configured_ = false, was_armed_ = false;
 };
 
 }  // namespace

@@ -15,19 +15,13 @@
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <ctime>
-#include <filesystem>
-#include <mutex>
-#include <system_error>
-#include <utility>
 
 #include "capture/frame/handover_queue.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -4,17 +4,14 @@
 #include <linux/videodev2.h>
 #include <poll.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
 #include <limits>
-#include <optional>
 
-#include "capture/frame/frame_checks.h"
+#include "capture/frame/device_camera.h"
 #include "capture/v4l2/v4l2_controls.h"
 #include "capture/v4l2/v4l2_timing.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -245,10 +242,10 @@ private:
     unsigned planes_ = 1;
 };
 
-class V4l2Camera final : public Camera {
+class V4l2Camera final : public DeviceCamera {
 public:
     V4l2Camera(V4l2System& system, const std::string& id, const CameraLink& link, Clock& clock)
-        : system_(system), link_(link), clock_(clock), name_("camera v4l2:" + id) {
+        : DeviceCamera("v4l2:" + id, link, clock), system_(system) {
         std::string node = id;
         if (id.rfind('/', 0) != 0)
             node = find_node(system_, [&](const V4l2Identity& found) { return found.bus == id; });
@@ -259,8 +256,6 @@ public:
         identity_ = {"v4l2:" + id, "", device_identity_.card, device_identity_.serial};
     }
 
-    const CameraIdentity& identity() const override { return identity_; }
-
     CameraAbilities abilities() const override {
         require_alive("list abilities");
         CameraAbilities abilities{device_->formats(), controls_->list()};
@@ -269,73 +264,10 @@ public:
         return abilities;
     }
 
-    CaptureSettings configure(const CaptureSettings& wanted) override {
-        require_alive("configure");
-        if (armed_)
-            fail("configure", "the camera is armed");
-        settings_.reset();
-        remarks_.clear();
-        image_format_ = device_->set_format(chosen_format(wanted), wanted.width, wanted.height);
-        apply_controls(wanted);
-        const CaptureSettings actual = read_back(wanted);
-        const double step_us = static_cast<double>(controls_->exposure_step().count());
-        if (const auto difference = first_difference(wanted, actual, step_us))
-            fail(difference->request, difference->cause);
-        require_alive("configure");
-        remark_on_format();
-        wanted_ = wanted;
-        settings_ = actual;
-        return actual;
-    }
-
-    void arm() override {
-        require_alive("arm");
-        if (!settings_)
-            fail("arm", "the camera is not configured");
-        if (armed_)
-            return;
-        const V4l2Timing::Camera timing = timing_of(*settings_);
-        stream_ = std::make_unique<V4l2Stream>(*device_);
-        timing_.emplace(timing, clock_.now());
-        last_sequence_.reset();
-        armed_ = true;
-    }
-
-    Frame frame_after(Instant t, int retries, std::stop_token stop) override {
-        if (!armed_)
-            fail("take a frame", "the camera is not armed");
-        return first_complete_frame(retries, statistics_,
-                                    [&] { return next_frame_after(t, stop); });
-    }
-
-    void disarm() noexcept override {
-        stream_.reset();
-        armed_ = false;
-    }
-
     void reconnect(Instant deadline, std::stop_token stop) override {
-        const std::optional<CaptureSettings> before = settings_;
-        const bool arm_again = armed_;
-        for (;;) {
-            try {
-                reopen();
-                if (arm_again)
-                    arm();
-                ++statistics_.reconnects;
-                return;
-            } catch (const DeviceError&) {
-                close();
-                settings_ = before;  // to be tried again
-                armed_ = arm_again;
-                if (clock_.now() >= deadline)
-                    throw;
-            }
-            if (!clock_.wait_for(look_again, stop))
-                throw Interrupted();
-        }
+        reconnect_every(look_again, deadline, stop);
     }
 
-    CaptureStatistics statistics() const override { return statistics_; }
     std::vector<std::string> remarks() const override { return remarks_; }
 
 private:
@@ -344,30 +276,43 @@ private:
         controls_ = std::make_unique<V4l2Controls>(*device_);
     }
 
-    void close() noexcept {
+    void close() noexcept override {
         disarm();
         controls_.reset();
         device_.reset();
     }
 
-    // The same device, with the same settings as before.
-    void reopen() {
-        close();
+    void reopen() override {
         const std::string node = find_node(
             system_, [this](const V4l2Identity& found) { return found == device_identity_; });
         if (node.empty())
             fail("reconnect",
                  fmt::format("no {} is at {}", device_identity_.card, device_identity_.bus));
         open(node);
-        if (!settings_)
-            return;
-        const CaptureSettings before = *settings_;
-        configure(wanted_);
-        if (const auto difference = first_difference(before, *settings_, 0.0))
-            fail("reconnect: " + difference->request, difference->cause);
     }
 
-    void require_alive(const std::string& request) const {
+    CaptureSettings apply(const CaptureSettings& wanted) override {
+        remarks_.clear();
+        image_format_ = device_->set_format(chosen_format(wanted), wanted.width, wanted.height);
+        apply_controls(wanted);
+        const CaptureSettings actual = read_back(wanted);
+        const double step_us = static_cast<double>(controls_->exposure_step().count());
+        refuse_if(first_difference(wanted, actual, step_us));
+        require_alive("configure");
+        remark_on_format();
+        return actual;
+    }
+
+    void start_stream() override {
+        const V4l2Timing::Camera timing = timing_of(*settings_);
+        stream_ = std::make_unique<V4l2Stream>(*device_);
+        timing_.emplace(timing, clock_.now());
+        last_sequence_.reset();
+    }
+
+    void stop_stream() noexcept override { stream_.reset(); }
+
+    void require_alive(const std::string& request) const override {
         if (!device_ || device_->lost())
             fail(request, "the device is gone");
     }
@@ -467,8 +412,7 @@ private:
     }
 
     // The first frame, good or bad, that is not older.
-    Frame next_frame_after(Instant t, std::stop_token stop) {
-        require_alive("take a frame");
+    Frame next_frame(Instant t, std::stop_token stop) override {
         wait_until_after(clock_, t, stop);
         const Duration limit = link_.frame_timeout + timing_->longest_wait();
         const Instant deadline = clock_.now() + limit;
@@ -573,17 +517,8 @@ private:
         return fault;
     }
 
-    [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
-        throw DeviceError(name_, request, cause);
-    }
-
     V4l2System& system_;
-    CameraLink link_;
-    Clock& clock_;
-    std::string name_;  // for errors
-    CameraIdentity identity_;
     V4l2Identity device_identity_;
-    CaptureStatistics statistics_;
     std::vector<std::string> remarks_;
 
     // In this order, so that the stream ends before its device closes.
@@ -591,10 +526,7 @@ private:
     std::unique_ptr<V4l2Controls> controls_;
     std::unique_ptr<V4l2Stream> stream_;
 
-    CaptureSettings wanted_;
-    std::optional<CaptureSettings> settings_;  // in force; nothing until configured
     V4l2ImageFormat image_format_;
-    bool armed_ = false;  // stays when the device is lost
 
     // Of the running stream.
     std::optional<V4l2Timing> timing_;

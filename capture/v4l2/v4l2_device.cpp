@@ -8,18 +8,13 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <future>
-#include <system_error>
 #include <thread>
-
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

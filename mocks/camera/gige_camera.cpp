@@ -11,12 +11,8 @@
 #include <bit>
 #include <cerrno>
 #include <cmath>
-#include <condition_variable>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
-#include <mutex>
-#include <optional>
 #include <thread>
 
 #include "capture/frame/pixel_formats.h"

@@ -1,9 +1,5 @@
 #include "mocks/stage/modbus_fault.h"
 
-#include <memory>
-#include <optional>
-#include <utility>
-
 namespace etalon {
 namespace {
 

@@ -2,11 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <limits>
-#include <map>
-#include <utility>
-
 #include "calib/files/camera_file.h"
 #include "core/geometry/units.h"
 #include "sim/marker/marker.h"

@@ -3,10 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <set>
-#include <utility>
 
 #include "core/geometry/units.h"
 #include "stage/link/modbus_link.h"

@@ -2,7 +2,6 @@
 
 #include <charconv>
 #include <set>
-#include <tuple>
 
 #include "stage/profile/profile_layers.h"
 

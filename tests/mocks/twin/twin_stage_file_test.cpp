@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <numbers>
-
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "core/program/errors.h"

@@ -86,9 +86,8 @@ Marker frame: x right, y down, z into the marker, as printed and seen from the f
         .def_readonly("spec", &Marker::spec, "The name, as given.")
         .def_readonly("id", &Marker::id, "Of a single tag.")
         .def_readonly("size_mm", &Marker::size_mm, "Side of the tag or of a board's square.")
-        .def_property_readonly(
-            "points_mm", [](const Marker& marker) { return array_of(marker.points_mm); },
-            "(N, 3): what detectors report, in the marker frame, mm.")
+        .def_property_readonly("points_mm", as_array(&Marker::points_mm),
+                               "(N, 3): what detectors report, in the marker frame, mm.")
         .def_property_readonly(
             "cells", [](const Marker& marker) { return shared_array(marker.grid.cells, false); },
             "(rows, columns) float32, read-only: radiance 0 to 1 of each printed cell.")

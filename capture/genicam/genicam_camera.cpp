@@ -54,16 +54,13 @@ public:
     // Starts the acquisition. Throws DeviceError. Both must outlive the stream.
     GenicamStream(GenicamDevice& device, const GenicamCapture& capture)
         : device_(device), capture_(capture) {
-        stream_.reset(device.ask("create stream", [&](GError** e) {
-            return arv_camera_create_stream(device.camera(), nullptr, nullptr, e);
-        }));
+        stream_.reset(device.call("create stream", arv_camera_create_stream, nullptr, nullptr));
         if (!stream_)
             device.fail("create stream", "the library gave none");
         set_properties();
         for (int i = 0; i < buffers; ++i)
             arv_stream_push_buffer(stream_.get(), arv_buffer_new_allocate(capture.payload));
-        device.ask("start acquisition",
-                   [&](GError** e) { arv_camera_start_acquisition(device.camera(), e); });
+        device.call("start acquisition", arv_camera_start_acquisition);
     }
 
     // stops it; within 3 s, lost or not
@@ -390,10 +387,7 @@ private:
         return true;
     }
 
-    void trigger() {
-        device_->ask("trigger",
-                     [&](GError** e) { arv_camera_software_trigger(device_->camera(), e); });
-    }
+    void trigger() { device_->call("trigger", arv_camera_software_trigger); }
 
     bool by_software() const { return capture_.settings.trigger == "Software"; }
 

@@ -193,18 +193,16 @@ void GenicamDevice::set_up_transport(const CameraLink& link) {
 
 void GenicamDevice::set_packets(const CameraLink& link) {
     const std::string request = fmt::format("set packet size {}", link.packet_size);
-    ask(request, [&](GError** e) { arv_camera_gv_set_packet_size(camera(), link.packet_size, e); });
-    const guint size =
-        ask(request, [&](GError** e) { return arv_camera_gv_get_packet_size(camera(), e); });
+    call(request, arv_camera_gv_set_packet_size, link.packet_size);
+    const guint size = call(request, arv_camera_gv_get_packet_size);
     if (static_cast<int>(size) != link.packet_size)
         fail(request, fmt::format("the device uses {}", size));
     if (link.packet_delay.count() == 0)
         return;
     const std::string delay = fmt::format("set packet delay {} us", link.packet_delay.count());
     const gint64 asked_ns = std::chrono::nanoseconds(link.packet_delay).count();
-    ask(delay, [&](GError** e) { arv_camera_gv_set_packet_delay(camera(), asked_ns, e); });
-    const gint64 actual_ns =
-        ask(delay, [&](GError** e) { return arv_camera_gv_get_packet_delay(camera(), e); });
+    call(delay, arv_camera_gv_set_packet_delay, asked_ns);
+    const gint64 actual_ns = call(delay, arv_camera_gv_get_packet_delay);
     if (std::abs(actual_ns - asked_ns) > 1000)  // clocks of cameras tick within a microsecond
         fail(delay, fmt::format("the device uses {} ns", actual_ns));
 }
@@ -294,9 +292,8 @@ std::optional<LatchFeatures> latch_features(const GenicamDevice& device) {
 }
 
 std::uint64_t latched_value(const GenicamDevice& device, const LatchFeatures& features) {
-    return static_cast<std::uint64_t>(device.ask("read the latched time", [&](GError** e) {
-        return arv_camera_get_integer(device.camera(), features.value, e);
-    }));
+    return static_cast<std::uint64_t>(
+        device.call("read the latched time", arv_camera_get_integer, features.value));
 }
 
 std::uint64_t in_nanoseconds(const GenicamDevice& device, const LatchFeatures& features,
@@ -321,25 +318,19 @@ constexpr PtpFeatures ptp_features[] = {
     {"GevIEEE1588", "GevIEEE1588DataSetLatch", "GevIEEE1588Status", "GevIEEE1588OffsetFromMaster"}};
 
 bool is_switched_off(const GenicamDevice& device, const PtpFeatures& features) {
-    return device.has(features.enable) && !device.ask("read whether PTP is on", [&](GError** e) {
-        return arv_camera_get_boolean(device.camera(), features.enable, e);
-    });
+    return device.has(features.enable) &&
+           !device.call("read whether PTP is on", arv_camera_get_boolean, features.enable);
 }
 
 PtpState ptp_state(const GenicamDevice& device, const PtpFeatures& features) {
-    ArvCamera* camera = device.camera();
     if (device.has(features.latch))
-        device.ask("latch the PTP state",
-                   [&](GError** e) { arv_camera_execute_command(camera, features.latch, e); });
+        device.call("latch the PTP state", arv_camera_execute_command, features.latch);
     PtpState state;
-    const char* status = device.ask("read the PTP state", [&](GError** e) {
-        return arv_camera_get_string(camera, features.status, e);
-    });
+    const char* status = device.call("read the PTP state", arv_camera_get_string, features.status);
     state.status = status ? status : "";
     if (state.status == "Slave" && device.has(features.offset))
-        state.offset_ns = device.ask("read the PTP offset", [&](GError** e) {
-            return arv_camera_get_integer(camera, features.offset, e);
-        });
+        state.offset_ns =
+            device.call("read the PTP offset", arv_camera_get_integer, features.offset);
     return state;
 }
 
@@ -370,9 +361,7 @@ std::optional<GenicamClockReading> read_genicam_clock(const GenicamDevice& devic
         return std::nullopt;
     const std::uint64_t old_value = latched_value(device, *features);
     const Instant before = clock.now();
-    device.ask("latch the device's clock", [&](GError** e) {
-        arv_camera_execute_command(device.camera(), features->command, e);
-    });
+    device.call("latch the device's clock", arv_camera_execute_command, features->command);
     do {
         const std::uint64_t value = latched_value(device, *features);
         if (value != old_value)

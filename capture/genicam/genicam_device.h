@@ -80,6 +80,13 @@ public:
         }
     }
 
+    // The same of a function of the library that takes the camera, these arguments and an error.
+    template <typename Result, typename... Parameters, typename... Arguments>
+    Result call(const std::string& request, Result function(ArvCamera*, Parameters...),
+                const Arguments&... arguments) const {
+        return ask(request, [&](GError** e) { return function(camera(), arguments..., e); });
+    }
+
     // The answer to a yes-or-no question; a device without the feature answers with an error or no.
     template <typename Call>
     bool says_yes(Call call) const {

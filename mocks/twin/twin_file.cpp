@@ -154,47 +154,34 @@ ModbusFault read_link_fault(const Value& value, ModbusFault::Kind kind) {
     return fault;
 }
 
-const std::map<std::string, StageFault::Kind>& stage_fault_kinds() {
-    using Kind = StageFault::Kind;
-    static const std::map<std::string, Kind> kinds = {
-        {"stuck_axis", Kind::stuck_axis},
-        {"false_in_position", Kind::false_in_position},
-        {"encoder_jump", Kind::encoder_jump},
-        {"limit_hit", Kind::limit_hit},
-        {"alarm", Kind::alarm},
-        {"emergency_stop", Kind::emergency_stop}};
-    return kinds;
-}
-
-const std::map<std::string, ModbusFault::Kind>& link_fault_kinds() {
-    using Kind = ModbusFault::Kind;
-    static const std::map<std::string, Kind> kinds = {
-        {"late_reply", Kind::late_reply}, {"silence", Kind::silence},
-        {"exception", Kind::exception},   {"garbage", Kind::garbage},
-        {"wrong_id", Kind::wrong_id},     {"half_open", Kind::half_open},
-        {"slow_bytes", Kind::slow_bytes}, {"reset", Kind::reset}};
-    return kinds;
-}
-
-std::string names_of_faults() {
-    std::string names;
-    for (const auto& [name, kind] : stage_fault_kinds())
-        names += name + ", ";
-    for (const auto& [name, kind] : link_fault_kinds())
-        names += name + ", ";
-    return names.substr(0, names.size() - 2);
-}
+constexpr std::pair<const char*, StageFault::Kind> stage_fault_kinds[] = {
+    {"alarm", StageFault::Kind::alarm},
+    {"emergency_stop", StageFault::Kind::emergency_stop},
+    {"encoder_jump", StageFault::Kind::encoder_jump},
+    {"false_in_position", StageFault::Kind::false_in_position},
+    {"limit_hit", StageFault::Kind::limit_hit},
+    {"stuck_axis", StageFault::Kind::stuck_axis}};
+constexpr std::pair<const char*, ModbusFault::Kind> link_fault_kinds[] = {
+    {"exception", ModbusFault::Kind::exception},   {"garbage", ModbusFault::Kind::garbage},
+    {"half_open", ModbusFault::Kind::half_open},   {"late_reply", ModbusFault::Kind::late_reply},
+    {"reset", ModbusFault::Kind::reset},           {"silence", ModbusFault::Kind::silence},
+    {"slow_bytes", ModbusFault::Kind::slow_bytes}, {"wrong_id", ModbusFault::Kind::wrong_id}};
 
 void read_fault(const Value& value, TwinStage& stage) {
     const std::string name = value.at("fault").text();
-    const auto of_stage = stage_fault_kinds().find(name);
-    const auto of_link = link_fault_kinds().find(name);
-    if (of_stage != stage_fault_kinds().end())
-        stage.options.faults.push_back(read_stage_fault(value, of_stage->second, stage.axes));
-    else if (of_link != link_fault_kinds().end())
-        stage.link_faults.push_back(read_link_fault(value, of_link->second));
-    else
-        value.at("fault").fail(fmt::format("'{}' is none of {}", name, names_of_faults()));
+    std::string names;
+    for (const auto& [known, kind] : stage_fault_kinds) {
+        if (name == known)
+            return stage.options.faults.push_back(read_stage_fault(value, kind, stage.axes));
+        names += std::string(known) + ", ";
+    }
+    for (const auto& [known, kind] : link_fault_kinds) {
+        if (name == known)
+            return stage.link_faults.push_back(read_link_fault(value, kind));
+        names += std::string(known) + ", ";
+    }
+    value.at("fault").fail(
+        fmt::format("'{}' is none of {}", name, names.substr(0, names.size() - 2)));
 }
 
 void read_errors(const Value& section, TwinStage& stage) {

@@ -2,11 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <optional>
-
-#include "capture/frame/camera.h"
-#include "core/program/errors.h"
-
 namespace etalon {
 namespace {
 

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "compare/photo_pose.h"
@@ -176,7 +175,7 @@ NumberArray array_of(const std::vector<Eigen::Vector3d>& points) {
     return array_of_vectors<3>(points);
 }
 
-py::object array_or_none(const std::optional<Rigid>& transform) {
+py::object array_of(const std::optional<Rigid>& transform) {
     return transform ? py::object(array_of(*transform)) : py::none();
 }
 

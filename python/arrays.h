@@ -48,7 +48,13 @@ NumberArray array_of(const Eigen::MatrixXd& matrix);
 NumberArray array_of(const std::vector<double>& numbers);
 NumberArray array_of(const std::vector<Eigen::Vector2d>& pixels);
 NumberArray array_of(const std::vector<Eigen::Vector3d>& points);
-py::object array_or_none(const std::optional<Rigid>& transform);
+py::object array_of(const std::optional<Rigid>& transform);  // or None
+
+// A getter: the member of an object as an array.
+template <class Object, class Member>
+auto as_array(Member Object::*member) {
+    return [member](const Object& object) { return array_of(object.*member); };
+}
 
 // uint8 or uint16, (height, width), pixels of a row side by side; `bits` 0: 8 or 16 as the type
 // has. It shares the array's memory, which must outlive it.

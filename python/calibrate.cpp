@@ -89,12 +89,8 @@ void bind_views(py::module_& module) {
                                 "Points of a planar target and where one photograph shows them.")
         .def(py::init(&view_from), py::arg("points_mm"), py::arg("pixels"),
              R"(points_mm: (N, 3) in the target's frame and plane z = 0, mm. pixels: (N, 2).)")
-        .def_property_readonly(
-            "points_mm", [](const CalibrationView& view) { return array_of(view.points_mm); },
-            "(N, 3), mm.")
-        .def_property_readonly(
-            "pixels", [](const CalibrationView& view) { return array_of(view.pixels); },
-            "(N, 2), px.")
+        .def_property_readonly("points_mm", as_array(&CalibrationView::points_mm), "(N, 3), mm.")
+        .def_property_readonly("pixels", as_array(&CalibrationView::pixels), "(N, 2), px.")
         .def_readonly("ids", &CalibrationView::ids,
                       "Index of each point on the target; empty: 0, 1, ...");
 
@@ -111,13 +107,10 @@ void bind_views(py::module_& module) {
             "The board's name where it is drawn otherwise than it was named; else empty.");
 
     py::class_<CalibratedView>(module, "CalibratedView", "A view in a calibration.")
-        .def_property_readonly(
-            "camera_from_target",
-            [](const CalibratedView& view) { return array_or_none(view.camera_from_target); },
-            "(4, 4), mm, or None of a view that no pose explains.")
-        .def_property_readonly(
-            "residuals_px", [](const CalibratedView& view) { return array_of(view.residuals_px); },
-            "(N, 2): photograph minus model.")
+        .def_property_readonly("camera_from_target", as_array(&CalibratedView::camera_from_target),
+                               "(4, 4), mm, or None of a view that no pose explains.")
+        .def_property_readonly("residuals_px", as_array(&CalibratedView::residuals_px),
+                               "(N, 2): photograph minus model.")
         .def_property_readonly("left_out", &left_out, "(N,) bool: points that did not fit.")
         .def_property_readonly("used", &CalibratedView::used, "Whether the view was used.")
         .def_readonly("rms_px", &CalibratedView::rms_px, "Over its points that were used.");

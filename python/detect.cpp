@@ -80,18 +80,15 @@ PhotometricPose find(const PhotometricDetector& detector, const py::array& photo
 void bind_estimate(py::module_& module) {
     py::class_<PoseEstimate>(module, "PoseEstimate",
                              "A pose from corners, with the other planar solution.")
-        .def_property_readonly(
-            "camera_from_marker",
-            [](const PoseEstimate& e) { return array_of(e.camera_from_marker); }, "(4, 4), mm.")
+        .def_property_readonly("camera_from_marker", as_array(&PoseEstimate::camera_from_marker),
+                               "(4, 4), mm.")
         .def_readonly("reprojection_rms_px", &PoseEstimate::reprojection_rms_px,
                       "RMS distance of the corners, px.")
-        .def_property_readonly(
-            "alternative", [](const PoseEstimate& e) { return array_or_none(e.alternative); },
-            "(4, 4) of the other planar solution, or None.")
+        .def_property_readonly("alternative", as_array(&PoseEstimate::alternative),
+                               "(4, 4) of the other planar solution, or None.")
         .def_readonly("alternative_rms_px", &PoseEstimate::alternative_rms_px, "Its RMS, px.")
         .def_property_readonly(
-            "covariance_per_px2",
-            [](const PoseEstimate& e) { return array_of(Eigen::MatrixXd(e.covariance_per_px2)); },
+            "covariance_per_px2", as_array(&PoseEstimate::covariance_per_px2),
             R"((6, 6): times sigma_px^2 of a corner's coordinate it is the covariance.
 
 Rotation (rad), then translation (mm), left perturbation in the camera frame.)");
@@ -147,20 +144,18 @@ camera.)");
 
 void bind_photometric(py::module_& module) {
     py::class_<PhotometricPose>(module, "PhotometricPose", "A pose from all of a marker's pixels.")
+        .def_property_readonly("camera_from_marker", as_array(&PhotometricPose::camera_from_marker),
+                               "(4, 4), mm.")
         .def_property_readonly(
-            "camera_from_marker",
-            [](const PhotometricPose& p) { return array_of(p.camera_from_marker); }, "(4, 4), mm.")
-        .def_property_readonly(
-            "covariance",
-            [](const PhotometricPose& p) { return array_of(Eigen::MatrixXd(p.covariance)); },
+            "covariance", as_array(&PhotometricPose::covariance),
             R"((6, 6): rotation (rad), then translation (mm), left perturbation in the camera frame.
 
 What a wrong calibration or size of the print does is not in it.)")
         .def_property_readonly(
             "other",
             [](const PhotometricPose& p) {
-                return array_or_none(p.other ? std::optional(p.other->camera_from_marker)
-                                             : std::nullopt);
+                return array_of(p.other ? std::optional(p.other->camera_from_marker)
+                                        : std::nullopt);
             },
             "(4, 4) of the other planar solution, or None.")
         .def_property_readonly(

@@ -5,8 +5,6 @@
 #include "capture/camera_recovery.h"
 #include "python/arrays.h"
 #include "python/bindings.h"
-#include "python/interruptible.h"
-#include "stage/motion/motion_guard.h"
 
 namespace etalon {
 

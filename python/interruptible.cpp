@@ -1,6 +1,5 @@
 #include "python/interruptible.h"
 
-#include <chrono>
 #include <exception>
 #include <future>
 #include <thread>

@@ -1,12 +1,12 @@
 // etalon.Marker, Renderer, SensorModel: what a calibrated camera sees of a marker.
-#include "python/render.h"
-
 #include <fmt/format.h>
 
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"
+#include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
+#include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 
@@ -24,6 +24,20 @@ std::pair<double, double> pair_of(const Eigen::Vector2d& vector) {
 }
 
 // ---- rendering
+
+// A list of (Marker, camera_from_marker (4, 4)).
+Scene scene_of(const py::object& markers, double background) {
+    Scene scene;
+    scene.background = background;
+    for (const py::handle item : markers) {
+        if (!py::isinstance<py::tuple>(item) || py::len(item) != 2)
+            throw py::type_error("markers: must be (Marker, camera_from_marker) pairs");
+        const py::tuple placed = py::reinterpret_borrow<py::tuple>(item);
+        scene.markers.push_back(
+            {placed[0].cast<const Marker&>().grid, rigid_of(placed[1], "camera_from_marker")});
+    }
+    return scene;
+}
 
 RenderMethod method_named(const std::string& name) {
     for (const auto& [word, method] : {std::pair("automatic", RenderMethod::automatic),
@@ -63,19 +77,6 @@ py::array linear_radiance(const SensorModel& sensor, const py::array& image) {
 
 }  // namespace
 
-Scene scene_of(const py::object& markers, double background) {
-    Scene scene;
-    scene.background = background;
-    for (const py::handle item : markers) {
-        if (!py::isinstance<py::tuple>(item) || py::len(item) != 2)
-            throw py::type_error("markers: must be (Marker, camera_from_marker) pairs");
-        const py::tuple placed = py::reinterpret_borrow<py::tuple>(item);
-        scene.markers.push_back(
-            {placed[0].cast<const Marker&>().grid, rigid_of(placed[1], "camera_from_marker")});
-    }
-    return scene;
-}
-
 void bind_marker(py::module_& module) {
     py::class_<Marker>(module, "Marker", R"(A marker or board by its name: docs/files.md, "Markers".
 
@@ -85,9 +86,8 @@ Marker frame: x right, y down, z into the marker, as printed and seen from the f
         .def_readonly("spec", &Marker::spec, "The name, as given.")
         .def_readonly("id", &Marker::id, "Of a single tag.")
         .def_readonly("size_mm", &Marker::size_mm, "Side of the tag or of a board's square.")
-        .def_property_readonly(
-            "points_mm", [](const Marker& marker) { return array_of(marker.points_mm); },
-            "(N, 3): what detectors report, in the marker frame, mm.")
+        .def_property_readonly("points_mm", as_array(&Marker::points_mm),
+                               "(N, 3): what detectors report, in the marker frame, mm.")
         .def_property_readonly(
             "cells", [](const Marker& marker) { return shared_array(marker.grid.cells, false); },
             "(rows, columns) float32, read-only: radiance 0 to 1 of each printed cell.")

@@ -19,6 +19,7 @@
 // One thread owns a camera; only the stop_token may be triggered from another.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -175,19 +176,30 @@ struct TimeWindow {
     Instant middle() const { return earliest + (latest - earliest) / 2; }
     Duration half_width() const { return (latest - earliest) / 2; }
 };
-TimeWindow intersection(const TimeWindow& a, const TimeWindow& b);
+inline TimeWindow intersection(const TimeWindow& a, const TimeWindow& b) {
+    return {std::max(a.earliest, b.earliest), std::min(a.latest, b.latest)};
+}
 
 class DeviceClock {
 public:
     // The device's clock showed `device_ns` at some moment within the window.
-    void read(std::uint64_t device_ns, const TimeWindow& window);
+    void read(std::uint64_t device_ns, const TimeWindow& window) { reading_ = {device_ns, window}; }
     void forget() { reading_.reset(); }
     bool known() const { return reading_.has_value(); }
 
     // Throws std::bad_optional_access where nothing was read.
-    TimeWindow station_time(std::uint64_t device_ns) const;
+    TimeWindow station_time(std::uint64_t device_ns) const {
+        const Reading& reading = reading_.value();
+        // The difference of two unsigned counters is right across a wrap of 64 bits.
+        const auto since =
+            std::chrono::nanoseconds(static_cast<std::int64_t>(device_ns - reading.device_ns));
+        const Duration drift = std::chrono::abs(since) / rate_parts;
+        return {reading.window.earliest + since - drift, reading.window.latest + since + drift};
+    }
 
 private:
+    static constexpr std::int64_t rate_parts = 5000;  // 1 / 5000 = 200 ppm
+
     struct Reading {
         std::uint64_t device_ns;
         TimeWindow window;

@@ -4,8 +4,6 @@
 
 #include <cmath>
 
-#include "core/program/errors.h"
-
 namespace etalon {
 
 double FrameAverage::noise() const {

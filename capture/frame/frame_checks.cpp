@@ -2,10 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-
-#include "core/program/errors.h"
 
 namespace etalon {
 
@@ -71,54 +68,12 @@ std::string code_fault(const CodeImage& image, const PixelFormat& format) {
 
 namespace {
 
-using Difference = std::optional<SettingDifference>;
-
 bool nearly_equal(double a, double b) {
     return std::abs(a - b) <= 1e-6 * std::max(std::abs(a), std::abs(b));
 }
 
-Difference image_difference(const CaptureSettings& wanted, const CaptureSettings& actual) {
-    if ((wanted.width && wanted.width != actual.width) ||
-        (wanted.height && wanted.height != actual.height))
-        return SettingDifference{fmt::format("set image size {}x{}", wanted.width, wanted.height),
-                                 fmt::format("the device uses {}x{}", actual.width, actual.height)};
-    if (wanted.bits && wanted.bits != actual.bits)
-        return SettingDifference{fmt::format("set {} bits a pixel", wanted.bits),
-                                 fmt::format("the device uses {}", actual.bits)};
-    if (!wanted.format.empty() && wanted.format != actual.format)
-        return SettingDifference{"set pixel format " + wanted.format,
-                                 "the device uses " + actual.format};
-    return std::nullopt;
-}
-
-Difference exposure_difference(const CaptureSettings& wanted, const CaptureSettings& actual,
-                               double step_us) {
-    const double error_us =
-        std::abs(static_cast<double>((actual.exposure - wanted.exposure).count()));
-    if (wanted.exposure.count() && error_us > step_us)
-        return SettingDifference{fmt::format("set exposure {} us", wanted.exposure.count()),
-                                 fmt::format("the device uses {} us", actual.exposure.count())};
-    if (!wanted.trigger.empty() && wanted.trigger != actual.trigger)
-        return SettingDifference{
-            "set trigger " + wanted.trigger,
-            "the device uses " + (actual.trigger.empty() ? "none" : actual.trigger)};
-    return std::nullopt;
-}
-
-Difference level_difference(const CaptureSettings& wanted, const CaptureSettings& actual) {
-    if (!(std::abs(actual.gain_db - wanted.gain_db) <= 0.05))
-        return SettingDifference{fmt::format("set gain {} dB", wanted.gain_db),
-                                 fmt::format("the device uses {} dB", actual.gain_db)};
-    if (wanted.black_level &&
-        !(actual.black_level && nearly_equal(*wanted.black_level, *actual.black_level)))
-        return SettingDifference{fmt::format("set black level {}", *wanted.black_level),
-                                 actual.black_level
-                                     ? fmt::format("the device uses {}", *actual.black_level)
-                                     : "the device has none"};
-    return std::nullopt;
-}
-
-Difference control_difference(const CaptureSettings& wanted, const CaptureSettings& actual) {
+std::optional<SettingDifference> control_difference(const CaptureSettings& wanted,
+                                                    const CaptureSettings& actual) {
     for (const auto& [control, value] : wanted.controls) {
         const auto found = actual.controls.find(control);
         if (found == actual.controls.end() || !nearly_equal(found->second, value))
@@ -135,12 +90,31 @@ Difference control_difference(const CaptureSettings& wanted, const CaptureSettin
 std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
                                                   const CaptureSettings& actual,
                                                   double exposure_step_us) {
-    if (auto difference = image_difference(wanted, actual))
-        return difference;
-    if (auto difference = exposure_difference(wanted, actual, exposure_step_us))
-        return difference;
-    if (auto difference = level_difference(wanted, actual))
-        return difference;
+    const auto differs = [](const std::string& request, const auto& used) {
+        return SettingDifference{"set " + request, fmt::format("the device uses {}", used)};
+    };
+    if ((wanted.width && wanted.width != actual.width) ||
+        (wanted.height && wanted.height != actual.height))
+        return differs(fmt::format("image size {}x{}", wanted.width, wanted.height),
+                       fmt::format("{}x{}", actual.width, actual.height));
+    if (wanted.bits && wanted.bits != actual.bits)
+        return differs(fmt::format("{} bits a pixel", wanted.bits), actual.bits);
+    if (!wanted.format.empty() && wanted.format != actual.format)
+        return differs("pixel format " + wanted.format, actual.format);
+    const auto wanted_us = wanted.exposure.count(), actual_us = actual.exposure.count();
+    if (wanted_us && std::abs(static_cast<double>(actual_us - wanted_us)) > exposure_step_us)
+        return differs(fmt::format("exposure {} us", wanted_us), fmt::format("{} us", actual_us));
+    if (!wanted.trigger.empty() && wanted.trigger != actual.trigger)
+        return differs("trigger " + wanted.trigger,
+                       actual.trigger.empty() ? "none" : actual.trigger);
+    if (!(std::abs(actual.gain_db - wanted.gain_db) <= 0.05))
+        return differs(fmt::format("gain {} dB", wanted.gain_db),
+                       fmt::format("{} dB", actual.gain_db));
+    if (wanted.black_level && !actual.black_level)
+        return SettingDifference{fmt::format("set black level {}", *wanted.black_level),
+                                 "the device has none"};
+    if (wanted.black_level && !nearly_equal(*wanted.black_level, *actual.black_level))
+        return differs(fmt::format("black level {}", *wanted.black_level), *actual.black_level);
     return control_difference(wanted, actual);
 }
 

@@ -107,74 +107,56 @@ constexpr Word both(std::uint32_t half) {
     return half | Word{half} << 32;
 }
 
-struct BitStream10 {
-    static constexpr std::size_t pixels = 4, bytes = 5;
-    static Word lanes(const std::uint8_t* in) {
-        const Word word = load<5>(in);
-        constexpr Word ten_bits = 0x3FF;
-        return (word & ten_bits) | (word & ten_bits << 10) << 6 | (word & ten_bits << 20) << 12 |
-               (word & ten_bits << 30) << 18;
-    }
-};
+Word bit_stream_10(const std::uint8_t* in) {
+    const Word word = load<5>(in);
+    constexpr Word ten_bits = 0x3FF;
+    return (word & ten_bits) | (word & ten_bits << 10) << 6 | (word & ten_bits << 20) << 12 |
+           (word & ten_bits << 30) << 18;
+}
 
-struct BitStream12 {
-    static constexpr std::size_t pixels = 4, bytes = 6;
-    static Word lanes(const std::uint8_t* in) {
-        const Word word = load_pairs(in);
-        return (word & both(0x000FFF)) | (word & both(0xFFF000)) << 4;
-    }
-};
+Word bit_stream_12(const std::uint8_t* in) {
+    const Word word = load_pairs(in);
+    return (word & both(0x000FFF)) | (word & both(0xFFF000)) << 4;
+}
 
-struct GigePairs10 {
-    static constexpr std::size_t pixels = 4, bytes = 6;
-    static Word lanes(const std::uint8_t* in) {
-        const Word word = load_pairs(in);
-        return (word & both(0xFF00FF)) << 2 | (word & both(0x000300)) >> 8 |
-               (word & both(0x003000)) << 4;
-    }
-};
+Word gige_pairs_10(const std::uint8_t* in) {
+    const Word word = load_pairs(in);
+    return (word & both(0xFF00FF)) << 2 | (word & both(0x000300)) >> 8 |
+           (word & both(0x003000)) << 4;
+}
 
-struct GigePairs12 {
-    static constexpr std::size_t pixels = 4, bytes = 6;
-    static Word lanes(const std::uint8_t* in) {
-        const Word word = load_pairs(in);
-        return (word & both(0xFF00FF)) << 4 | (word & both(0x000F00)) >> 8 |
-               (word & both(0x00F000)) << 4;
-    }
-};
+Word gige_pairs_12(const std::uint8_t* in) {
+    const Word word = load_pairs(in);
+    return (word & both(0xFF00FF)) << 4 | (word & both(0x000F00)) >> 8 |
+           (word & both(0x00F000)) << 4;
+}
 
-struct Mipi10 {
-    static constexpr std::size_t pixels = 4, bytes = 5;
-    static Word lanes(const std::uint8_t* in) {
-        const Word word = load<5>(in), low = in[4];
-        return (word & 0xFF) << 2 | (word & 0xFF00) << 10 | (word & 0xFF0000) << 18 |
-               (word & 0xFF000000) << 26 | (low & 0x03) | (low & 0x0C) << 14 | (low & 0x30) << 28 |
-               (low & 0xC0) << 42;
-    }
-};
+Word mipi_10(const std::uint8_t* in) {
+    const Word word = load<5>(in), low = in[4];
+    return (word & 0xFF) << 2 | (word & 0xFF00) << 10 | (word & 0xFF0000) << 18 |
+           (word & 0xFF000000) << 26 | (low & 0x03) | (low & 0x0C) << 14 | (low & 0x30) << 28 |
+           (low & 0xC0) << 42;
+}
 
-struct Mipi12 {
-    static constexpr std::size_t pixels = 4, bytes = 6;
-    static Word lanes(const std::uint8_t* in) {
-        const Word word = load_pairs(in);
-        return (word & both(0x0000FF)) << 4 | (word & both(0x0F0000)) >> 16 |
-               (word & both(0x00FF00)) << 12 | (word & both(0xF00000)) >> 4;
-    }
-};
+Word mipi_12(const std::uint8_t* in) {
+    const Word word = load_pairs(in);
+    return (word & both(0x0000FF)) << 4 | (word & both(0x0F0000)) >> 16 |
+           (word & both(0x00FF00)) << 12 | (word & both(0xF00000)) >> 4;
+}
 
 // Reads `size` bytes at most; of the last group only the pixels that are asked for.
-template <class Group>
+template <Word lanes_of(const std::uint8_t*), std::size_t bytes>
 void unpack_groups(const std::uint8_t* in, std::size_t size, std::size_t pixels,
                    std::uint16_t* out) {
-    const std::size_t whole = pixels / Group::pixels;
+    const std::size_t whole = pixels / 4;
     for (std::size_t i = 0; i < whole; ++i) {
-        const Word lanes = Group::lanes(in + i * Group::bytes);
-        std::memcpy(out + i * Group::pixels, &lanes, sizeof lanes);
+        const Word lanes = lanes_of(in + i * bytes);
+        std::memcpy(out + i * 4, &lanes, sizeof lanes);
     }
-    const std::size_t done = whole * Group::pixels;
-    std::array<std::uint8_t, Group::bytes> last{};
-    std::copy(in + whole * Group::bytes, in + size, last.begin());
-    const Word lanes = Group::lanes(last.data());
+    const std::size_t done = whole * 4;
+    std::array<std::uint8_t, bytes> last{};
+    std::copy(in + whole * bytes, in + size, last.begin());
+    const Word lanes = lanes_of(last.data());
     std::memcpy(out + done, &lanes, (pixels - done) * sizeof *out);
 }
 
@@ -182,11 +164,13 @@ void unpack_packed(const PixelFormat& format, const std::uint8_t* in, std::size_
                    std::size_t pixels, std::uint16_t* out) {
     const bool ten = format.bits == 10;
     if (format.packing == bit_stream)
-        (ten ? unpack_groups<BitStream10> : unpack_groups<BitStream12>)(in, size, pixels, out);
+        (ten ? unpack_groups<bit_stream_10, 5> : unpack_groups<bit_stream_12, 6>)(in, size, pixels,
+                                                                                  out);
     else if (format.packing == gige_pairs)
-        (ten ? unpack_groups<GigePairs10> : unpack_groups<GigePairs12>)(in, size, pixels, out);
+        (ten ? unpack_groups<gige_pairs_10, 6> : unpack_groups<gige_pairs_12, 6>)(in, size, pixels,
+                                                                                  out);
     else
-        (ten ? unpack_groups<Mipi10> : unpack_groups<Mipi12>)(in, size, pixels, out);
+        (ten ? unpack_groups<mipi_10, 5> : unpack_groups<mipi_12, 6>)(in, size, pixels, out);
 }
 
 // ---- lines -----------------------------------------------------------------------------------
@@ -204,11 +188,6 @@ void unpack_words(const PixelFormat& format, const std::uint8_t* in, std::size_t
     }
 }
 
-void unpack_luma(const std::uint8_t* in, std::size_t pixels, std::uint8_t* out) {
-    for (std::size_t i = 0; i < pixels; ++i)
-        out[i] = in[2 * i];
-}
-
 // `size` is line_bytes() of as many pixels.
 void unpack_line(const PixelFormat& format, const std::uint8_t* in, std::size_t size,
                  std::size_t pixels, std::uint8_t* out) {
@@ -222,10 +201,9 @@ void unpack_line(const PixelFormat& format, const std::uint8_t* in, std::size_t 
             unpack_words(format, in, pixels, words);
             break;
         case luma_first:
-            unpack_luma(in, pixels, out);
-            break;
         case luma_second:
-            unpack_luma(in + 1, pixels, out);
+            for (std::size_t i = 0; i < pixels; ++i)
+                out[i] = in[2 * i + (format.packing == luma_second)];
             break;
         case bit_stream:
         case gige_pairs:

@@ -3,16 +3,11 @@
 #include <arv.h>
 #include <fmt/format.h>
 
-#include <optional>
 #include <set>
-#include <utility>
 
-#include "capture/frame/frame_checks.h"
-#include "capture/genicam/genicam_clock.h"
+#include "capture/frame/device_camera.h"
 #include "capture/genicam/genicam_device.h"
 #include "capture/genicam/genicam_settings.h"
-#include "capture/genicam/genicam_stream.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -22,73 +17,6 @@ using std::chrono::milliseconds;
 constexpr int warm_up_triggers = 3;  // a trigger right after arming may be lost
 constexpr milliseconds between_openings{200};
 
-class GenicamCamera final : public Camera {
-public:
-    GenicamCamera(const std::string& id, const CameraLink& link, Clock& clock)
-        : id_(id),
-          link_(link),
-          clock_(clock),
-          device_(std::make_unique<GenicamDevice>(id, link)),
-          identity_(device_->identity()) {}
-    ~GenicamCamera() override { disarm(); }
-    GenicamCamera(const GenicamCamera&) = delete;
-    GenicamCamera& operator=(const GenicamCamera&) = delete;
-
-    const CameraIdentity& identity() const override { return identity_; }
-    CameraAbilities abilities() const override;
-    CaptureSettings configure(const CaptureSettings& wanted) override;
-    void arm() override;
-    Frame frame_after(Instant t, int retries, std::stop_token stop) override;
-    void disarm() noexcept override;
-    void reconnect(Instant deadline, std::stop_token stop) override;
-    CaptureStatistics statistics() const override;
-    std::vector<std::string> remarks() const override;
-
-private:
-    [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
-        throw DeviceError("camera " + identity_.uri, request, cause);
-    }
-    void require_alive(const std::string& request) const;
-
-    void start_stream();
-    void stop_stream() noexcept;
-    void discard_triggered_warm_up_frame();
-    bool discard_next_frame();
-    void trigger();
-    bool by_software() const { return capture_.settings.trigger == "Software"; }
-
-    Frame one_frame(Instant t, std::stop_token stop);
-    Frame triggered_frame(std::stop_token stop);
-    Frame streamed_frame(Instant t, std::stop_token stop);
-    Frame nothing_came() const;
-    void discard_stale_frames();
-    void read_clock();
-    void remark(const PtpState& ptp);
-    std::optional<TimeWindow> exposure_start_by_stamp(std::uint64_t device_ns, Instant arrival);
-    void date(Frame& frame, const TimeWindow& seen);
-
-    void open_again(Instant deadline, std::stop_token stop);
-    void take_up_again(bool armed);
-
-    std::string id_;
-    CameraLink link_;
-    Clock& clock_;
-    std::unique_ptr<GenicamDevice> device_;  // null while it is being opened again
-    CameraIdentity identity_;
-
-    std::optional<CaptureSettings> asked_;  // nothing: not configured
-    GenicamCapture capture_;
-    bool armed_ = false;
-    std::unique_ptr<GenicamStream> stream_;
-    DeviceClock device_clock_;
-    std::set<std::string> ptp_states_;  // that were seen
-    std::vector<std::string> ptp_remarks_;
-    std::uint64_t last_device_ns_ = 0;
-    bool answer_outstanding_ = false;  // a trigger was sent whose frame never came
-    bool had_unreadable_chunks_ = false;
-    CaptureStatistics statistics_;  // without those of stream_
-};
-
 void add(const CaptureStatistics& of_stream, CaptureStatistics& sum) {
     sum.missing_packets += of_stream.missing_packets;
     sum.resent_packets += of_stream.resent_packets;
@@ -96,304 +24,545 @@ void add(const CaptureStatistics& of_stream, CaptureStatistics& sum) {
     sum.skipped += of_stream.skipped;
 }
 
-void GenicamCamera::require_alive(const std::string& request) const {
-    if (!device_ || device_->lost())
-        fail(request, "the camera is lost: it no longer answers");
+using std::chrono::microseconds;
+
+constexpr microseconds packet_timeout = milliseconds(20);    // then a packet is asked for again
+constexpr microseconds frame_retention = milliseconds(200);  // then a frame is given up
+constexpr int buffers = 4;
+constexpr milliseconds look_around{20};  // while waiting: how often a stop or a loss is noticed
+constexpr std::uint64_t max_skipped = 1'000'000;  // exposures between two that were sent
+
+std::span<const std::uint8_t> bytes_of(ArvBuffer* buffer) {
+    std::size_t received = 0;
+    const void* data = arv_buffer_get_data(buffer, &received);
+    return {static_cast<const std::uint8_t*>(data), received};
 }
 
-// ---- settings --------------------------------------------------------------------------------
-
-CameraAbilities GenicamCamera::abilities() const {
-    require_alive("list abilities");
-    return genicam_abilities(*device_);
+void reject(Frame& frame, FrameStatus status, const std::string& why) {
+    frame.status = status;
+    frame.status_detail = why;
 }
 
-CaptureSettings GenicamCamera::configure(const CaptureSettings& wanted) {
-    require_alive("configure");
-    if (armed_)
-        fail("configure", "the camera is armed");
-    asked_.reset();
-    capture_ = configure_genicam(*device_, wanted);
-    asked_ = wanted;
-    return capture_.settings;
-}
+// The frames of an armed GenICam device: one acquisition, from start to stop, with its buffers.
+// Every default of a GigE Vision stream was measured to fail somewhere, so all of them are set here
+// on purpose. A frame is judged by its size too: the library calls truncated ones good; and by what
+// its chunks say, where the device sends them.
+class GenicamStream {
+public:
+    using Buffer = std::unique_ptr<ArvBuffer, UnrefObject>;
 
-std::vector<std::string> GenicamCamera::remarks() const {
-    std::vector<std::string> remarks;
-    if (device_)
-        remarks = device_->remarks();
-    for (const auto* more : {&capture_.remarks, &ptp_remarks_})
-        remarks.insert(remarks.end(), more->begin(), more->end());
-    if (had_unreadable_chunks_ || (stream_ && stream_->had_unreadable_chunks()))
-        remarks.emplace_back(
-            "this version of Aravis cannot read the camera's chunks: the exposure "
-            "and gain of each frame are not compared");
-    return remarks;
-}
-
-// ---- stream ----------------------------------------------------------------------------------
-
-void GenicamCamera::arm() {
-    require_alive("arm");
-    if (!asked_)
-        fail("arm", "the camera is not configured");
-    if (armed_)
-        return;
-    try {
-        start_stream();
-    } catch (const Error&) {
-        stop_stream();
-        throw;
+    // Starts the acquisition. Throws DeviceError. Both must outlive the stream.
+    GenicamStream(GenicamDevice& device, const GenicamCapture& capture)
+        : device_(device), capture_(capture) {
+        stream_.reset(device.call("create stream", arv_camera_create_stream, nullptr, nullptr));
+        if (!stream_)
+            device.fail("create stream", "the library gave none");
+        set_properties();
+        for (int i = 0; i < buffers; ++i)
+            arv_stream_push_buffer(stream_.get(), arv_buffer_new_allocate(capture.payload));
+        device.call("start acquisition", arv_camera_start_acquisition);
     }
-    armed_ = true;
-}
 
-void GenicamCamera::start_stream() {
-    require_alive("start the stream");
-    stream_ = std::make_unique<GenicamStream>(*device_, capture_);
-    answer_outstanding_ = false;
-    last_device_ns_ = 0;
-    read_clock();
-    if (by_software())
-        discard_triggered_warm_up_frame();
-    else if (capture_.settings.trigger == "none")
-        discard_next_frame();
-}
+    // stops it; within 3 s, lost or not
+    ~GenicamStream() {
+        if (!device_.lost()) {
+            ErrorSlot error;
+            arv_camera_stop_acquisition(device_.camera(), error.out());
+            if (error)
+                device_.lose();
+        }
+        if (device_.lost())
+            release_in_background(std::move(stream_));
+    }
 
-// Whether there was one.
-bool GenicamCamera::discard_next_frame() {
-    auto buffer = stream_->next(clock_, clock_.now() + link_.frame_timeout, {});
-    if (!buffer)
-        return false;
-    stream_->is_newer(buffer.get());
-    stream_->give_back(std::move(buffer));
-    return true;
-}
+    GenicamStream(const GenicamStream&) = delete;
+    GenicamStream& operator=(const GenicamStream&) = delete;
 
-void GenicamCamera::discard_triggered_warm_up_frame() {
-    for (int attempt = 0; attempt < warm_up_triggers; ++attempt) {
-        trigger();
-        if (discard_next_frame()) {
-            answer_outstanding_ = attempt > 0;
+    // The next buffer that the library has done with; null where there is none (before the
+    // deadline).
+    Buffer waiting() { return Buffer(arv_stream_try_pop_buffer(stream_.get())); }
+
+    Buffer next(const Clock& clock, Instant deadline, std::stop_token stop) {
+        const auto slice = static_cast<guint64>(microseconds(look_around).count());
+        do {
+            if (stop.stop_requested())
+                throw Interrupted();
+            if (device_.lost())
+                device_.fail("wait for a frame", "the camera is lost: it no longer answers");
+            if (Buffer buffer{arv_stream_timeout_pop_buffer(stream_.get(), slice)})
+                return buffer;
+        } while (clock.now() < deadline);
+        return nullptr;
+    }
+
+    void give_back(Buffer buffer) { arv_stream_push_buffer(stream_.get(), buffer.release()); }
+
+    // Whether the buffer's frame comes after all seen before; remembers it if so.
+    bool is_newer(ArvBuffer* buffer) {
+        const std::uint64_t id = arv_buffer_get_frame_id(buffer);
+        if (last_id_ && !frame_id_advanced(*last_id_, id))
+            return false;
+        if (last_id_)
+            skipped_ += static_cast<long>(frames_between(*last_id_, id));
+        last_id_ = id;
+        return true;
+    }
+
+    // The frame in the buffer, without its times. Throws DeviceError for codes above the full
+    // scale.
+    Frame judged(ArvBuffer* buffer) {
+        Frame frame;
+        frame.id = arv_buffer_get_frame_id(buffer);
+        frame.settings = capture_.settings;
+        frame.mosaic = capture_.format->mosaic;
+        frame.device_time_ns = device_time_ns(buffer);
+        const ArvBufferStatus status = arv_buffer_get_status(buffer);
+        reject(frame, genicam_frame_status(status), describe_buffer_status(status));
+        if (frame.status != FrameStatus::complete)
+            return frame;
+        PayloadParts parts;
+        if (const std::string fault = leader_fault(buffer); !fault.empty())
+            reject(frame, FrameStatus::short_frame, fault);
+        else if (const std::string damage = split(buffer, parts); !damage.empty())
+            reject(frame, FrameStatus::corrupt, damage);
+        else if (const std::string doubt = chunk_fault(buffer, parts); !doubt.empty())
+            reject(frame, FrameStatus::corrupt, doubt);
+        else
+            unpack_into(frame, parts.image);
+        return frame;
+    }
+
+    static std::uint64_t device_time_ns(ArvBuffer* buffer) {
+        return arv_buffer_get_timestamp(buffer);
+    }
+
+    // Packets, underruns and skipped frames of this acquisition.
+    CaptureStatistics statistics() const {
+        CaptureStatistics statistics;
+        guint64 completed = 0, failed = 0, underruns = 0;
+        arv_stream_get_statistics(stream_.get(), &completed, &failed, &underruns);
+        statistics.underruns = static_cast<long>(underruns);
+        statistics.skipped = skipped_;
+        if (ARV_IS_GV_STREAM(stream_.get())) {
+            guint64 resent = 0, missing = 0;
+            arv_gv_stream_get_statistics(ARV_GV_STREAM(stream_.get()), &resent, &missing);
+            statistics.resent_packets = static_cast<long>(resent);
+            statistics.missing_packets = static_cast<long>(missing);
+        }
+        return statistics;
+    }
+
+    // Whether chunks came that the library cannot read.
+    bool had_unreadable_chunks() const { return had_unreadable_chunks_; }
+
+private:
+    void set_properties() {
+        if (!ARV_IS_GV_STREAM(stream_.get()))
+            return;
+        g_object_set(stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
+                     "socket-buffer-size", static_cast<gint>(receive_buffer_bytes),
+                     "packet-timeout", static_cast<guint>(packet_timeout.count()), "packet-resend",
+                     ARV_GV_STREAM_PACKET_RESEND_ALWAYS, "frame-retention",
+                     static_cast<guint>(frame_retention.count()), nullptr);
+    }
+
+    void unpack_into(Frame& frame, std::span<const std::uint8_t> image) const {
+        const CaptureSettings& settings = capture_.settings;
+        std::string fault =
+            unpack(*capture_.format, {image, settings.width, settings.height}, frame.image);
+        if (!fault.empty()) {
+            reject(frame, FrameStatus::short_frame, fault);
             return;
         }
+        frame.image.bits = settings.bits;
+        fault = code_fault(frame.image, *capture_.format);
+        if (!fault.empty())
+            device_.fail("take a frame", fault);
     }
-    fail("take a first frame", fmt::format("none came after {} triggers of {} ms each",
-                                           warm_up_triggers, link_.frame_timeout.count()));
-}
 
-void GenicamCamera::disarm() noexcept {
-    armed_ = false;
-    stop_stream();
-}
-
-void GenicamCamera::stop_stream() noexcept {
-    if (stream_) {
-        add(stream_->statistics(), statistics_);
-        had_unreadable_chunks_ |= stream_->had_unreadable_chunks();
+    // What is wrong with what a frame that the library calls good says of itself before its pixels,
+    // and with its size; empty if nothing. With chunks the size is judged by them. The leader of
+    // pure chunk data describes no image: the chunk's length must do.
+    std::string leader_fault(ArvBuffer* buffer) const {
+        const ArvBufferPayloadType type = arv_buffer_get_payload_type(buffer);
+        if (capture_.chunks.active && type == ARV_BUFFER_PAYLOAD_TYPE_CHUNK_DATA)
+            return "";
+        if (type != ARV_BUFFER_PAYLOAD_TYPE_IMAGE &&
+            !(capture_.chunks.active && type == ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA))
+            return "not an image payload";
+        const int width = arv_buffer_get_image_width(buffer);
+        const int height = arv_buffer_get_image_height(buffer);
+        const ArvPixelFormat code = arv_buffer_get_image_pixel_format(buffer);
+        const CaptureSettings& expected = capture_.settings;
+        if (width != expected.width || height != expected.height ||
+            static_cast<std::uint32_t>(code) != capture_.format->pfnc_code)
+            return fmt::format("frame of {}x{} in format {:#x}, expected {}x{} in {:#x}", width,
+                               height, code, expected.width, expected.height,
+                               capture_.format->pfnc_code);
+        const std::size_t received = bytes_of(buffer).size();
+        if (!capture_.chunks.active && received != capture_.payload)
+            return fmt::format("{} bytes received, payload {}", received, capture_.payload);
+        return "";
     }
-    stream_.reset();
-}
 
-CaptureStatistics GenicamCamera::statistics() const {
-    CaptureStatistics now = statistics_;
-    if (stream_)
-        add(stream_->statistics(), now);
-    return now;
-}
+    std::string split(ArvBuffer* buffer, PayloadParts& parts) const {
+        const auto payload = bytes_of(buffer);
+        if (!capture_.chunks.active) {
+            parts.image = payload;
+            return "";
+        }
+        const CaptureSettings& settings = capture_.settings;
+        return split_payload(
+            payload, image_bytes(*capture_.format, settings.width, settings.height, 0),
+            ARV_IS_GV_STREAM(stream_.get()) ? std::endian::big : std::endian::little, parts);
+    }
 
-void GenicamCamera::trigger() {
-    device_->ask("trigger", [&](GError** e) { arv_camera_software_trigger(device_->camera(), e); });
-}
+    // What makes a frame doubtful by its own account; empty if nothing.
+    std::string chunk_fault(ArvBuffer* buffer, const PayloadParts& parts) {
+        if (!capture_.chunks.active || capture_.chunks.fields.empty())
+            return "";
+        if (!chunks_are_readable(buffer)) {
+            had_unreadable_chunks_ = true;
+            return "";
+        }
+        ChunkValues values;
+        std::string fault = read_chunks(capture_.chunks, buffer, parts, values);
+        if (fault.empty() && values.frame_id)
+            fault = frame_id_fault(arv_buffer_get_frame_id(buffer), *values.frame_id);
+        if (fault.empty())
+            fault = stamp_fault(buffer, values);
+        if (fault.empty())
+            fault = contradiction(values, capture_.settings, capture_.exposure_step_us);
+        return fault;
+    }
 
-// ---- frames ----------------------------------------------------------------------------------
+    // Both stamps lie in the exposure, so they cannot be further apart than it is long.
+    std::string stamp_fault(ArvBuffer* buffer, const ChunkValues& values) const {
+        const std::uint64_t stamp = device_time_ns(buffer);
+        if (!values.time_ns || stamp == 0)
+            return "";
+        const microseconds allowed = capture_.settings.exposure + milliseconds(1);
+        const auto apart =
+            std::chrono::nanoseconds(static_cast<std::int64_t>(*values.time_ns - stamp));
+        if (std::chrono::abs(apart) <= allowed)
+            return "";
+        return fmt::format(
+            "the time stamp in its chunks lies {} ns from the other: both cannot lie in "
+            "its exposure",
+            apart.count());
+    }
 
-Frame GenicamCamera::frame_after(Instant t, int retries, std::stop_token stop) {
-    if (!armed_)
-        fail("take a frame", "the camera is not armed");
-    return first_complete_frame(retries, statistics_, [&] { return one_frame(t, stop); });
-}
+    // The number in the chunk counts exposures, the other one what was sent: the former may run
+    // ahead, but a chunk that falls behind belongs to an earlier frame.
+    std::string frame_id_fault(std::uint64_t id, std::uint64_t chunk_id) {
+        const auto last = std::exchange(last_ids_, FrameIds{id, chunk_id});
+        if (!last || !frame_id_advanced(last->id, id))
+            return "";
+        const std::uint64_t sent = frames_between(last->id, id);
+        const bool advanced = frame_id_advanced(last->in_chunk, chunk_id);
+        const std::uint64_t taken = advanced ? frames_between(last->in_chunk, chunk_id) : 0;
+        if (!advanced || taken < sent || taken - sent > max_skipped)
+            return fmt::format(
+                "its chunks are of another frame: {} after {}, with {} frames between", chunk_id,
+                last->in_chunk, sent);
+        skipped_ += static_cast<long>(taken - sent);
+        return "";
+    }
 
-Frame GenicamCamera::one_frame(Instant t, std::stop_token stop) {
-    require_alive("take a frame");
-    // The answer to an old trigger may still come and would pass for the new one's. Only a new
-    // stream, on a port of its own, is sure to be without it.
-    if (answer_outstanding_ || !stream_) {
+    GenicamDevice& device_;
+    const GenicamCapture& capture_;
+    std::unique_ptr<ArvStream, UnrefObject> stream_;
+    std::optional<std::uint64_t> last_id_;
+    struct FrameIds {
+        std::uint64_t id, in_chunk;
+    };
+    std::optional<FrameIds> last_ids_;  // of the last frame whose chunks were read
+    bool had_unreadable_chunks_ = false;
+    long skipped_ = 0;
+};
+
+class GenicamCamera final : public DeviceCamera {
+public:
+    GenicamCamera(const std::string& id, const CameraLink& link, Clock& clock)
+        : DeviceCamera("genicam:" + id, link, clock),
+          id_(id),
+          device_(std::make_unique<GenicamDevice>(id, link)) {
+        identity_ = device_->identity();
+    }
+    ~GenicamCamera() override { disarm(); }
+    GenicamCamera(const GenicamCamera&) = delete;
+    GenicamCamera& operator=(const GenicamCamera&) = delete;
+
+    CameraAbilities abilities() const override {
+        require_alive("list abilities");
+        return genicam_abilities(*device_);
+    }
+
+    // The library only finds a device again when everything of the old one is gone.
+    void reconnect(Instant deadline, std::stop_token stop) override {
+        const bool armed = armed_;
         stop_stream();
-        start_stream();
+        device_.reset();
+        open_again(deadline, stop);
+        try {
+            take_up_again(armed);
+        } catch (const Error&) {
+            device_->lose();
+            stop_stream();
+            throw;
+        }
+        ++statistics_.reconnects;
     }
-    wait_until_after(clock_, t, stop);
-    if (by_software())
-        return triggered_frame(stop);
-    return streamed_frame(t, stop);
-}
 
-Frame GenicamCamera::nothing_came() const {
-    Frame frame;
-    frame.settings = capture_.settings;
-    frame.status_detail = fmt::format("no frame within {} ms", link_.frame_timeout.count());
-    return frame;
-}
+    CaptureStatistics statistics() const override {
+        CaptureStatistics now = statistics_;
+        if (stream_)
+            add(stream_->statistics(), now);
+        return now;
+    }
 
-Frame GenicamCamera::triggered_frame(std::stop_token stop) {
-    discard_stale_frames();
-    const Instant sent = clock_.now();
-    trigger();
-    const Instant deadline = clock_.now() + link_.frame_timeout;
-    while (auto buffer = stream_->next(clock_, deadline, stop)) {
-        if (stream_->is_newer(buffer.get())) {
+    std::vector<std::string> remarks() const override {
+        std::vector<std::string> remarks;
+        if (device_)
+            remarks = device_->remarks();
+        for (const auto* more : {&capture_.remarks, &ptp_remarks_})
+            remarks.insert(remarks.end(), more->begin(), more->end());
+        if (had_unreadable_chunks_ || (stream_ && stream_->had_unreadable_chunks()))
+            remarks.emplace_back(
+                "this version of Aravis cannot read the camera's chunks: the exposure "
+                "and gain of each frame are not compared");
+        return remarks;
+    }
+
+private:
+    void require_alive(const std::string& request) const override {
+        if (!device_ || device_->lost())
+            fail(request, "the camera is lost: it no longer answers");
+    }
+
+    CaptureSettings apply(const CaptureSettings& wanted) override {
+        capture_ = configure_genicam(*device_, wanted);
+        return capture_.settings;
+    }
+
+    void start_stream() override {
+        require_alive("start the stream");
+        stream_ = std::make_unique<GenicamStream>(*device_, capture_);
+        answer_outstanding_ = false;
+        last_device_ns_ = 0;
+        read_clock();
+        if (by_software())
+            discard_triggered_warm_up_frame();
+        else if (capture_.settings.trigger == "none")
+            discard_next_frame();
+    }
+
+    void stop_stream() noexcept override {
+        if (stream_) {
+            add(stream_->statistics(), statistics_);
+            had_unreadable_chunks_ |= stream_->had_unreadable_chunks();
+        }
+        stream_.reset();
+    }
+
+    void discard_triggered_warm_up_frame() {
+        for (int attempt = 0; attempt < warm_up_triggers; ++attempt) {
+            trigger();
+            if (discard_next_frame()) {
+                answer_outstanding_ = attempt > 0;
+                return;
+            }
+        }
+        fail("take a first frame", fmt::format("none came after {} triggers of {} ms each",
+                                               warm_up_triggers, link_.frame_timeout.count()));
+    }
+
+    // Whether there was one.
+    bool discard_next_frame() {
+        auto buffer = stream_->next(clock_, clock_.now() + link_.frame_timeout, {});
+        if (!buffer)
+            return false;
+        stream_->is_newer(buffer.get());
+        stream_->give_back(std::move(buffer));
+        return true;
+    }
+
+    void trigger() { device_->call("trigger", arv_camera_software_trigger); }
+
+    bool by_software() const { return capture_.settings.trigger == "Software"; }
+
+    Frame next_frame(Instant t, std::stop_token stop) override {
+        // The answer to an old trigger may still come and would pass for the new one's. Only a new
+        // stream, on a port of its own, is sure to be without it.
+        if (answer_outstanding_ || !stream_) {
+            stop_stream();
+            start_stream();
+        }
+        wait_until_after(clock_, t, stop);
+        if (by_software())
+            return triggered_frame(stop);
+        return streamed_frame(t, stop);
+    }
+
+    Frame triggered_frame(std::stop_token stop) {
+        discard_stale_frames();
+        const Instant sent = clock_.now();
+        trigger();
+        const Instant deadline = clock_.now() + link_.frame_timeout;
+        while (auto buffer = stream_->next(clock_, deadline, stop)) {
+            if (stream_->is_newer(buffer.get())) {
+                const Instant arrival = clock_.now();
+                Frame frame = stream_->judged(buffer.get());
+                stream_->give_back(std::move(buffer));
+                date(frame, {sent, arrival});
+                return frame;
+            }
+            ++statistics_.rejected;
+            stream_->give_back(std::move(buffer));
+        }
+        answer_outstanding_ = true;
+        return nothing_came();
+    }
+
+    // Without a clock the camera begins anew, so that whatever comes began after now.
+    Frame streamed_frame(Instant t, std::stop_token stop) {
+        read_clock();
+        Instant earliest = Instant::min();  // known from the frame's stamp
+        if (!device_clock_.known()) {
+            earliest = clock_.now();
+            stop_stream();
+            start_stream();
+        }
+        discard_stale_frames();
+        const Instant deadline = clock_.now() + link_.frame_timeout;
+        while (auto buffer = stream_->next(clock_, deadline, stop)) {
             const Instant arrival = clock_.now();
+            const bool newer = stream_->is_newer(buffer.get());
             Frame frame = stream_->judged(buffer.get());
             stream_->give_back(std::move(buffer));
-            date(frame, {sent, arrival});
-            return frame;
+            date(frame, {earliest, arrival});
+            if (newer && (frame.status != FrameStatus::complete ||
+                          frame.exposure_start - frame.exposure_start_uncertainty > t))
+                return frame;
+            ++statistics_.rejected;  // too old
         }
-        ++statistics_.rejected;
-        stream_->give_back(std::move(buffer));
+        return nothing_came();
     }
-    answer_outstanding_ = true;
-    return nothing_came();
-}
 
-// Without a clock the camera begins anew, so that whatever comes began after now.
-Frame GenicamCamera::streamed_frame(Instant t, std::stop_token stop) {
-    read_clock();
-    Instant earliest = Instant::min();  // known from the frame's stamp
-    if (!device_clock_.known()) {
-        earliest = clock_.now();
-        stop_stream();
-        start_stream();
+    Frame nothing_came() const {
+        Frame frame;
+        frame.settings = capture_.settings;
+        frame.status_detail = fmt::format("no frame within {} ms", link_.frame_timeout.count());
+        return frame;
     }
-    discard_stale_frames();
-    const Instant deadline = clock_.now() + link_.frame_timeout;
-    while (auto buffer = stream_->next(clock_, deadline, stop)) {
-        const Instant arrival = clock_.now();
-        const bool newer = stream_->is_newer(buffer.get());
-        Frame frame = stream_->judged(buffer.get());
-        stream_->give_back(std::move(buffer));
-        date(frame, {earliest, arrival});
-        if (newer && (frame.status != FrameStatus::complete ||
-                      frame.exposure_start - frame.exposure_start_uncertainty > t))
-            return frame;
-        ++statistics_.rejected;  // too old
-    }
-    return nothing_came();
-}
 
-void GenicamCamera::discard_stale_frames() {
-    while (auto buffer = stream_->waiting()) {
-        stream_->is_newer(buffer.get());
-        last_device_ns_ = GenicamStream::device_time_ns(buffer.get());
-        stream_->give_back(std::move(buffer));
-        ++statistics_.rejected;
-    }
-}
-
-// ---- time ------------------------------------------------------------------------------------
-
-// A clock that PTP is about to set is as good as none. One that it keeps in step is read like any
-// other: whether the station's own clock follows the same master, nobody here can know.
-void GenicamCamera::read_clock() {
-    device_clock_.forget();
-    const auto ptp = read_ptp(*device_);
-    if (ptp)
-        remark(*ptp);
-    if (ptp && !ptp->steady())
-        return;
-    if (const auto reading = read_genicam_clock(*device_, clock_))
-        device_clock_.read(reading->device_ns, reading->window);
-}
-
-void GenicamCamera::remark(const PtpState& ptp) {
-    if (!ptp_states_.insert(ptp.status).second)
-        return;
-    std::string text = "PTP: the camera's clock is " + ptp.status;
-    if (ptp.offset_ns)
-        text += fmt::format(", {} ns from its master's", *ptp.offset_ns);
-    if (!ptp.steady())
-        text += ": no frame is dated by it, since it may be set at any moment";
-    ptp_remarks_.push_back(text);
-}
-
-// A stamp may lie anywhere from the beginning to the end of the exposure: devices differ. Nothing
-// where there is no stamp or it is none of a clock that goes on steadily.
-std::optional<TimeWindow> GenicamCamera::exposure_start_by_stamp(std::uint64_t device_ns,
-                                                                 Instant arrival) {
-    if (!device_clock_.known() || device_ns == 0)
-        return std::nullopt;
-    const bool went_back = device_ns <= std::exchange(last_device_ns_, device_ns);
-    const TimeWindow stamp = device_clock_.station_time(device_ns);
-    if (went_back || stamp.earliest > arrival)
-        return std::nullopt;
-    return TimeWindow{stamp.earliest - capture_.settings.exposure, stamp.latest};
-}
-
-// `seen` is what the station itself knows of the beginning of the exposure.
-void GenicamCamera::date(Frame& frame, const TimeWindow& seen) {
-    TimeWindow window = seen;
-    const auto by_stamp = exposure_start_by_stamp(frame.device_time_ns, seen.latest);
-    if (by_stamp && !intersection(seen, *by_stamp).empty()) {
-        window = intersection(seen, *by_stamp);
-        frame.time_source = TimeSource::device_clock;
-    } else if (seen.earliest == Instant::min()) {
-        window = {seen.latest, seen.latest};
-        if (frame.status == FrameStatus::complete) {
-            frame.status = FrameStatus::corrupt;
-            frame.status_detail = "its time stamp is impossible: the device's clock was changed";
-            frame.image = {};
+    void discard_stale_frames() {
+        while (auto buffer = stream_->waiting()) {
+            stream_->is_newer(buffer.get());
+            last_device_ns_ = GenicamStream::device_time_ns(buffer.get());
+            stream_->give_back(std::move(buffer));
+            ++statistics_.rejected;
         }
     }
-    frame.exposure_start_uncertainty = window.half_width();
-    frame.exposure_start = window.earliest + frame.exposure_start_uncertainty;
-}
 
-// ---- coming back -----------------------------------------------------------------------------
-
-// The library only finds a device again when everything of the old one is gone.
-void GenicamCamera::reconnect(Instant deadline, std::stop_token stop) {
-    const bool armed = armed_;
-    stop_stream();
-    device_.reset();
-    open_again(deadline, stop);
-    try {
-        take_up_again(armed);
-    } catch (const Error&) {
-        device_->lose();
-        stop_stream();
-        throw;
-    }
-    ++statistics_.reconnects;
-}
-
-void GenicamCamera::open_again(Instant deadline, std::stop_token stop) {
-    for (;;) {
-        if (stop.stop_requested())
-            throw Interrupted();
-        try {
-            arv_update_device_list();
-            device_ = std::make_unique<GenicamDevice>(id_, link_);
+    // A clock that PTP is about to set is as good as none. One that it keeps in step is read like
+    // any other: whether the station's own clock follows the same master, nobody here can know.
+    void read_clock() {
+        device_clock_.forget();
+        const auto ptp = read_ptp(*device_);
+        if (ptp)
+            remark(*ptp);
+        if (ptp && !ptp->steady())
             return;
-        } catch (const DeviceError&) {
-            if (clock_.now() >= deadline)
-                throw;
-        }
-        clock_.wait_for(between_openings, stop);
+        if (const auto reading = read_genicam_clock(*device_, clock_))
+            device_clock_.read(reading->device_ns, reading->window);
     }
-}
 
-void GenicamCamera::take_up_again(bool armed) {
-    if (device_->identity().serial != identity_.serial)
-        fail("reconnect", fmt::format("camera {} came back in place of {}",
-                                      device_->identity().serial, identity_.serial));
-    if (asked_) {
-        const CaptureSettings before = capture_.settings;
-        capture_ = configure_genicam(*device_, *asked_);
-        if (const auto difference = first_difference(before, capture_.settings, 0.0))
-            fail(difference->request + " again", difference->cause);
+    void remark(const PtpState& ptp) {
+        if (!ptp_states_.insert(ptp.status).second)
+            return;
+        std::string text = "PTP: the camera's clock is " + ptp.status;
+        if (ptp.offset_ns)
+            text += fmt::format(", {} ns from its master's", *ptp.offset_ns);
+        if (!ptp.steady())
+            text += ": no frame is dated by it, since it may be set at any moment";
+        ptp_remarks_.push_back(text);
     }
-    if (armed)
-        start_stream();
-}
+
+    // A stamp may lie anywhere from the beginning to the end of the exposure: devices differ.
+    // Nothing where there is no stamp or it is none of a clock that goes on steadily.
+    std::optional<TimeWindow> exposure_start_by_stamp(std::uint64_t device_ns, Instant arrival) {
+        if (!device_clock_.known() || device_ns == 0)
+            return std::nullopt;
+        const bool went_back = device_ns <= std::exchange(last_device_ns_, device_ns);
+        const TimeWindow stamp = device_clock_.station_time(device_ns);
+        if (went_back || stamp.earliest > arrival)
+            return std::nullopt;
+        return TimeWindow{stamp.earliest - capture_.settings.exposure, stamp.latest};
+    }
+
+    // `seen` is what the station itself knows of the beginning of the exposure.
+    void date(Frame& frame, const TimeWindow& seen) {
+        TimeWindow window = seen;
+        const auto by_stamp = exposure_start_by_stamp(frame.device_time_ns, seen.latest);
+        if (by_stamp && !intersection(seen, *by_stamp).empty()) {
+            window = intersection(seen, *by_stamp);
+            frame.time_source = TimeSource::device_clock;
+        } else if (seen.earliest == Instant::min()) {
+            window = {seen.latest, seen.latest};
+            if (frame.status == FrameStatus::complete) {
+                frame.status = FrameStatus::corrupt;
+                frame.status_detail =
+                    "its time stamp is impossible: the device's clock was changed";
+                frame.image = {};
+            }
+        }
+        frame.exposure_start_uncertainty = window.half_width();
+        frame.exposure_start = window.earliest + frame.exposure_start_uncertainty;
+    }
+
+    void open_again(Instant deadline, std::stop_token stop) {
+        for (;;) {
+            if (stop.stop_requested())
+                throw Interrupted();
+            try {
+                arv_update_device_list();
+                device_ = std::make_unique<GenicamDevice>(id_, link_);
+                return;
+            } catch (const DeviceError&) {
+                if (clock_.now() >= deadline)
+                    throw;
+            }
+            clock_.wait_for(between_openings, stop);
+        }
+    }
+
+    void take_up_again(bool armed) {
+        if (device_->identity().serial != identity_.serial)
+            fail("reconnect", fmt::format("camera {} came back in place of {}",
+                                          device_->identity().serial, identity_.serial));
+        if (settings_) {
+            const CaptureSettings before = capture_.settings;
+            capture_ = configure_genicam(*device_, wanted_);
+            if (const auto difference = first_difference(before, capture_.settings, 0.0))
+                fail(difference->request + " again", difference->cause);
+        }
+        if (armed)
+            start_stream();
+    }
+
+    std::string id_;
+    std::unique_ptr<GenicamDevice> device_;  // null while it is being opened again
+
+    GenicamCapture capture_;
+    std::unique_ptr<GenicamStream> stream_;
+    DeviceClock device_clock_;
+    std::set<std::string> ptp_states_;  // that were seen
+    std::vector<std::string> ptp_remarks_;
+    std::uint64_t last_device_ns_ = 0;
+    bool answer_outstanding_ = false;  // a trigger was sent whose frame never came
+    bool had_unreadable_chunks_ = false;
+};
 
 }  // namespace
 

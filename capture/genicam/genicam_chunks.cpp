@@ -3,11 +3,8 @@
 #include <arv.h>
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdlib>
-
-#include "capture/genicam/genicam_clock.h"
 
 namespace etalon {
 namespace {

@@ -6,13 +6,10 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <system_error>
 #include <thread>
 
-#include "capture/frame/camera.h"
 #include "capture/genicam/genicam_camera.h"
 #include "capture/genicam/genicam_description.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -196,23 +193,19 @@ void GenicamDevice::set_up_transport(const CameraLink& link) {
 
 void GenicamDevice::set_packets(const CameraLink& link) {
     const std::string request = fmt::format("set packet size {}", link.packet_size);
-    ask(request, [&](GError** e) { arv_camera_gv_set_packet_size(camera(), link.packet_size, e); });
-    const guint size =
-        ask(request, [&](GError** e) { return arv_camera_gv_get_packet_size(camera(), e); });
+    call(request, arv_camera_gv_set_packet_size, link.packet_size);
+    const guint size = call(request, arv_camera_gv_get_packet_size);
     if (static_cast<int>(size) != link.packet_size)
         fail(request, fmt::format("the device uses {}", size));
     if (link.packet_delay.count() == 0)
         return;
     const std::string delay = fmt::format("set packet delay {} us", link.packet_delay.count());
     const gint64 asked_ns = std::chrono::nanoseconds(link.packet_delay).count();
-    ask(delay, [&](GError** e) { arv_camera_gv_set_packet_delay(camera(), asked_ns, e); });
-    const gint64 actual_ns =
-        ask(delay, [&](GError** e) { return arv_camera_gv_get_packet_delay(camera(), e); });
+    call(delay, arv_camera_gv_set_packet_delay, asked_ns);
+    const gint64 actual_ns = call(delay, arv_camera_gv_get_packet_delay);
     if (std::abs(actual_ns - asked_ns) > 1000)  // clocks of cameras tick within a microsecond
         fail(delay, fmt::format("the device uses {} ns", actual_ns));
 }
-
-namespace {}  // namespace
 
 // The kernel counts its own bookkeeping in, so it reports twice what it was asked (socket(7)).
 int granted_receive_buffer(int asked) {
@@ -274,6 +267,119 @@ std::vector<CameraIdentity> list_genicam_cameras() {
                          text_or_empty(arv_get_device_model(i)),
                          text_or_empty(arv_get_device_serial_nbr(i))});
     return found;
+}
+
+// ---- clock -----------------------------------------------------------------------------------
+
+namespace {
+
+constexpr std::chrono::milliseconds latch_timeout{50};
+
+struct LatchFeatures {
+    const char* command;
+    const char* value;
+    bool in_ticks;  // of GevTimestampTickFrequency, instead of ns
+};
+
+// SFNC 2, then GigE Vision 1.
+std::optional<LatchFeatures> latch_features(const GenicamDevice& device) {
+    for (const LatchFeatures& features :
+         {LatchFeatures{"TimestampLatch", "TimestampLatchValue", false},
+          LatchFeatures{"GevTimestampControlLatch", "GevTimestampValue", true}})
+        if (device.has(features.command) && device.has(features.value))
+            return features;
+    return std::nullopt;
+}
+
+std::uint64_t latched_value(const GenicamDevice& device, const LatchFeatures& features) {
+    return static_cast<std::uint64_t>(
+        device.call("read the latched time", arv_camera_get_integer, features.value));
+}
+
+std::uint64_t in_nanoseconds(const GenicamDevice& device, const LatchFeatures& features,
+                             std::uint64_t value) {
+    if (!features.in_ticks || !arv_camera_is_gv_device(device.camera()))
+        return value;
+    const std::uint64_t frequency = genicam_tick_frequency(device);
+    if (frequency == 0)
+        device.fail("read the tick frequency", "it is 0");
+    return nanoseconds_of_ticks(value, frequency);
+}
+
+// SFNC 2, then what cameras had before it.
+struct PtpFeatures {
+    const char* enable;
+    const char* latch;
+    const char* status;
+    const char* offset;
+};
+constexpr PtpFeatures ptp_features[] = {
+    {"PtpEnable", "PtpDataSetLatch", "PtpStatus", "PtpOffsetFromMaster"},
+    {"GevIEEE1588", "GevIEEE1588DataSetLatch", "GevIEEE1588Status", "GevIEEE1588OffsetFromMaster"}};
+
+bool is_switched_off(const GenicamDevice& device, const PtpFeatures& features) {
+    return device.has(features.enable) &&
+           !device.call("read whether PTP is on", arv_camera_get_boolean, features.enable);
+}
+
+PtpState ptp_state(const GenicamDevice& device, const PtpFeatures& features) {
+    if (device.has(features.latch))
+        device.call("latch the PTP state", arv_camera_execute_command, features.latch);
+    PtpState state;
+    const char* status = device.call("read the PTP state", arv_camera_get_string, features.status);
+    state.status = status ? status : "";
+    if (state.status == "Slave" && device.has(features.offset))
+        state.offset_ns =
+            device.call("read the PTP offset", arv_camera_get_integer, features.offset);
+    return state;
+}
+
+}  // namespace
+
+std::uint64_t genicam_tick_frequency(const GenicamDevice& device) {
+    if (!arv_camera_is_gv_device(device.camera()))
+        return 0;
+    return device.ask("read the tick frequency", [&](GError** e) {
+        return arv_gv_device_get_timestamp_tick_frequency(
+            ARV_GV_DEVICE(arv_camera_get_device(device.camera())), e);
+    });
+}
+
+std::uint64_t nanoseconds_of_ticks(std::uint64_t ticks, std::uint64_t frequency) {
+    if (frequency == 0)
+        return ticks;
+    const std::uint64_t seconds = ticks / frequency, rest = ticks % frequency;
+    return seconds * 1'000'000'000 + rest * 1'000'000'000 / frequency;
+}
+
+// A device may take its time to latch, so the clock counts as read when the value has changed: it
+// lies between sending the command and seeing that.
+std::optional<GenicamClockReading> read_genicam_clock(const GenicamDevice& device,
+                                                      const Clock& clock) {
+    const auto features = latch_features(device);
+    if (!features)
+        return std::nullopt;
+    const std::uint64_t old_value = latched_value(device, *features);
+    const Instant before = clock.now();
+    device.call("latch the device's clock", arv_camera_execute_command, features->command);
+    do {
+        const std::uint64_t value = latched_value(device, *features);
+        if (value != old_value)
+            return GenicamClockReading{in_nanoseconds(device, *features, value),
+                                       {before, clock.now()}};
+    } while (clock.now() < before + latch_timeout);
+    return std::nullopt;
+}
+
+std::optional<PtpState> read_ptp(const GenicamDevice& device) {
+    for (const PtpFeatures& features : ptp_features) {
+        if (!device.has(features.status) || is_switched_off(device, features))
+            continue;
+        PtpState state = ptp_state(device, features);
+        if (state.status != "Disabled" && state.status != "Off")
+            return state;
+    }
+    return std::nullopt;
 }
 
 }  // namespace etalon

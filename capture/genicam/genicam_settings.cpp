@@ -3,11 +3,9 @@
 #include <arv.h>
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "capture/frame/frame_checks.h"
-#include "capture/genicam/genicam_device.h"
 
 namespace etalon {
 namespace {
@@ -32,11 +30,8 @@ void switch_automatics_off(const GenicamDevice& device) {
         if (!device.has(feature))
             continue;
         const std::string request = fmt::format("switch {} off", feature);
-        device.ask(request,
-                   [&](GError** e) { arv_camera_set_string(device.camera(), feature, "Off", e); });
-        const std::string now = text_or_empty(device.ask(request, [&](GError** e) {
-            return arv_camera_get_string(device.camera(), feature, e);
-        }));
+        device.call(request, arv_camera_set_string, feature, "Off");
+        const std::string now = text_or_empty(device.call(request, arv_camera_get_string, feature));
         if (now != "Off")
             device.fail(request, "the device keeps it at " + now);
     }
@@ -51,9 +46,7 @@ std::vector<std::string> switch_enhancements_off(const GenicamDevice& device) {
             continue;
         ErrorSlot refused;
         arv_camera_set_boolean(device.camera(), feature, FALSE, refused.out());
-        if (device.ask(fmt::format("read {}", feature), [&](GError** e) {
-                return arv_camera_get_boolean(device.camera(), feature, e);
-            }))
+        if (device.call(fmt::format("read {}", feature), arv_camera_get_boolean, feature))
             remarks.push_back(fmt::format("{} stays on: it cannot be switched off", feature));
     }
     return remarks;
@@ -97,11 +90,8 @@ const PixelFormat* set_pixel_format(const GenicamDevice& device, const CaptureSe
     if (wanted.bits != 0 && !fits)
         device.fail(fmt::format("set {} bits a pixel", wanted.bits),
                     fmt::format("{} has {}", name, format->bits));
-    device.ask(request, [&](GError** e) {
-        arv_camera_set_pixel_format_from_string(device.camera(), name.c_str(), e);
-    });
-    const auto code = device.ask(
-        request, [&](GError** e) { return arv_camera_get_pixel_format(device.camera(), e); });
+    device.call(request, arv_camera_set_pixel_format_from_string, name.c_str());
+    const auto code = device.call(request, arv_camera_get_pixel_format);
     if (static_cast<std::uint32_t>(code) != format->pfnc_code)
         device.fail(request, fmt::format("the device uses format {:#x}", code));
     return format;
@@ -110,9 +100,8 @@ const PixelFormat* set_pixel_format(const GenicamDevice& device, const CaptureSe
 // A negative offset and a size of 0 leave what the device has: moving the region would move the
 // principal point that the calibration holds for.
 void set_image_size(const GenicamDevice& device, int width, int height) {
-    device.ask(fmt::format("set image size {}x{}", width, height), [&](GError** e) {
-        arv_camera_set_region(device.camera(), -1, -1, width, height, e);
-    });
+    device.call(fmt::format("set image size {}x{}", width, height), arv_camera_set_region, -1, -1,
+                width, height);
 }
 
 // ---- exposure and levels ---------------------------------------------------------------------
@@ -138,12 +127,11 @@ void set_exposure(const GenicamDevice& device, microseconds exposure) {
 // A device without a feature is read back without it, and a wish for it refused then.
 void set_levels(const GenicamDevice& device, const CaptureSettings& wanted) {
     if (has_gain(device))
-        device.ask(fmt::format("set gain {} dB", wanted.gain_db),
-                   [&](GError** e) { arv_camera_set_gain(device.camera(), wanted.gain_db, e); });
+        device.call(fmt::format("set gain {} dB", wanted.gain_db), arv_camera_set_gain,
+                    wanted.gain_db);
     if (wanted.black_level && has_black_level(device))
-        device.ask(fmt::format("set black level {}", *wanted.black_level), [&](GError** e) {
-            arv_camera_set_black_level(device.camera(), *wanted.black_level, e);
-        });
+        device.call(fmt::format("set black level {}", *wanted.black_level),
+                    arv_camera_set_black_level, *wanted.black_level);
 }
 
 // The device's own step of the exposure time, and at least our own resolution.
@@ -162,29 +150,25 @@ double exposure_step_us(const GenicamDevice& device) {
 std::string trigger_in_force(const GenicamDevice& device) {
     if (!device.has("TriggerMode"))
         return "none";
-    const std::string mode = text_or_empty(device.ask("read trigger mode", [&](GError** e) {
-        return arv_camera_get_string(device.camera(), "TriggerMode", e);
-    }));
+    const std::string mode =
+        text_or_empty(device.call("read trigger mode", arv_camera_get_string, "TriggerMode"));
     if (mode == "Off")
         return "none";
-    return text_or_empty(device.ask("read trigger source", [&](GError** e) {
-        return arv_camera_get_trigger_source(device.camera(), e);
-    }));
+    return text_or_empty(device.call("read trigger source", arv_camera_get_trigger_source));
 }
 
 void set_trigger(const GenicamDevice& device, const std::string& wanted) {
     ArvCamera* camera = device.camera();
-    device.ask("set acquisition mode", [&](GError** e) {
-        arv_camera_set_acquisition_mode(camera, ARV_ACQUISITION_MODE_CONTINUOUS, e);
-    });
+    device.call("set acquisition mode", arv_camera_set_acquisition_mode,
+                ARV_ACQUISITION_MODE_CONTINUOUS);
     const bool by_software = device.says_yes(
         [&](GError** e) { return arv_camera_is_software_trigger_supported(camera, e); });
     const std::string source = !wanted.empty() ? wanted : by_software ? "Software" : "none";
     const std::string request = "set trigger " + source;
     if (source != "none")
-        device.ask(request, [&](GError** e) { arv_camera_set_trigger(camera, source.c_str(), e); });
+        device.call(request, arv_camera_set_trigger, source.c_str());
     else if (device.has("TriggerMode"))
-        device.ask(request, [&](GError** e) { arv_camera_clear_triggers(camera, e); });
+        device.call(request, arv_camera_clear_triggers);
     if (const std::string now = trigger_in_force(device); now != source)
         device.fail(request, "the device uses " + now);
 }
@@ -232,23 +216,17 @@ void set_feature(const GenicamDevice& device, const std::string& name, double va
 
 CaptureSettings read_back(const GenicamDevice& device, const CaptureSettings& wanted,
                           const PixelFormat& format) {
-    ArvCamera* camera = device.camera();
     CaptureSettings actual;
     int x = 0, y = 0;
-    device.ask("read image size", [&](GError** e) {
-        arv_camera_get_region(camera, &x, &y, &actual.width, &actual.height, e);
-    });
+    device.call("read image size", arv_camera_get_region, &x, &y, &actual.width, &actual.height);
     actual.format = format.pfnc;
     actual.bits = wanted.bits ? wanted.bits : format.bits;
-    const double exposure_us = device.ask(
-        "read exposure", [&](GError** e) { return arv_camera_get_exposure_time(camera, e); });
+    const double exposure_us = device.call("read exposure", arv_camera_get_exposure_time);
     actual.exposure = microseconds(std::llround(exposure_us));
     if (has_gain(device))
-        actual.gain_db =
-            device.ask("read gain", [&](GError** e) { return arv_camera_get_gain(camera, e); });
+        actual.gain_db = device.call("read gain", arv_camera_get_gain);
     if (has_black_level(device))
-        actual.black_level = device.ask(
-            "read black level", [&](GError** e) { return arv_camera_get_black_level(camera, e); });
+        actual.black_level = device.call("read black level", arv_camera_get_black_level);
     actual.trigger = trigger_in_force(device);
     for (const auto& control : wanted.controls)
         actual.controls[control.first] = feature_number(device, control.first);
@@ -260,12 +238,10 @@ CaptureSettings read_back(const GenicamDevice& device, const CaptureSettings& wa
 FrameSizes frame_sizes(const GenicamDevice& device) {
     ArvCamera* camera = device.camera();
     FrameSizes sizes;
-    device.ask("read image sizes", [&](GError** e) {
-        arv_camera_get_width_bounds(camera, &sizes.smallest.width, &sizes.largest.width, e);
-    });
-    device.ask("read image sizes", [&](GError** e) {
-        arv_camera_get_height_bounds(camera, &sizes.smallest.height, &sizes.largest.height, e);
-    });
+    device.call("read image sizes", arv_camera_get_width_bounds, &sizes.smallest.width,
+                &sizes.largest.width);
+    device.call("read image sizes", arv_camera_get_height_bounds, &sizes.smallest.height,
+                &sizes.largest.height);
     ErrorSlot missing_x, missing_y;
     sizes.step = {std::max(1, arv_camera_get_width_increment(camera, missing_x.out())),
                   std::max(1, arv_camera_get_height_increment(camera, missing_y.out()))};
@@ -352,9 +328,7 @@ GenicamCapture configure_genicam(const GenicamDevice& device, const CaptureSetti
     if (has_gain(device) && !device.has("Gain"))
         capture.remarks.emplace_back(
             "the gain in dB is written as it is to a feature without a unit");
-    capture.payload = device.ask("read payload size", [&](GError** e) {
-        return arv_camera_get_payload(device.camera(), e);
-    });
+    capture.payload = device.call("read payload size", arv_camera_get_payload);
     return capture;
 }
 

@@ -4,15 +4,9 @@
 
 #include <cmath>
 #include <future>
-#include <memory>
-#include <optional>
-#include <system_error>
 #include <thread>
-#include <utility>
 
-#include "capture/libcamera/libcamera_device.h"
-#include "core/program/errors.h"
-
+#include "capture/frame/device_camera.h"
 namespace etalon {
 namespace {
 
@@ -44,63 +38,334 @@ bool done_within(Duration patience, std::function<void()> call) noexcept {
     return is_done.wait_for(patience) == std::future_status::ready;
 }
 
-class LibcameraCamera final : public Camera {
+class LibcameraCamera final : public DeviceCamera {
 public:
     LibcameraCamera(const std::string& id, const CameraLink& link, Clock& clock,
-                    LibcameraOpener open);
-    ~LibcameraCamera() override { let_go(); }
+                    LibcameraOpener open)
+        : DeviceCamera("libcamera:" + id, link, clock),
+          id_(id),
+          open_(std::move(open)),
+          device_(open_(id)) {
+        identity_ = device_->identity();
+    }
+
+    ~LibcameraCamera() override { close(); }
     LibcameraCamera(const LibcameraCamera&) = delete;
     LibcameraCamera& operator=(const LibcameraCamera&) = delete;
 
-    const CameraIdentity& identity() const override { return identity_; }
-    CameraAbilities abilities() const override;
-    CaptureSettings configure(const CaptureSettings& wanted) override;
-    void arm() override;
-    Frame frame_after(Instant t, int retries, std::stop_token stop) override;
-    void disarm() noexcept override;
-    void reconnect(Instant deadline, std::stop_token stop) override;
-    CaptureStatistics statistics() const override { return statistics_; }
+    CameraAbilities abilities() const override {
+        require_alive("read abilities");
+        CameraAbilities abilities;
+        for (const LibcameraFormat& offered : device_->formats()) {
+            const PixelFormat* known = find_libcamera_format(offered.name);
+            abilities.formats.push_back({offered.name, "", known ? known->bits : 0, offered.sizes});
+        }
+        for (const auto& [control, range] : device_->controls()) {
+            const auto now = metadata_.find(control);
+            abilities.controls.push_back(
+                {control,
+                 now == metadata_.end() ? "" : fmt::format("{}", now->second),
+                 control == "ExposureTime" ? "us" : "",
+                 range.low,
+                 range.high,
+                 {},
+                 {},
+                 false});
+        }
+        return abilities;
+    }
+
+    void reconnect(Instant deadline, std::stop_token stop) override {
+        reconnect_every(reopen_pause, deadline, stop);
+    }
+
     std::vector<std::string> remarks() const override { return remarks_; }
 
 private:
-    [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
-    void refuse_if(const std::optional<SettingDifference>& difference) const;
-    [[noreturn]] void lose(const std::string& request, const std::string& cause);
-    void require_alive(const std::string& request) const;
+    [[noreturn]] void lose(const std::string& request, const std::string& cause) {
+        lost_ = true;
+        fail(request, cause);
+    }
 
-    CaptureSettings apply(const CaptureSettings& wanted);
-    void apply_format(const CaptureSettings& wanted);
-    void require_mentioned(const CaptureSettings& wanted) const;
-    void write_remarks();
-    CaptureSettings with_metadata(CaptureSettings settings, const LibcameraValues& metadata) const;
-    double exposure_step_us() const;
+    void require_alive(const std::string& request) const override {
+        if (!device_ || lost_ || device_->disconnected())
+            fail(request, "the camera is gone");
+    }
 
-    void start_stream();
-    void settle();
-    bool settled() const;
-    LibcameraFrame next_while_settling();
-    void stop_stream() noexcept;
-    void let_go() noexcept;
-    void come_back();
+    CaptureSettings apply(const CaptureSettings& wanted) override {
+        try {
+            const CaptureSettings actual = applied(wanted);
+            stop_stream();
+            return actual;
+        } catch (const Error&) {
+            stop_stream();
+            throw;
+        }
+    }
 
-    Frame fresh_frame(Instant t, std::stop_token stop);
-    FrameTiming::Start placed(const LibcameraFrame& raw);
-    std::optional<Frame> judged(const LibcameraFrame& raw, Instant t);
-    void count_skipped(const LibcameraFrame& raw, const FrameTiming::Start& start);
-    Frame described(const LibcameraFrame& raw, const FrameTiming::Start& start) const;
-    void unpack_into(Frame& frame, const LibcameraFrame& raw) const;
-    void require_as_asked(const Frame& frame, const LibcameraValues& metadata) const;
+    CaptureSettings applied(const CaptureSettings& wanted) {
+        if (wanted.black_level)
+            fail("set black level", "libcamera cannot set it");
+        if (!wanted.trigger.empty() && wanted.trigger != "none")
+            fail("set trigger " + wanted.trigger, "libcamera's cameras run freely: only none");
+        apply_format(wanted);
+        LibcameraPlanning planning = plan_libcamera_controls(wanted, device_->controls());
+        refuse_if(planning.difference);
+        plan_ = std::move(planning.plan);
+        start_stream();
+        require_mentioned(wanted);
+        CaptureSettings actual = with_metadata(wanted, metadata_);
+        actual.width = stream_.size.width;
+        actual.height = stream_.size.height;
+        actual.bits = wanted.bits ? wanted.bits : format_->bits;
+        actual.format = stream_.format;
+        actual.trigger = "none";
+        refuse_if(first_difference(wanted, actual, exposure_step_us()));
+        write_remarks();
+        return actual;
+    }
+
+    void apply_format(const CaptureSettings& wanted) {
+        const std::vector<LibcameraFormat> offered = device_->formats();
+        format_ = choose_libcamera_format(wanted, offered);
+        if (!format_) {
+            std::string names;
+            for (const LibcameraFormat& format : offered)
+                names += (names.empty() ? "" : ", ") + format.name;
+            fail(fmt::format("set pixel format {} of {} bits",
+                             wanted.format.empty() ? "(monochrome)" : wanted.format, wanted.bits),
+                 "the camera has " + names);
+        }
+        const cv::Size size(wanted.width, wanted.height);
+        const std::string name(format_->libcamera);
+        stream_ = device_->configure(name, size);
+        refuse_if(stream_difference(name, size, stream_));
+    }
+
+    // What was asked for must be read back; a gain of 0 dB, which is none, need not.
+    void require_mentioned(const CaptureSettings& wanted) const {
+        for (const auto& [control, value] : plan_.asked) {
+            const bool needless = control == "AnalogueGain" && wanted.gain_db == 0.0;
+            if (!needless && !metadata_.count(control))
+                fail("set " + in_words(control, value),
+                     fmt::format(
+                         "the frames' metadata do not mention {}: nobody knows what the camera "
+                         "does",
+                         control));
+        }
+    }
+
+    void write_remarks() {
+        remarks_ = plan_.remarks;
+        std::string unmentioned;
+        for (const LibcameraValues& values : {plan_.automatics, plan_.asked})
+            for (const auto& [control, value] : values) {
+                const auto actual = metadata_.find(control);
+                if (actual == metadata_.end())
+                    unmentioned += (unmentioned.empty() ? "" : ", ") + control;
+                else if (contradicted({{control, value}}, metadata_, exposure_step_us()))
+                    remarks_.push_back(fmt::format("{} stays: it cannot be switched off",
+                                                   in_words(control, actual->second)));
+            }
+        if (!unmentioned.empty())
+            remarks_.push_back(
+                "set but not read back, since the frames' metadata do not mention it: " +
+                unmentioned);
+        if (!metadata_.count("ExposureTime"))
+            remarks_.push_back(
+                "whatever libcamera has no control for stays as it is, such as the sharpening of a "
+                "USB "
+                "camera (v4l2: reaches it)");
+        if (format_->lossy())
+            remarks_.push_back(stream_.format + " is lossy: its pixels are not the sensor's codes");
+        if (format_->luma_of_colours())
+            remarks_.push_back(fmt::format("of {} the luma is kept, which the camera made{}",
+                                           stream_.format,
+                                           stream_.limited_range ? ", from 16 to 235 only" : ""));
+    }
+
+    CaptureSettings with_metadata(CaptureSettings settings, const LibcameraValues& metadata) const {
+        for (auto& [control, value] : settings.controls)
+            if (const auto actual = metadata.find(control); actual != metadata.end())
+                value = actual->second;
+        if (const auto exposure = metadata.find("ExposureTime"); exposure != metadata.end())
+            settings.exposure = microseconds(std::llround(exposure->second));
+        if (const auto gain = metadata.find("AnalogueGain"); gain != metadata.end())
+            settings.gain_db = gain_db(gain->second);
+        return settings;
+    }
+
+    // A rolling shutter exposes in steps of a line's readout, and a frame takes at least as many of
+    // them as it has lines.
+    double exposure_step_us() const override {
+        const std::chrono::duration<double, std::micro> period =
+            timing_.period().value_or(Duration(0));
+        return std::max(0.5, period.count() / stream_.size.height);
+    }
+
+    // Returns when the settings are in force.
+    void start_stream() override {
+        timing_ = {};
+        streaming_ = true;
+        device_->start({plan_.automatics, plan_.asked});
+        settle();
+        refuse_if(contradicted(plan_.asked, metadata_, exposure_step_us()));
+    }
+
+    void settle() {
+        for (int frames = 1; frames <= settling_frames; ++frames) {
+            const LibcameraFrame raw = next_while_settling();
+            placed(raw);
+            metadata_ = raw.metadata;
+            device_->give_back(raw.buffer);
+            if (frames >= warm_up_frames && settled())
+                return;
+        }
+    }
+
+    bool settled() const {
+        return !contradicted(plan_.asked, metadata_, exposure_step_us()) &&
+               !contradicted(plan_.automatics, metadata_, exposure_step_us());
+    }
+
+    LibcameraFrame next_while_settling() {
+        auto raw = device_->next(link_.frame_timeout, {});
+        if (device_->disconnected())
+            lose("start the stream", "the camera is gone");
+        if (!raw)
+            fail("start the stream",
+                 fmt::format("no frame within {} ms", link_.frame_timeout.count()));
+        if (raw->status == LibcameraFrame::Status::cancelled)
+            fail("start the stream",
+                 "libcamera cancels the requests: the driver refuses a control");
+        return *raw;
+    }
+
+    void stop_stream() noexcept override {
+        if (!std::exchange(streaming_, false))
+            return;
+        if (device_ && !done_within(stop_patience, [device = device_] { device->stop(); })) {
+            lost_ = true;
+            device_.reset();  // it is the background's now
+        }
+    }
+
+    void close() noexcept override {
+        armed_ = streaming_ = false;
+        if (device_)
+            done_within(stop_patience, [device = std::move(device_)]() mutable { device.reset(); });
+    }
+
+    void reopen() override {
+        device_ = open_(id_);
+        if (device_->identity().model != identity_.model)
+            fail("reconnect", fmt::format("there is a {} now, it was a {}",
+                                          device_->identity().model, identity_.model));
+        lost_ = false;
+    }
+
+    Frame next_frame(Instant t, std::stop_token stop) override {
+        wait_until_after(clock_, t, stop);
+        waiting_since_ = clock_.now();
+        expected_.reset();
+        Frame none;
+        for (int stale = 0; stale < max_stale_frames; ++stale) {
+            const auto raw = device_->next(link_.frame_timeout, stop);
+            if (!raw) {
+                if (device_->disconnected() || device_->is_silently_gone())
+                    lose("take a frame", "the camera is gone");
+                none.status_detail =
+                    fmt::format("no frame within {} ms", link_.frame_timeout.count());
+                return none;
+            }
+            if (const auto frame = judged(*raw, t))
+                return *frame;
+            ++statistics_.rejected;
+        }
+        none.status_detail = fmt::format(
+            "{} frames came, none of them begun after the moment asked for", max_stale_frames);
+        return none;
+    }
+
+    FrameTiming::Start placed(const LibcameraFrame& raw) {
+        const KernelTime now = device_->time();
+        return timing_.place(raw, now, clock_.now());
+    }
+
+    // Nothing if its exposure began too early. Gives the buffer back.
+    std::optional<Frame> judged(const LibcameraFrame& raw, Instant t) {
+        if (raw.status == LibcameraFrame::Status::cancelled)
+            lose("take a frame", "libcamera cancelled the request: the camera is gone");
+        const FrameTiming::Start start = placed(raw);
+        count_skipped(raw, start);
+        if (start.fault.empty() && start.earliest <= t) {
+            device_->give_back(raw.buffer);
+            return std::nullopt;
+        }
+        Frame frame = described(raw, start);
+        if (!start.fault.empty())
+            frame.status_detail = start.fault;
+        else if (raw.status == LibcameraFrame::Status::error)
+            frame.status_detail = "libcamera flags the frame as damaged";
+        else
+            unpack_into(frame, raw);
+        device_->give_back(raw.buffer);
+        require_as_asked(frame, raw.metadata);
+        return frame;
+    }
+
+    // Frames that came while nobody waited found no buffer, which is no loss.
+    void count_skipped(const LibcameraFrame& raw, const FrameTiming::Start& start) {
+        if (expected_ && raw.sequence > *expected_)
+            statistics_.skipped += static_cast<long>(raw.sequence - *expected_);
+        if (start.latest > waiting_since_)
+            expected_ = raw.sequence + 1;
+    }
+
+    // All but the image; `corrupt` so far.
+    Frame described(const LibcameraFrame& raw, const FrameTiming::Start& start) const {
+        Frame frame;
+        frame.id = raw.sequence;
+        frame.mosaic = format_->mosaic;
+        frame.settings = with_metadata(*settings_, raw.metadata);
+        frame.time_source = TimeSource::driver_start;
+        frame.device_time_ns = static_cast<std::uint64_t>(raw.timestamp_ns.value_or(0));
+        frame.status = FrameStatus::corrupt;
+        if (start.fault.empty()) {
+            frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
+            frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
+        }
+        return frame;
+    }
+
+    void unpack_into(Frame& frame, const LibcameraFrame& raw) const {
+        const RawImage image{raw.data, settings_->width, settings_->height, stream_.bytes_per_line};
+        const std::size_t needed =
+            image_bytes(*format_, image.width, image.height, image.bytes_per_line);
+        frame.status_detail = unpack(*format_, image, frame.image);
+        if (!frame.status_detail.empty()) {
+            frame.status =
+                raw.data.size() < needed ? FrameStatus::short_frame : FrameStatus::corrupt;
+            return;
+        }
+        frame.status = FrameStatus::complete;
+        frame.image.bits = settings_->bits;
+    }
+
+    void require_as_asked(const Frame& frame, const LibcameraValues& metadata) const {
+        if (const auto changed = contradicted(plan_.asked, metadata, exposure_step_us()))
+            fail("take a frame", "it was told to " + changed->request + ": " + changed->cause);
+        if (frame.status != FrameStatus::complete)
+            return;
+        const std::string fault = code_fault(frame.image, *format_);
+        if (!fault.empty())
+            fail("take a frame", fault);
+    }
 
     std::string id_;
-    std::string name_;  // for errors
-    CameraLink link_;
-    Clock& clock_;
     LibcameraOpener open_;
     std::shared_ptr<LibcameraDevice> device_;
-    CameraIdentity identity_;
 
-    bool configured_ = false;
-    CaptureSettings wanted_, settings_;  // asked for, in force
     const PixelFormat* format_ = nullptr;
     LibcameraStream stream_;
     LibcameraPlan plan_;
@@ -111,398 +376,10 @@ private:
     FrameTiming timing_;
     Instant waiting_since_{};
     std::optional<std::uint64_t> expected_;  // sequence number, while waiting
-    CaptureStatistics statistics_;
 
     // Nothing works any more until reconnect() has brought back what there was.
     bool lost_ = false;
-    bool was_configured_ = false, was_armed_ = false;
 };
-
-LibcameraCamera::LibcameraCamera(const std::string& id, const CameraLink& link, Clock& clock,
-                                 LibcameraOpener open)
-    : id_(id),
-      name_("camera libcamera:" + id),
-      link_(link),
-      clock_(clock),
-      open_(std::move(open)),
-      device_(open_(id)),
-      identity_(device_->identity()) {}
-
-// ---- errors --------------------------------------------------------------------------------
-
-void LibcameraCamera::fail(const std::string& request, const std::string& cause) const {
-    throw DeviceError(name_, request, cause);
-}
-
-void LibcameraCamera::refuse_if(const std::optional<SettingDifference>& difference) const {
-    if (difference)
-        fail(difference->request, difference->cause);
-}
-
-void LibcameraCamera::lose(const std::string& request, const std::string& cause) {
-    lost_ = true;
-    fail(request, cause);
-}
-
-void LibcameraCamera::require_alive(const std::string& request) const {
-    if (lost_ || device_->disconnected())
-        fail(request, "the camera is gone");
-}
-
-// ---- abilities and settings ----------------------------------------------------------------
-
-CameraAbilities LibcameraCamera::abilities() const {
-    require_alive("read abilities");
-    CameraAbilities abilities;
-    for (const LibcameraFormat& offered : device_->formats()) {
-        const PixelFormat* known = find_libcamera_format(offered.name);
-        abilities.formats.push_back({offered.name, "", known ? known->bits : 0, offered.sizes});
-    }
-    for (const auto& [control, range] : device_->controls()) {
-        const auto now = metadata_.find(control);
-        abilities.controls.push_back({control,
-                                      now == metadata_.end() ? "" : fmt::format("{}", now->second),
-                                      control == "ExposureTime" ? "us" : "",
-                                      range.low,
-                                      range.high,
-                                      {},
-                                      {},
-                                      false});
-    }
-    return abilities;
-}
-
-CaptureSettings LibcameraCamera::configure(const CaptureSettings& wanted) {
-    require_alive("configure");
-    if (streaming_)
-        fail("configure", "the camera is armed");
-    configured_ = false;
-    try {
-        settings_ = apply(wanted);
-    } catch (const Error&) {
-        stop_stream();
-        throw;
-    }
-    stop_stream();
-    wanted_ = wanted;
-    configured_ = true;
-    return settings_;
-}
-
-CaptureSettings LibcameraCamera::apply(const CaptureSettings& wanted) {
-    if (wanted.black_level)
-        fail("set black level", "libcamera cannot set it");
-    if (!wanted.trigger.empty() && wanted.trigger != "none")
-        fail("set trigger " + wanted.trigger, "libcamera's cameras run freely: only none");
-    apply_format(wanted);
-    LibcameraPlanning planning = plan_libcamera_controls(wanted, device_->controls());
-    refuse_if(planning.difference);
-    plan_ = std::move(planning.plan);
-    start_stream();
-    require_mentioned(wanted);
-    CaptureSettings actual = with_metadata(wanted, metadata_);
-    actual.width = stream_.size.width;
-    actual.height = stream_.size.height;
-    actual.bits = wanted.bits ? wanted.bits : format_->bits;
-    actual.format = stream_.format;
-    actual.trigger = "none";
-    refuse_if(first_difference(wanted, actual, exposure_step_us()));
-    write_remarks();
-    return actual;
-}
-
-void LibcameraCamera::apply_format(const CaptureSettings& wanted) {
-    const std::vector<LibcameraFormat> offered = device_->formats();
-    format_ = choose_libcamera_format(wanted, offered);
-    if (!format_) {
-        std::string names;
-        for (const LibcameraFormat& format : offered)
-            names += (names.empty() ? "" : ", ") + format.name;
-        fail(fmt::format("set pixel format {} of {} bits",
-                         wanted.format.empty() ? "(monochrome)" : wanted.format, wanted.bits),
-             "the camera has " + names);
-    }
-    const cv::Size size(wanted.width, wanted.height);
-    const std::string name(format_->libcamera);
-    stream_ = device_->configure(name, size);
-    refuse_if(stream_difference(name, size, stream_));
-}
-
-// What was asked for must be read back; a gain of 0 dB, which is none, need not.
-void LibcameraCamera::require_mentioned(const CaptureSettings& wanted) const {
-    for (const auto& [control, value] : plan_.asked) {
-        const bool needless = control == "AnalogueGain" && wanted.gain_db == 0.0;
-        if (!needless && !metadata_.count(control))
-            fail("set " + in_words(control, value),
-                 fmt::format("the frames' metadata do not mention {}: nobody knows what the camera "
-                             "does",
-                             control));
-    }
-}
-
-void LibcameraCamera::write_remarks() {
-    remarks_ = plan_.remarks;
-    std::string unmentioned;
-    for (const LibcameraValues& values : {plan_.automatics, plan_.asked})
-        for (const auto& [control, value] : values) {
-            const auto actual = metadata_.find(control);
-            if (actual == metadata_.end())
-                unmentioned += (unmentioned.empty() ? "" : ", ") + control;
-            else if (contradicted({{control, value}}, metadata_, exposure_step_us()))
-                remarks_.push_back(fmt::format("{} stays: it cannot be switched off",
-                                               in_words(control, actual->second)));
-        }
-    if (!unmentioned.empty())
-        remarks_.push_back("set but not read back, since the frames' metadata do not mention it: " +
-                           unmentioned);
-    if (!metadata_.count("ExposureTime"))
-        remarks_.push_back(
-            "whatever libcamera has no control for stays as it is, such as the sharpening of a USB "
-            "camera (v4l2: reaches it)");
-    if (format_->lossy())
-        remarks_.push_back(stream_.format + " is lossy: its pixels are not the sensor's codes");
-    if (format_->luma_of_colours())
-        remarks_.push_back(fmt::format("of {} the luma is kept, which the camera made{}",
-                                       stream_.format,
-                                       stream_.limited_range ? ", from 16 to 235 only" : ""));
-}
-
-CaptureSettings LibcameraCamera::with_metadata(CaptureSettings settings,
-                                               const LibcameraValues& metadata) const {
-    for (auto& [control, value] : settings.controls)
-        if (const auto actual = metadata.find(control); actual != metadata.end())
-            value = actual->second;
-    if (const auto exposure = metadata.find("ExposureTime"); exposure != metadata.end())
-        settings.exposure = microseconds(std::llround(exposure->second));
-    if (const auto gain = metadata.find("AnalogueGain"); gain != metadata.end())
-        settings.gain_db = gain_db(gain->second);
-    return settings;
-}
-
-// A rolling shutter exposes in steps of a line's readout, and a frame takes at least as many of
-// them as it has lines.
-double LibcameraCamera::exposure_step_us() const {
-    const std::chrono::duration<double, std::micro> period = timing_.period().value_or(Duration(0));
-    return std::max(0.5, period.count() / stream_.size.height);
-}
-
-// ---- stream --------------------------------------------------------------------------------
-
-void LibcameraCamera::arm() {
-    require_alive("arm");
-    if (!configured_)
-        fail("arm", "the camera is not configured");
-    if (streaming_)
-        return;
-    try {
-        start_stream();
-    } catch (const Error&) {
-        stop_stream();
-        throw;
-    }
-}
-
-// Returns when the settings are in force.
-void LibcameraCamera::start_stream() {
-    timing_ = {};
-    streaming_ = true;
-    device_->start({plan_.automatics, plan_.asked});
-    settle();
-    refuse_if(contradicted(plan_.asked, metadata_, exposure_step_us()));
-}
-
-void LibcameraCamera::settle() {
-    for (int frames = 1; frames <= settling_frames; ++frames) {
-        const LibcameraFrame raw = next_while_settling();
-        placed(raw);
-        metadata_ = raw.metadata;
-        device_->give_back(raw.buffer);
-        if (frames >= warm_up_frames && settled())
-            return;
-    }
-}
-
-bool LibcameraCamera::settled() const {
-    return !contradicted(plan_.asked, metadata_, exposure_step_us()) &&
-           !contradicted(plan_.automatics, metadata_, exposure_step_us());
-}
-
-LibcameraFrame LibcameraCamera::next_while_settling() {
-    auto raw = device_->next(link_.frame_timeout, {});
-    if (device_->disconnected())
-        lose("start the stream", "the camera is gone");
-    if (!raw)
-        fail("start the stream", fmt::format("no frame within {} ms", link_.frame_timeout.count()));
-    if (raw->status == LibcameraFrame::Status::cancelled)
-        fail("start the stream", "libcamera cancels the requests: the driver refuses a control");
-    return *raw;
-}
-
-void LibcameraCamera::stop_stream() noexcept {
-    if (!std::exchange(streaming_, false))
-        return;
-    if (device_ && !done_within(stop_patience, [device = device_] { device->stop(); })) {
-        lost_ = true;
-        device_.reset();  // it is the background's now
-    }
-}
-
-void LibcameraCamera::let_go() noexcept {
-    streaming_ = false;
-    if (device_)
-        done_within(stop_patience, [device = std::move(device_)]() mutable { device.reset(); });
-}
-
-void LibcameraCamera::disarm() noexcept {
-    was_armed_ = false;
-    stop_stream();
-}
-
-// ---- a camera that comes back --------------------------------------------------------------
-
-void LibcameraCamera::reconnect(Instant deadline, std::stop_token stop) {
-    was_configured_ = was_configured_ || configured_;
-    was_armed_ = was_armed_ || streaming_;
-    for (;;) {
-        lost_ = true;
-        let_go();
-        try {
-            come_back();
-            break;
-        } catch (const DeviceError&) {
-            lost_ = true;
-            if (clock_.now() >= deadline)
-                throw;
-        }
-        if (!clock_.wait_until(std::min(deadline, clock_.now() + reopen_pause), stop))
-            throw Interrupted();
-    }
-    was_configured_ = was_armed_ = false;
-    ++statistics_.reconnects;
-}
-
-void LibcameraCamera::come_back() {
-    device_ = open_(id_);
-    if (device_->identity().model != identity_.model)
-        fail("reconnect", fmt::format("there is a {} now, it was a {}", device_->identity().model,
-                                      identity_.model));
-    lost_ = false;
-    if (was_configured_) {
-        const CaptureSettings before = settings_;
-        configure(wanted_);
-        if (const auto difference = first_difference(before, settings_, exposure_step_us())) {
-            settings_ = before;
-            refuse_if(difference);
-        }
-    }
-    if (was_armed_)
-        arm();
-}
-
-// ---- frames --------------------------------------------------------------------------------
-
-Frame LibcameraCamera::frame_after(Instant t, int retries, std::stop_token stop) {
-    require_alive("take a frame");
-    if (!streaming_)
-        fail("take a frame", "the camera is not armed");
-    return first_complete_frame(retries, statistics_, [&] { return fresh_frame(t, stop); });
-}
-
-Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
-    wait_until_after(clock_, t, stop);
-    waiting_since_ = clock_.now();
-    expected_.reset();
-    Frame none;
-    for (int stale = 0; stale < max_stale_frames; ++stale) {
-        const auto raw = device_->next(link_.frame_timeout, stop);
-        if (!raw) {
-            if (device_->disconnected() || device_->is_silently_gone())
-                lose("take a frame", "the camera is gone");
-            none.status_detail = fmt::format("no frame within {} ms", link_.frame_timeout.count());
-            return none;
-        }
-        if (const auto frame = judged(*raw, t))
-            return *frame;
-        ++statistics_.rejected;
-    }
-    none.status_detail = fmt::format(
-        "{} frames came, none of them begun after the moment asked for", max_stale_frames);
-    return none;
-}
-
-FrameTiming::Start LibcameraCamera::placed(const LibcameraFrame& raw) {
-    const KernelTime now = device_->time();
-    return timing_.place(raw, now, clock_.now());
-}
-
-// Nothing if its exposure began too early. Gives the buffer back.
-std::optional<Frame> LibcameraCamera::judged(const LibcameraFrame& raw, Instant t) {
-    if (raw.status == LibcameraFrame::Status::cancelled)
-        lose("take a frame", "libcamera cancelled the request: the camera is gone");
-    const FrameTiming::Start start = placed(raw);
-    count_skipped(raw, start);
-    if (start.fault.empty() && start.earliest <= t) {
-        device_->give_back(raw.buffer);
-        return std::nullopt;
-    }
-    Frame frame = described(raw, start);
-    if (!start.fault.empty())
-        frame.status_detail = start.fault;
-    else if (raw.status == LibcameraFrame::Status::error)
-        frame.status_detail = "libcamera flags the frame as damaged";
-    else
-        unpack_into(frame, raw);
-    device_->give_back(raw.buffer);
-    require_as_asked(frame, raw.metadata);
-    return frame;
-}
-
-// Frames that came while nobody waited found no buffer, which is no loss.
-void LibcameraCamera::count_skipped(const LibcameraFrame& raw, const FrameTiming::Start& start) {
-    if (expected_ && raw.sequence > *expected_)
-        statistics_.skipped += static_cast<long>(raw.sequence - *expected_);
-    if (start.latest > waiting_since_)
-        expected_ = raw.sequence + 1;
-}
-
-// All but the image; `corrupt` so far.
-Frame LibcameraCamera::described(const LibcameraFrame& raw, const FrameTiming::Start& start) const {
-    Frame frame;
-    frame.id = raw.sequence;
-    frame.mosaic = format_->mosaic;
-    frame.settings = with_metadata(settings_, raw.metadata);
-    frame.time_source = TimeSource::driver_start;
-    frame.device_time_ns = static_cast<std::uint64_t>(raw.timestamp_ns.value_or(0));
-    frame.status = FrameStatus::corrupt;
-    if (start.fault.empty()) {
-        frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
-        frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
-    }
-    return frame;
-}
-
-void LibcameraCamera::unpack_into(Frame& frame, const LibcameraFrame& raw) const {
-    const RawImage image{raw.data, settings_.width, settings_.height, stream_.bytes_per_line};
-    const std::size_t needed =
-        image_bytes(*format_, image.width, image.height, image.bytes_per_line);
-    frame.status_detail = unpack(*format_, image, frame.image);
-    if (!frame.status_detail.empty()) {
-        frame.status = raw.data.size() < needed ? FrameStatus::short_frame : FrameStatus::corrupt;
-        return;
-    }
-    frame.status = FrameStatus::complete;
-    frame.image.bits = settings_.bits;
-}
-
-void LibcameraCamera::require_as_asked(const Frame& frame, const LibcameraValues& metadata) const {
-    if (const auto changed = contradicted(plan_.asked, metadata, exposure_step_us()))
-        fail("take a frame", "it was told to " + changed->request + ": " + changed->cause);
-    if (frame.status != FrameStatus::complete)
-        return;
-    const std::string fault = code_fault(frame.image, *format_);
-    if (!fault.empty())
-        fail("take a frame", fault);
-}
 
 }  // namespace
 

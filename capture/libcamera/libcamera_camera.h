@@ -4,7 +4,7 @@
 // Fresh: what a request brings is taken only if its exposure began after the moment asked for;
 // older ones, with which the requests were filled while nobody asked, are queued again.
 // SensorTimestamp is defined as the beginning of the first line's exposure, but what drivers stamp
-// is its readout, or the arrival of the first data. FrameTiming (libcamera_support.h) says what
+// is its readout, or the arrival of the first data. FrameTiming (libcamera_device.h) says what
 // follows from that.
 //
 // A camera is silent when no frame comes within the link's frame_timeout, however old.

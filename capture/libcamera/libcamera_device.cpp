@@ -15,19 +15,13 @@
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <ctime>
-#include <filesystem>
-#include <mutex>
-#include <system_error>
-#include <utility>
 
 #include "capture/frame/handover_queue.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -230,33 +224,215 @@ bool a_video_device_is_gone() {
 
 class Device final : public LibcameraDevice {
 public:
-    explicit Device(std::shared_ptr<libcamera::Camera> camera);
-    ~Device() override;
+    explicit Device(std::shared_ptr<libcamera::Camera> camera)
+        : camera_(std::move(camera)), identity_(identity_of(*camera_)) {
+        if (const int result = camera_->acquire(); result == -EBUSY)
+            fail("open", "another program uses it");
+        else
+            require("open", result);
+        camera_->requestCompleted.connect(this, &Device::request_completed);
+        camera_->disconnected.connect(this, &Device::camera_disconnected);
+    }
+
+    ~Device() override {
+        stop();
+        camera_->disconnected.disconnect(this);
+        camera_->requestCompleted.disconnect(this);
+        configuration_.reset();
+        camera_->release();
+        camera_.reset();  // before the manager
+    }
+
     Device(const Device&) = delete;
     Device& operator=(const Device&) = delete;
 
     const CameraIdentity& identity() const override { return identity_; }
-    std::vector<LibcameraFormat> formats() const override;
-    std::map<std::string, LibcameraRange> controls() const override;
-    LibcameraStream configure(const std::string& format, cv::Size size) override;
-    void start(const std::vector<LibcameraValues>& controls) override;
-    std::optional<LibcameraFrame> next(Duration at_most, const std::stop_token& stop) override;
-    void give_back(int buffer) override;
-    KernelTime time() const override;
+
+    std::vector<LibcameraFormat> formats() const override {
+        std::vector<LibcameraFormat> formats;
+        for (const auto& proposal : proposals()) {
+            const libcamera::StreamFormats& offered = proposal->at(0).formats();
+            for (const libcamera::PixelFormat& format : offered.pixelformats()) {
+                const std::string name = format.toString();
+                if (std::none_of(formats.begin(), formats.end(),
+                                 [&](const LibcameraFormat& known) { return known.name == name; }))
+                    formats.push_back({name, sizes_of(offered, format)});
+            }
+        }
+        return formats;
+    }
+
+    std::map<std::string, LibcameraRange> controls() const override {
+        std::map<std::string, LibcameraRange> controls;
+        for (const auto& [id, info] : camera_->controls()) {
+            const auto low = number_in(info.min()), high = number_in(info.max());
+            if (low && high && *low <= *high)  // some drivers' limits are nonsense
+                controls[id->name()] = {*low, *high, number_in(info.def()).value_or(*low)};
+        }
+        return controls;
+    }
+
+    LibcameraStream configure(const std::string& format, cv::Size size) override {
+        const auto wanted = libcamera::PixelFormat::fromString(format);
+        configuration_ = proposal_with(wanted);
+        if (!configuration_)
+            fail("set pixel format " + format, "the camera does not offer it");
+        libcamera::StreamConfiguration& stream = configuration_->at(0);
+        stream.pixelFormat = wanted;
+        if (!size.empty())
+            stream.size = {static_cast<unsigned>(size.width), static_cast<unsigned>(size.height)};
+        const std::string request = "configure " + stream.toString();
+        if (configuration_->validate() == libcamera::CameraConfiguration::Invalid)
+            fail(request, "libcamera finds it invalid");
+        require(request, camera_->configure(configuration_.get()));
+        const auto& colour = stream.colorSpace;
+        return {stream.pixelFormat.toString(), size_of(stream.size), stream.stride,
+                colour && colour->ycbcrEncoding != libcamera::ColorSpace::YcbcrEncoding::None &&
+                    colour->range == libcamera::ColorSpace::Range::Limited};
+    }
+
+    void start(const std::vector<LibcameraValues>& controls) override {
+        if (!configuration_)
+            fail("start", "the camera is not configured");
+        make_requests();
+        require("start", camera_->start());
+        running_ = true;
+        for (std::size_t i = 0; i < requests_.size(); ++i) {
+            if (i < controls.size())
+                set_controls(*requests_[i], controls[i]);
+            queue(*requests_[i]);
+        }
+    }
+
+    std::optional<LibcameraFrame> next(Duration at_most, const std::stop_token& stop) override {
+        const std::optional<libcamera::Request*> completed = completed_.pop(at_most, stop);
+        if (!completed)
+            return std::nullopt;
+        --queued_;
+        libcamera::Request& request = **completed;
+        LibcameraFrame frame;
+        frame.buffer = static_cast<int>(request.cookie());
+        const libcamera::FrameMetadata& buffer = request.buffers().begin()->second->metadata();
+        frame.status = request.status() == libcamera::Request::RequestCancelled
+                           ? LibcameraFrame::Status::cancelled
+                       : buffer.status == libcamera::FrameMetadata::FrameSuccess
+                           ? LibcameraFrame::Status::complete
+                           : LibcameraFrame::Status::error;
+        if (frame.status == LibcameraFrame::Status::cancelled)
+            return frame;
+        frame.sequence = buffer.sequence;
+        frame.timestamp_ns = request.metadata().get(libcamera::controls::SensorTimestamp);
+        frame.metadata = values_in(request.metadata());
+        const MappedPlane& plane = *planes_[request.cookie()];
+        plane.synchronise(DMA_BUF_SYNC_START);
+        frame.data = plane.filled();
+        return frame;
+    }
+
+    void give_back(int buffer) override {
+        const auto index = static_cast<std::size_t>(buffer);
+        planes_.at(index)->synchronise(DMA_BUF_SYNC_END);
+        requests_[index]->reuse(libcamera::Request::ReuseBuffers);
+        queue(*requests_[index]);
+    }
+
+    KernelTime time() const override {
+        const auto read = [](clockid_t clock) {
+            timespec time{};
+            clock_gettime(clock, &time);
+            return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+        };
+        return {read(CLOCK_MONOTONIC), read(CLOCK_BOOTTIME)};
+    }
+
     bool disconnected() const override { return disconnected_; }
     bool is_silently_gone() const override { return a_video_device_is_gone(); }
-    void stop() noexcept override;
+
+    void stop() noexcept override {
+        if (running_) {
+            wait_until_stopping_is_safe();
+            camera_->stop();
+        }
+        running_ = false;
+        queued_ = 0;
+        completed_.clear();
+        requests_.clear();
+        planes_.clear();
+        allocator_.reset();
+    }
 
 private:
-    void require(const std::string& request, int result) const;
-    [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
-    std::vector<std::unique_ptr<libcamera::CameraConfiguration>> proposals() const;
+    void require(const std::string& request, int result) const {
+        if (result < 0)
+            fail(request, disconnected_ ? "the camera is gone" : reason(result));
+    }
+
+    [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
+        throw DeviceError("camera " + identity_.uri, request, cause);
+    }
+
+    // One stream each: the sensor's own codes, and what a processor makes of them. A USB camera
+    // proposes the same for both.
+    std::vector<std::unique_ptr<libcamera::CameraConfiguration>> proposals() const {
+        std::vector<std::unique_ptr<libcamera::CameraConfiguration>> proposals;
+        for (const libcamera::StreamRole role :
+             {libcamera::StreamRole::Raw, libcamera::StreamRole::Viewfinder}) {
+            auto proposal = camera_->generateConfiguration({role});
+            if (proposal && !proposal->empty())
+                proposals.push_back(std::move(proposal));
+        }
+        return proposals;
+    }
+
     std::unique_ptr<libcamera::CameraConfiguration> proposal_with(
-        const libcamera::PixelFormat& format) const;
-    void make_requests();
-    void set_controls(libcamera::Request& request, const LibcameraValues& values) const;
-    void queue(libcamera::Request& request);
-    void wait_until_stopping_is_safe();
+        const libcamera::PixelFormat& format) const {
+        for (auto& proposal : proposals()) {
+            const auto offered = proposal->at(0).formats().pixelformats();
+            if (std::find(offered.begin(), offered.end(), format) != offered.end())
+                return std::move(proposal);
+        }
+        return nullptr;
+    }
+
+    void make_requests() {
+        libcamera::Stream* stream = configuration_->at(0).stream();
+        allocator_ = std::make_unique<libcamera::FrameBufferAllocator>(camera_);
+        require("allocate buffers", allocator_->allocate(stream));
+        for (const auto& buffer : allocator_->buffers(stream)) {
+            if (buffer->planes().empty())
+                fail("allocate buffers", "one has no memory");
+            auto request = camera_->createRequest(planes_.size());
+            if (!request)
+                fail("create a request", "libcamera gave none");
+            require("create a request", request->addBuffer(stream, buffer.get()));
+            try {
+                planes_.push_back(std::make_unique<MappedPlane>(*buffer));
+            } catch (const std::system_error& error) {
+                fail("map a buffer", error.code().message());
+            }
+            requests_.push_back(std::move(request));
+        }
+    }
+
+    void set_controls(libcamera::Request& request, const LibcameraValues& values) const {
+        for (const auto& [id, info] : camera_->controls())
+            if (const auto value = values.find(id->name()); value != values.end())
+                request.controls().set(id->id(), value_of(id->type(), value->second));
+    }
+
+    void queue(libcamera::Request& request) {
+        require("queue a request", camera_->queueRequest(&request));
+        ++queued_;
+    }
+
+    // libcamera ends the program when it has to stop a device that is gone, of which it has not
+    // heard yet, while requests are queued: their buffers do not come back (an assertion in its
+    // PipelineHandler::stop()). So either they have come back, or libcamera knows.
+    void wait_until_stopping_is_safe() {
+        while (queued_ > 0 && !disconnected_ && a_video_device_is_gone())
+            if (completed_.pop(std::chrono::seconds(1), {}))
+                --queued_;
+    }
 
     // These two come on libcamera's thread.
     void request_completed(libcamera::Request* request) { completed_.push(request); }
@@ -279,206 +455,6 @@ private:
     HandoverQueue<libcamera::Request*> completed_;
     std::atomic<bool> disconnected_{false};
 };
-
-void Device::fail(const std::string& request, const std::string& cause) const {
-    throw DeviceError("camera " + identity_.uri, request, cause);
-}
-
-void Device::require(const std::string& request, int result) const {
-    if (result < 0)
-        fail(request, disconnected_ ? "the camera is gone" : reason(result));
-}
-
-Device::Device(std::shared_ptr<libcamera::Camera> camera)
-    : camera_(std::move(camera)), identity_(identity_of(*camera_)) {
-    if (const int result = camera_->acquire(); result == -EBUSY)
-        fail("open", "another program uses it");
-    else
-        require("open", result);
-    camera_->requestCompleted.connect(this, &Device::request_completed);
-    camera_->disconnected.connect(this, &Device::camera_disconnected);
-}
-
-Device::~Device() {
-    stop();
-    camera_->disconnected.disconnect(this);
-    camera_->requestCompleted.disconnect(this);
-    configuration_.reset();
-    camera_->release();
-    camera_.reset();  // before the manager
-}
-
-// One stream each: the sensor's own codes, and what a processor makes of them. A USB camera
-// proposes the same for both.
-std::vector<std::unique_ptr<libcamera::CameraConfiguration>> Device::proposals() const {
-    std::vector<std::unique_ptr<libcamera::CameraConfiguration>> proposals;
-    for (const libcamera::StreamRole role :
-         {libcamera::StreamRole::Raw, libcamera::StreamRole::Viewfinder}) {
-        auto proposal = camera_->generateConfiguration({role});
-        if (proposal && !proposal->empty())
-            proposals.push_back(std::move(proposal));
-    }
-    return proposals;
-}
-
-std::unique_ptr<libcamera::CameraConfiguration> Device::proposal_with(
-    const libcamera::PixelFormat& format) const {
-    for (auto& proposal : proposals()) {
-        const auto offered = proposal->at(0).formats().pixelformats();
-        if (std::find(offered.begin(), offered.end(), format) != offered.end())
-            return std::move(proposal);
-    }
-    return nullptr;
-}
-
-std::vector<LibcameraFormat> Device::formats() const {
-    std::vector<LibcameraFormat> formats;
-    for (const auto& proposal : proposals()) {
-        const libcamera::StreamFormats& offered = proposal->at(0).formats();
-        for (const libcamera::PixelFormat& format : offered.pixelformats()) {
-            const std::string name = format.toString();
-            if (std::none_of(formats.begin(), formats.end(),
-                             [&](const LibcameraFormat& known) { return known.name == name; }))
-                formats.push_back({name, sizes_of(offered, format)});
-        }
-    }
-    return formats;
-}
-
-std::map<std::string, LibcameraRange> Device::controls() const {
-    std::map<std::string, LibcameraRange> controls;
-    for (const auto& [id, info] : camera_->controls()) {
-        const auto low = number_in(info.min()), high = number_in(info.max());
-        if (low && high && *low <= *high)  // some drivers' limits are nonsense
-            controls[id->name()] = {*low, *high, number_in(info.def()).value_or(*low)};
-    }
-    return controls;
-}
-
-LibcameraStream Device::configure(const std::string& format, cv::Size size) {
-    const auto wanted = libcamera::PixelFormat::fromString(format);
-    configuration_ = proposal_with(wanted);
-    if (!configuration_)
-        fail("set pixel format " + format, "the camera does not offer it");
-    libcamera::StreamConfiguration& stream = configuration_->at(0);
-    stream.pixelFormat = wanted;
-    if (!size.empty())
-        stream.size = {static_cast<unsigned>(size.width), static_cast<unsigned>(size.height)};
-    const std::string request = "configure " + stream.toString();
-    if (configuration_->validate() == libcamera::CameraConfiguration::Invalid)
-        fail(request, "libcamera finds it invalid");
-    require(request, camera_->configure(configuration_.get()));
-    const auto& colour = stream.colorSpace;
-    return {stream.pixelFormat.toString(), size_of(stream.size), stream.stride,
-            colour && colour->ycbcrEncoding != libcamera::ColorSpace::YcbcrEncoding::None &&
-                colour->range == libcamera::ColorSpace::Range::Limited};
-}
-
-void Device::make_requests() {
-    libcamera::Stream* stream = configuration_->at(0).stream();
-    allocator_ = std::make_unique<libcamera::FrameBufferAllocator>(camera_);
-    require("allocate buffers", allocator_->allocate(stream));
-    for (const auto& buffer : allocator_->buffers(stream)) {
-        if (buffer->planes().empty())
-            fail("allocate buffers", "one has no memory");
-        auto request = camera_->createRequest(planes_.size());
-        if (!request)
-            fail("create a request", "libcamera gave none");
-        require("create a request", request->addBuffer(stream, buffer.get()));
-        try {
-            planes_.push_back(std::make_unique<MappedPlane>(*buffer));
-        } catch (const std::system_error& error) {
-            fail("map a buffer", error.code().message());
-        }
-        requests_.push_back(std::move(request));
-    }
-}
-
-void Device::start(const std::vector<LibcameraValues>& controls) {
-    if (!configuration_)
-        fail("start", "the camera is not configured");
-    make_requests();
-    require("start", camera_->start());
-    running_ = true;
-    for (std::size_t i = 0; i < requests_.size(); ++i) {
-        if (i < controls.size())
-            set_controls(*requests_[i], controls[i]);
-        queue(*requests_[i]);
-    }
-}
-
-void Device::set_controls(libcamera::Request& request, const LibcameraValues& values) const {
-    for (const auto& [id, info] : camera_->controls())
-        if (const auto value = values.find(id->name()); value != values.end())
-            request.controls().set(id->id(), value_of(id->type(), value->second));
-}
-
-void Device::queue(libcamera::Request& request) {
-    require("queue a request", camera_->queueRequest(&request));
-    ++queued_;
-}
-
-std::optional<LibcameraFrame> Device::next(Duration at_most, const std::stop_token& stop) {
-    const std::optional<libcamera::Request*> completed = completed_.pop(at_most, stop);
-    if (!completed)
-        return std::nullopt;
-    --queued_;
-    libcamera::Request& request = **completed;
-    LibcameraFrame frame;
-    frame.buffer = static_cast<int>(request.cookie());
-    const libcamera::FrameMetadata& buffer = request.buffers().begin()->second->metadata();
-    frame.status =
-        request.status() == libcamera::Request::RequestCancelled ? LibcameraFrame::Status::cancelled
-        : buffer.status == libcamera::FrameMetadata::FrameSuccess ? LibcameraFrame::Status::complete
-                                                                  : LibcameraFrame::Status::error;
-    if (frame.status == LibcameraFrame::Status::cancelled)
-        return frame;
-    frame.sequence = buffer.sequence;
-    frame.timestamp_ns = request.metadata().get(libcamera::controls::SensorTimestamp);
-    frame.metadata = values_in(request.metadata());
-    const MappedPlane& plane = *planes_[request.cookie()];
-    plane.synchronise(DMA_BUF_SYNC_START);
-    frame.data = plane.filled();
-    return frame;
-}
-
-void Device::give_back(int buffer) {
-    const auto index = static_cast<std::size_t>(buffer);
-    planes_.at(index)->synchronise(DMA_BUF_SYNC_END);
-    requests_[index]->reuse(libcamera::Request::ReuseBuffers);
-    queue(*requests_[index]);
-}
-
-KernelTime Device::time() const {
-    const auto read = [](clockid_t clock) {
-        timespec time{};
-        clock_gettime(clock, &time);
-        return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
-    };
-    return {read(CLOCK_MONOTONIC), read(CLOCK_BOOTTIME)};
-}
-
-// libcamera ends the program when it has to stop a device that is gone, of which it has not heard
-// yet, while requests are queued: their buffers do not come back (an assertion in its
-// PipelineHandler::stop()). So either they have come back, or libcamera knows.
-void Device::wait_until_stopping_is_safe() {
-    while (queued_ > 0 && !disconnected_ && a_video_device_is_gone())
-        if (completed_.pop(std::chrono::seconds(1), {}))
-            --queued_;
-}
-
-void Device::stop() noexcept {
-    if (running_) {
-        wait_until_stopping_is_safe();
-        camera_->stop();
-    }
-    running_ = false;
-    queued_ = 0;
-    completed_.clear();
-    requests_.clear();
-    planes_.clear();
-    allocator_.reset();
-}
 
 }  // namespace
 

@@ -170,7 +170,7 @@ private:
 
 // Says of each frame of a stream when its exposure began. The stamp is the readout's beginning, so
 // the exposure began within the ExposureTime before it. A frame that does not tell that comes from
-// a USB camera, of which usb_delay.h tells.
+// a USB camera, of which UsbDelay tells.
 class FrameTiming {
 public:
     struct Start {

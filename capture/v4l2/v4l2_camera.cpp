@@ -1,16 +1,17 @@
 #include "capture/v4l2/v4l2_camera.h"
 
 #include <fmt/format.h>
+#include <linux/videodev2.h>
+#include <poll.h>
 
-#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
 #include <limits>
-#include <optional>
 
-#include "capture/frame/frame_checks.h"
+#include "capture/frame/device_camera.h"
 #include "capture/v4l2/v4l2_controls.h"
-#include "capture/v4l2/v4l2_stream.h"
 #include "capture/v4l2/v4l2_timing.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -62,51 +63,462 @@ std::string names_of(const std::vector<CameraFormat>& formats) {
     return names.empty() ? "none that this program can unpack" : names;
 }
 
-class V4l2Camera final : public Camera {
-public:
-    V4l2Camera(V4l2System& system, const std::string& id, const CameraLink& link, Clock& clock);
+constexpr unsigned wanted_buffers = 4;
+constexpr std::int64_t latest_second = 5'000'000'000;  // of a stamp, 158 years from any epoch
+constexpr unsigned min_buffers = 2;                    // one for the driver, one for us
 
-    const CameraIdentity& identity() const override { return identity_; }
-    CameraAbilities abilities() const override;
-    CaptureSettings configure(const CaptureSettings& wanted) override;
-    void arm() override;
-    Frame frame_after(Instant t, int retries, std::stop_token stop) override;
-    void disarm() noexcept override;
-    void reconnect(Instant deadline, std::stop_token stop) override;
-    CaptureStatistics statistics() const override { return statistics_; }
+// A v4l2_buffer that carries its planes where the device is multi-planar.
+struct BufferRequest {
+    v4l2_buffer buffer{};
+    std::array<v4l2_plane, VIDEO_MAX_PLANES> planes{};
+
+    BufferRequest(const V4l2Device& device, unsigned index, unsigned plane_count) {
+        buffer.type = device.buffer_type();
+        buffer.memory = V4L2_MEMORY_MMAP;
+        buffer.index = index;
+        if (device.multi_planar()) {
+            buffer.m.planes = planes.data();
+            buffer.length = plane_count;
+        }
+    }
+    BufferRequest(const BufferRequest&) = delete;
+    BufferRequest& operator=(const BufferRequest&) = delete;
+};
+
+StampMeaning meaning_of(std::uint32_t flags) {
+    if ((flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) != V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC)
+        return StampMeaning::nothing;
+    switch (flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) {
+        case V4L2_BUF_FLAG_TSTAMP_SRC_SOE:
+            return StampMeaning::exposure_start;
+        case V4L2_BUF_FLAG_TSTAMP_SRC_EOF:
+            return StampMeaning::frame_end;
+        default:
+            return StampMeaning::nothing;
+    }
+}
+
+// A running stream of one video node: its buffers, shared with the driver, and what the driver says
+// of each. Source: the kernel's "Streaming I/O (Memory Mapping)" and "Buffers".
+class V4l2Stream {
+public:
+    // Allocates, maps and queues the buffers and starts. Throws DeviceError when the driver
+    // refuses. The device has its format set and outlives the stream.
+    explicit V4l2Stream(V4l2Device& device) : device_(device) {
+        try {
+            allocate();
+            int type = static_cast<int>(device_.buffer_type());
+            device_.require(VIDIOC_STREAMON, &type, "start the stream");
+        } catch (const Error&) {
+            stop();
+            throw;
+        }
+    }
+
+    // within 1.2 s even if the driver hangs; the device counts as lost then
+    ~V4l2Stream() { stop(); }
+
+    V4l2Stream(const V4l2Stream&) = delete;
+    V4l2Stream& operator=(const V4l2Stream&) = delete;
+
+    // The next filled buffer; nothing when there is none yet. Throws DeviceError when the device
+    // is gone or has ended the stream.
+    std::optional<FilledBuffer> take() {
+        BufferRequest request(device_, 0, planes_);
+        const v4l2_buffer& buffer = request.buffer;
+        const int error = device_.ask(VIDIOC_DQBUF, &request.buffer);
+        if (error == EAGAIN)
+            return std::nullopt;
+        if (error)
+            device_.fail("take a frame", error);
+        if (buffer.index >= mappings_.size())
+            device_.fail("take a frame",
+                         fmt::format("the driver returns a buffer {} that it was not "
+                                     "given",
+                                     buffer.index));
+        FilledBuffer filled;
+        filled.index = buffer.index;
+        filled.sequence = buffer.sequence;
+        filled.meaning = meaning_of(buffer.flags);
+        if (buffer.timestamp.tv_sec >= 0 && buffer.timestamp.tv_sec <= latest_second)
+            filled.stamp = std::chrono::seconds(buffer.timestamp.tv_sec) +
+                           std::chrono::microseconds(buffer.timestamp.tv_usec);
+        else
+            filled.fault = fmt::format("its time stamp is {} s", buffer.timestamp.tv_sec);
+        const std::size_t used =
+            device_.multi_planar() ? request.planes[0].bytesused : buffer.bytesused;
+        const std::size_t skipped = device_.multi_planar() ? request.planes[0].data_offset : 0;
+        const Mapping& mapping = mappings_[buffer.index];
+        if (buffer.flags & V4L2_BUF_FLAG_ERROR)
+            filled.fault = "the driver flags the frame as damaged";
+        else if (used > mapping.length || skipped > used)
+            filled.fault =
+                fmt::format("{} bytes from {} on in a buffer of {}", used, skipped, mapping.length);
+        else
+            filled.data =
+                std::span(static_cast<const std::uint8_t*>(mapping.memory), used).subspan(skipped);
+        return filled;
+    }
+
+    void give_back(const FilledBuffer& buffer) {
+        BufferRequest request(device_, buffer.index, planes_);
+        device_.require(VIDIOC_QBUF, &request.buffer, "give a buffer to the driver");
+    }
+
+    // Returns whether there is one, at the latest after the time-out. Throws as take().
+    bool wait(std::chrono::milliseconds timeout) {
+        const int events = device_.system().poll(device_.file(), timeout);
+        if (events < 0 && events != -EINTR && events != -EAGAIN)
+            device_.fail("wait for a frame", -events);
+        if (events > 0 && (events & (POLLERR | POLLHUP | POLLNVAL)) && !(events & POLLIN)) {
+            device_.set_lost();
+            device_.fail("wait for a frame", "the driver ended the stream: the device is gone");
+        }
+        return events > 0;
+    }
+
+private:
+    struct Mapping {
+        void* memory;
+        std::size_t length;
+    };
+
+    void allocate() {
+        v4l2_requestbuffers request{};
+        request.count = wanted_buffers;
+        request.type = device_.buffer_type();
+        request.memory = V4L2_MEMORY_MMAP;
+        device_.require(VIDIOC_REQBUFS, &request, "ask for buffers");
+        if (request.count < min_buffers)
+            device_.fail("ask for buffers",
+                         fmt::format("the driver gives {}, at least {} are needed", request.count,
+                                     min_buffers));
+        for (unsigned i = 0; i < std::min(request.count, wanted_buffers); ++i) {
+            map(i);
+            give_back({.index = i});
+        }
+    }
+
+    void map(unsigned index) {
+        BufferRequest request(device_, index, VIDEO_MAX_PLANES);
+        device_.require(VIDIOC_QUERYBUF, &request.buffer, "ask where a buffer is");
+        std::size_t length = request.buffer.length;
+        off_t offset = request.buffer.m.offset;
+        if (device_.multi_planar()) {
+            planes_ = std::clamp<unsigned>(request.buffer.length, 1, VIDEO_MAX_PLANES);
+            length = request.planes[0].length;
+            offset = request.planes[0].m.mem_offset;
+        }
+        void* memory = device_.system().map(device_.file(), length, offset);
+        if (!memory)
+            device_.fail("map a buffer", fmt::format("the kernel refuses {} bytes", length));
+        mappings_.push_back({memory, length});
+    }
+
+    // In the background if the driver takes its time; the file may be another's by then, so only
+    // the memory is given back.
+    void stop() noexcept {
+        const auto abandoned = std::make_shared<std::atomic<bool>>(false);
+        const auto task = [abandoned, &system = device_.system(), file = device_.file(),
+                           type = device_.buffer_type(), mappings = std::move(mappings_)] {
+            int stopped_type = static_cast<int>(type);
+            system.ioctl(file, VIDIOC_STREAMOFF, &stopped_type);
+            for (const Mapping& mapping : mappings)
+                system.unmap(mapping.memory, mapping.length);
+            v4l2_requestbuffers none{};
+            none.type = type;
+            none.memory = V4L2_MEMORY_MMAP;
+            if (!*abandoned)
+                system.ioctl(file, VIDIOC_REQBUFS, &none);
+        };
+        if (!run_bounded(task)) {
+            *abandoned = true;
+            device_.set_lost();
+        }
+    }
+
+    V4l2Device& device_;
+    std::vector<Mapping> mappings_;
+    unsigned planes_ = 1;
+};
+
+class V4l2Camera final : public DeviceCamera {
+public:
+    V4l2Camera(V4l2System& system, const std::string& id, const CameraLink& link, Clock& clock)
+        : DeviceCamera("v4l2:" + id, link, clock), system_(system) {
+        std::string node = id;
+        if (id.rfind('/', 0) != 0)
+            node = find_node(system_, [&](const V4l2Identity& found) { return found.bus == id; });
+        if (node.empty())
+            fail("open", "no camera is there");
+        open(node);
+        device_identity_ = device_->identity();
+        identity_ = {"v4l2:" + id, "", device_identity_.card, device_identity_.serial};
+    }
+
+    CameraAbilities abilities() const override {
+        require_alive("list abilities");
+        CameraAbilities abilities{device_->formats(), controls_->list()};
+        if (const auto frame_rate = device_->frame_rate_control())
+            abilities.controls.push_back(*frame_rate);
+        return abilities;
+    }
+
+    void reconnect(Instant deadline, std::stop_token stop) override {
+        reconnect_every(look_again, deadline, stop);
+    }
+
     std::vector<std::string> remarks() const override { return remarks_; }
 
 private:
-    void open(const std::string& node);
-    void close() noexcept;
-    void reopen();
-    void require_alive(const std::string& request) const;
-    const PixelFormat& chosen_format(const CaptureSettings& wanted);
-    void apply_controls(const CaptureSettings& wanted);
-    CaptureSettings read_back(const CaptureSettings& wanted);
-    V4l2Timing::Camera timing_of(const CaptureSettings& settings);
-    Duration frame_period();
-    void remark_on_format();
-    void remark(const std::string& text);
+    void open(const std::string& node) {
+        device_ = std::make_unique<V4l2Device>(system_, node, name_);
+        controls_ = std::make_unique<V4l2Controls>(*device_);
+    }
 
-    Frame next_frame_after(Instant t, std::stop_token stop);
-    std::optional<Frame> judged(const FilledBuffer& buffer, Instant t);
-    Frame described(const FilledBuffer& buffer, Instant now);
-    void require_codes(const Frame& frame) const;
-    void count(std::uint32_t sequence);
-    std::string unpacked(const FilledBuffer& buffer, CodeImage& image) const;
+    void close() noexcept override {
+        disarm();
+        controls_.reset();
+        device_.reset();
+    }
 
-    [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
-        throw DeviceError(name_, request, cause);
+    void reopen() override {
+        const std::string node = find_node(
+            system_, [this](const V4l2Identity& found) { return found == device_identity_; });
+        if (node.empty())
+            fail("reconnect",
+                 fmt::format("no {} is at {}", device_identity_.card, device_identity_.bus));
+        open(node);
+    }
+
+    CaptureSettings apply(const CaptureSettings& wanted) override {
+        remarks_.clear();
+        image_format_ = device_->set_format(chosen_format(wanted), wanted.width, wanted.height);
+        apply_controls(wanted);
+        const CaptureSettings actual = read_back(wanted);
+        const double step_us = static_cast<double>(controls_->exposure_step().count());
+        refuse_if(first_difference(wanted, actual, step_us));
+        require_alive("configure");
+        remark_on_format();
+        return actual;
+    }
+
+    void start_stream() override {
+        const V4l2Timing::Camera timing = timing_of(*settings_);
+        stream_ = std::make_unique<V4l2Stream>(*device_);
+        timing_.emplace(timing, clock_.now());
+        last_sequence_.reset();
+    }
+
+    void stop_stream() noexcept override { stream_.reset(); }
+
+    void require_alive(const std::string& request) const override {
+        if (!device_ || device_->lost())
+            fail(request, "the device is gone");
+    }
+
+    const PixelFormat& chosen_format(const CaptureSettings& wanted) {
+        const std::vector<CameraFormat> offered = device_->formats();
+        const std::string request = wanted.format.empty()
+                                        ? fmt::format("set {} bits a pixel", wanted.bits)
+                                        : "set pixel format " + wanted.format;
+        const auto is_wanted = [&](const CameraFormat& f) { return f.name == wanted.format; };
+        if (!wanted.format.empty() && std::none_of(offered.begin(), offered.end(), is_wanted))
+            fail(request, "the device offers " + names_of(offered));
+        const PixelFormat* format = wanted.format.empty() ? monochrome_format(offered, wanted.bits)
+                                                          : find_trimmed_v4l2_format(wanted.format);
+        if (!format)
+            fail(request,
+                 wanted.format.empty()
+                     ? "no monochrome format of the device has them; it offers " + names_of(offered)
+                     : "this program cannot unpack it");
+        const int depth = format->bits <= 8 ? CV_8U : CV_16U;
+        if (wanted.bits && (!bits_fit_depth(wanted.bits, depth) || wanted.bits > format->bits))
+            fail(fmt::format("set {} bits a pixel", wanted.bits),
+                 fmt::format("{} has {}", format->v4l2, format->bits));
+        return *format;
+    }
+
+    // The frame rate comes first, since it limits the exposure. Those asked for by name come last:
+    // who asks for sharpness gets it.
+    void apply_controls(const CaptureSettings& wanted) {
+        if (const auto rate = wanted.controls.find(frame_rate_name); rate != wanted.controls.end())
+            device_->set_frame_rate(rate->second);
+        remarks_ = controls_->bring_to_rest();
+        if (wanted.exposure.count())
+            controls_->set_exposure(wanted.exposure);
+        if (wanted.gain_db != 0.0)
+            fail(fmt::format("set gain {} dB", wanted.gain_db),
+                 "gains of V4L2 devices have no unit: set the control \"gain\"");
+        if (wanted.black_level)
+            controls_->set("black_level", *wanted.black_level);
+        for (const auto& [name, value] : wanted.controls)
+            if (name != frame_rate_name)
+                controls_->set(name, value);
+    }
+
+    CaptureSettings read_back(const CaptureSettings& wanted) {
+        CaptureSettings actual;
+        actual.width = image_format_.width;
+        actual.height = image_format_.height;
+        actual.bits = wanted.bits ? wanted.bits : image_format_.pixels->bits;
+        actual.format = std::string(image_format_.pixels->v4l2.substr(
+            0, image_format_.pixels->v4l2.find_last_not_of(' ') + 1));
+        actual.exposure = controls_->exposure().value_or(0us);
+        actual.trigger = "none";
+        if (wanted.black_level)
+            actual.black_level = controls_->get("black_level");
+        for (const auto& [name, value] : wanted.controls)
+            actual.controls[name] = name == frame_rate_name ? device_->frame_rate().value_or(0.0)
+                                                            : controls_->get(name);
+        return actual;
+    }
+
+    V4l2Timing::Camera timing_of(const CaptureSettings& settings) {
+        const bool usb = device_identity_.driver == "uvcvideo";
+        const Duration period = frame_period();
+        V4l2Timing::Camera timing;
+        timing.longest_hold = usb ? UsbDelay::expected(period) : period;
+        timing.shortest_exposure = settings.exposure;
+        timing.longest_exposure = settings.exposure.count() ? settings.exposure : period;
+        timing.over_usb = usb;
+        return timing;
+    }
+
+    // A frame takes at least its exposure, whatever rate the driver says.
+    Duration frame_period() {
+        Duration period = device_->frame_period();
+        if (period <= Duration(0)) {
+            period = link_.frame_timeout;
+            remark(
+                fmt::format("the driver does not say its frame rate: {} ms between frames are "
+                            "assumed",
+                            link_.frame_timeout.count()));
+        }
+        return std::max<Duration>(period, settings_->exposure);
+    }
+
+    void remark_on_format() {
+        const PixelFormat& format = *image_format_.pixels;
+        if (format.lossy())
+            remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", format.v4l2));
+        if (format.luma_of_colours())
+            remark(fmt::format("of {} the luma is kept, which the camera made", format.v4l2));
+    }
+
+    void remark(const std::string& text) {
+        if (std::find(remarks_.begin(), remarks_.end(), text) == remarks_.end())
+            remarks_.push_back(text);
+    }
+
+    // The first frame, good or bad, that is not older.
+    Frame next_frame(Instant t, std::stop_token stop) override {
+        wait_until_after(clock_, t, stop);
+        const Duration limit = link_.frame_timeout + timing_->longest_wait();
+        const Instant deadline = clock_.now() + limit;
+        int too_old = 0;
+        bool announced = false;
+        do {
+            if (stop.stop_requested())
+                throw Interrupted();
+            if (const auto buffer = stream_->take()) {
+                std::optional<Frame> frame = judged(*buffer, t);
+                stream_->give_back(*buffer);
+                if (frame) {
+                    require_codes(*frame);
+                    return std::move(*frame);
+                }
+                ++too_old;
+                ++statistics_.rejected;
+                announced = false;
+                continue;
+            }
+            timing_->saw_empty_queue(clock_.now());
+            if (announced)  // falsely: not again and again without a pause
+                clock_.wait_for(1ms, stop);
+            announced = stream_->wait(look_around);
+        } while (clock_.now() < deadline);
+        Frame frame;
+        frame.settings = *settings_;
+        frame.status_detail =
+            fmt::format("no frame within {} ms{}", duration_cast<milliseconds>(limit).count(),
+                        too_old ? fmt::format(", but {} that were too old", too_old) : "");
+        return frame;
+    }
+
+    // Nothing for a frame that is too old.
+    std::optional<Frame> judged(const FilledBuffer& buffer, Instant t) {
+        const Instant now = clock_.now();
+        count(buffer.sequence);
+        const std::string stamp_fault = timing_->check(buffer, frame_id_, now);
+        Frame frame = described(buffer, now);
+        if (stamp_fault.empty() && frame.exposure_start - frame.exposure_start_uncertainty <= t)
+            return std::nullopt;
+        frame.status = FrameStatus::corrupt;
+        frame.status_detail = !buffer.fault.empty() ? buffer.fault : stamp_fault;
+        if (!frame.status_detail.empty())
+            return frame;
+        frame.status_detail = unpacked(buffer, frame.image);
+        frame.status =
+            frame.status_detail.empty() ? FrameStatus::complete : FrameStatus::short_frame;
+        return frame;
+    }
+
+    Frame described(const FilledBuffer& buffer, Instant now) {
+        const ExposureStart start = timing_->exposure_start(buffer, now);
+        if (start.source == TimeSource::request)
+            remark(
+                "the driver's time stamps are of an unknown clock or lie ahead of the frames: "
+                "their "
+                "arrival is used");
+        Frame frame;
+        frame.mosaic = image_format_.pixels->mosaic;
+        frame.id = frame_id_;
+        frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
+        frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
+        frame.time_source = start.source;
+        frame.device_time_ns = static_cast<std::uint64_t>(buffer.stamp.count());
+        frame.settings = *settings_;
+        return frame;
+    }
+
+    void require_codes(const Frame& frame) const {
+        if (frame.status != FrameStatus::complete)
+            return;
+        const std::string fault = code_fault(frame.image, *image_format_.pixels);
+        if (!fault.empty())
+            fail("take a frame", fault);
+    }
+
+    // The driver's counter has 32 bits, and some stand still or begin anew; a frame's id only
+    // grows.
+    void count(std::uint32_t sequence) {
+        const std::uint32_t ahead = last_sequence_ ? sequence - *last_sequence_ : 0;
+        if (!last_sequence_)
+            frame_id_ = std::max<std::uint64_t>(sequence, frame_id_ + 1);
+        else if (ahead == 0 || ahead > std::numeric_limits<std::uint32_t>::max() / 2)
+            ++frame_id_;
+        else {
+            frame_id_ += ahead;
+            statistics_.skipped += ahead - 1;
+        }
+        last_sequence_ = sequence;
+    }
+
+    // What is wrong with the pixels; empty if nothing.
+    std::string unpacked(const FilledBuffer& buffer, CodeImage& image) const {
+        const PixelFormat& format = *image_format_.pixels;
+        std::string fault = unpack(
+            format,
+            {buffer.data, image_format_.width, image_format_.height, image_format_.bytes_per_line},
+            image);
+        if (fault.empty())
+            image.bits = settings_->bits;
+        return fault;
     }
 
     V4l2System& system_;
-    CameraLink link_;
-    Clock& clock_;
-    std::string name_;  // for errors
-    CameraIdentity identity_;
     V4l2Identity device_identity_;
-    CaptureStatistics statistics_;
     std::vector<std::string> remarks_;
 
     // In this order, so that the stream ends before its device closes.
@@ -114,343 +526,13 @@ private:
     std::unique_ptr<V4l2Controls> controls_;
     std::unique_ptr<V4l2Stream> stream_;
 
-    CaptureSettings wanted_;
-    std::optional<CaptureSettings> settings_;  // in force; nothing until configured
     V4l2ImageFormat image_format_;
-    bool armed_ = false;  // stays when the device is lost
 
     // Of the running stream.
     std::optional<V4l2Timing> timing_;
     std::optional<std::uint32_t> last_sequence_;
     std::uint64_t frame_id_ = 0;
 };
-
-// ---- opening -------------------------------------------------------------------------------
-
-V4l2Camera::V4l2Camera(V4l2System& system, const std::string& id, const CameraLink& link,
-                       Clock& clock)
-    : system_(system), link_(link), clock_(clock), name_("camera v4l2:" + id) {
-    std::string node = id;
-    if (id.rfind('/', 0) != 0)
-        node = find_node(system_, [&](const V4l2Identity& found) { return found.bus == id; });
-    if (node.empty())
-        fail("open", "no camera is there");
-    open(node);
-    device_identity_ = device_->identity();
-    identity_ = {"v4l2:" + id, "", device_identity_.card, device_identity_.serial};
-}
-
-void V4l2Camera::open(const std::string& node) {
-    device_ = std::make_unique<V4l2Device>(system_, node, name_);
-    controls_ = std::make_unique<V4l2Controls>(*device_);
-}
-
-void V4l2Camera::close() noexcept {
-    disarm();
-    controls_.reset();
-    device_.reset();
-}
-
-void V4l2Camera::require_alive(const std::string& request) const {
-    if (!device_ || device_->lost())
-        fail(request, "the device is gone");
-}
-
-CameraAbilities V4l2Camera::abilities() const {
-    require_alive("list abilities");
-    CameraAbilities abilities{device_->formats(), controls_->list()};
-    if (const auto frame_rate = device_->frame_rate_control())
-        abilities.controls.push_back(*frame_rate);
-    return abilities;
-}
-
-// ---- settings ------------------------------------------------------------------------------
-
-CaptureSettings V4l2Camera::configure(const CaptureSettings& wanted) {
-    require_alive("configure");
-    if (armed_)
-        fail("configure", "the camera is armed");
-    settings_.reset();
-    remarks_.clear();
-    image_format_ = device_->set_format(chosen_format(wanted), wanted.width, wanted.height);
-    apply_controls(wanted);
-    const CaptureSettings actual = read_back(wanted);
-    const double step_us = static_cast<double>(controls_->exposure_step().count());
-    if (const auto difference = first_difference(wanted, actual, step_us))
-        fail(difference->request, difference->cause);
-    require_alive("configure");
-    remark_on_format();
-    wanted_ = wanted;
-    settings_ = actual;
-    return actual;
-}
-
-const PixelFormat& V4l2Camera::chosen_format(const CaptureSettings& wanted) {
-    const std::vector<CameraFormat> offered = device_->formats();
-    const std::string request = wanted.format.empty()
-                                    ? fmt::format("set {} bits a pixel", wanted.bits)
-                                    : "set pixel format " + wanted.format;
-    const auto is_wanted = [&](const CameraFormat& f) { return f.name == wanted.format; };
-    if (!wanted.format.empty() && std::none_of(offered.begin(), offered.end(), is_wanted))
-        fail(request, "the device offers " + names_of(offered));
-    const PixelFormat* format = wanted.format.empty() ? monochrome_format(offered, wanted.bits)
-                                                      : find_trimmed_v4l2_format(wanted.format);
-    if (!format)
-        fail(request,
-             wanted.format.empty()
-                 ? "no monochrome format of the device has them; it offers " + names_of(offered)
-                 : "this program cannot unpack it");
-    const int depth = format->bits <= 8 ? CV_8U : CV_16U;
-    if (wanted.bits && (!bits_fit_depth(wanted.bits, depth) || wanted.bits > format->bits))
-        fail(fmt::format("set {} bits a pixel", wanted.bits),
-             fmt::format("{} has {}", format->v4l2, format->bits));
-    return *format;
-}
-
-// The frame rate comes first, since it limits the exposure. Those asked for by name come last: who
-// asks for sharpness gets it.
-void V4l2Camera::apply_controls(const CaptureSettings& wanted) {
-    if (const auto rate = wanted.controls.find(frame_rate_name); rate != wanted.controls.end())
-        device_->set_frame_rate(rate->second);
-    remarks_ = controls_->bring_to_rest();
-    if (wanted.exposure.count())
-        controls_->set_exposure(wanted.exposure);
-    if (wanted.gain_db != 0.0)
-        fail(fmt::format("set gain {} dB", wanted.gain_db),
-             "gains of V4L2 devices have no unit: set the control \"gain\"");
-    if (wanted.black_level)
-        controls_->set("black_level", *wanted.black_level);
-    for (const auto& [name, value] : wanted.controls)
-        if (name != frame_rate_name)
-            controls_->set(name, value);
-}
-
-CaptureSettings V4l2Camera::read_back(const CaptureSettings& wanted) {
-    CaptureSettings actual;
-    actual.width = image_format_.width;
-    actual.height = image_format_.height;
-    actual.bits = wanted.bits ? wanted.bits : image_format_.pixels->bits;
-    actual.format = std::string(
-        image_format_.pixels->v4l2.substr(0, image_format_.pixels->v4l2.find_last_not_of(' ') + 1));
-    actual.exposure = controls_->exposure().value_or(0us);
-    actual.trigger = "none";
-    if (wanted.black_level)
-        actual.black_level = controls_->get("black_level");
-    for (const auto& [name, value] : wanted.controls)
-        actual.controls[name] =
-            name == frame_rate_name ? device_->frame_rate().value_or(0.0) : controls_->get(name);
-    return actual;
-}
-
-void V4l2Camera::remark_on_format() {
-    const PixelFormat& format = *image_format_.pixels;
-    if (format.lossy())
-        remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", format.v4l2));
-    if (format.luma_of_colours())
-        remark(fmt::format("of {} the luma is kept, which the camera made", format.v4l2));
-}
-
-void V4l2Camera::remark(const std::string& text) {
-    if (std::find(remarks_.begin(), remarks_.end(), text) == remarks_.end())
-        remarks_.push_back(text);
-}
-
-// ---- stream --------------------------------------------------------------------------------
-
-void V4l2Camera::arm() {
-    require_alive("arm");
-    if (!settings_)
-        fail("arm", "the camera is not configured");
-    if (armed_)
-        return;
-    const V4l2Timing::Camera timing = timing_of(*settings_);
-    stream_ = std::make_unique<V4l2Stream>(*device_);
-    timing_.emplace(timing, clock_.now());
-    last_sequence_.reset();
-    armed_ = true;
-}
-
-V4l2Timing::Camera V4l2Camera::timing_of(const CaptureSettings& settings) {
-    const bool usb = device_identity_.driver == "uvcvideo";
-    const Duration period = frame_period();
-    V4l2Timing::Camera timing;
-    timing.longest_hold = usb ? UsbDelay::expected(period) : period;
-    timing.shortest_exposure = settings.exposure;
-    timing.longest_exposure = settings.exposure.count() ? settings.exposure : period;
-    timing.over_usb = usb;
-    return timing;
-}
-
-// A frame takes at least its exposure, whatever rate the driver says.
-Duration V4l2Camera::frame_period() {
-    Duration period = device_->frame_period();
-    if (period <= Duration(0)) {
-        period = link_.frame_timeout;
-        remark(
-            fmt::format("the driver does not say its frame rate: {} ms between frames are "
-                        "assumed",
-                        link_.frame_timeout.count()));
-    }
-    return std::max<Duration>(period, settings_->exposure);
-}
-
-void V4l2Camera::disarm() noexcept {
-    stream_.reset();
-    armed_ = false;
-}
-
-// ---- frames --------------------------------------------------------------------------------
-
-Frame V4l2Camera::frame_after(Instant t, int retries, std::stop_token stop) {
-    if (!armed_)
-        fail("take a frame", "the camera is not armed");
-    return first_complete_frame(retries, statistics_, [&] { return next_frame_after(t, stop); });
-}
-
-// The first frame, good or bad, that is not older.
-Frame V4l2Camera::next_frame_after(Instant t, std::stop_token stop) {
-    require_alive("take a frame");
-    wait_until_after(clock_, t, stop);
-    const Duration limit = link_.frame_timeout + timing_->longest_wait();
-    const Instant deadline = clock_.now() + limit;
-    int too_old = 0;
-    bool announced = false;
-    do {
-        if (stop.stop_requested())
-            throw Interrupted();
-        if (const auto buffer = stream_->take()) {
-            std::optional<Frame> frame = judged(*buffer, t);
-            stream_->give_back(*buffer);
-            if (frame) {
-                require_codes(*frame);
-                return std::move(*frame);
-            }
-            ++too_old;
-            ++statistics_.rejected;
-            announced = false;
-            continue;
-        }
-        timing_->saw_empty_queue(clock_.now());
-        if (announced)  // falsely: not again and again without a pause
-            clock_.wait_for(1ms, stop);
-        announced = stream_->wait(look_around);
-    } while (clock_.now() < deadline);
-    Frame frame;
-    frame.settings = *settings_;
-    frame.status_detail =
-        fmt::format("no frame within {} ms{}", duration_cast<milliseconds>(limit).count(),
-                    too_old ? fmt::format(", but {} that were too old", too_old) : "");
-    return frame;
-}
-
-void V4l2Camera::require_codes(const Frame& frame) const {
-    if (frame.status != FrameStatus::complete)
-        return;
-    const std::string fault = code_fault(frame.image, *image_format_.pixels);
-    if (!fault.empty())
-        fail("take a frame", fault);
-}
-
-// Nothing for a frame that is too old.
-std::optional<Frame> V4l2Camera::judged(const FilledBuffer& buffer, Instant t) {
-    const Instant now = clock_.now();
-    count(buffer.sequence);
-    const std::string stamp_fault = timing_->check(buffer, frame_id_, now);
-    Frame frame = described(buffer, now);
-    if (stamp_fault.empty() && frame.exposure_start - frame.exposure_start_uncertainty <= t)
-        return std::nullopt;
-    frame.status = FrameStatus::corrupt;
-    frame.status_detail = !buffer.fault.empty() ? buffer.fault : stamp_fault;
-    if (!frame.status_detail.empty())
-        return frame;
-    frame.status_detail = unpacked(buffer, frame.image);
-    frame.status = frame.status_detail.empty() ? FrameStatus::complete : FrameStatus::short_frame;
-    return frame;
-}
-
-Frame V4l2Camera::described(const FilledBuffer& buffer, Instant now) {
-    const ExposureStart start = timing_->exposure_start(buffer, now);
-    if (start.source == TimeSource::request)
-        remark(
-            "the driver's time stamps are of an unknown clock or lie ahead of the frames: their "
-            "arrival is used");
-    Frame frame;
-    frame.mosaic = image_format_.pixels->mosaic;
-    frame.id = frame_id_;
-    frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
-    frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
-    frame.time_source = start.source;
-    frame.device_time_ns = static_cast<std::uint64_t>(buffer.stamp.count());
-    frame.settings = *settings_;
-    return frame;
-}
-
-// The driver's counter has 32 bits, and some stand still or begin anew; a frame's id only grows.
-void V4l2Camera::count(std::uint32_t sequence) {
-    const std::uint32_t ahead = last_sequence_ ? sequence - *last_sequence_ : 0;
-    if (!last_sequence_)
-        frame_id_ = std::max<std::uint64_t>(sequence, frame_id_ + 1);
-    else if (ahead == 0 || ahead > std::numeric_limits<std::uint32_t>::max() / 2)
-        ++frame_id_;
-    else {
-        frame_id_ += ahead;
-        statistics_.skipped += ahead - 1;
-    }
-    last_sequence_ = sequence;
-}
-
-// What is wrong with the pixels; empty if nothing.
-std::string V4l2Camera::unpacked(const FilledBuffer& buffer, CodeImage& image) const {
-    const PixelFormat& format = *image_format_.pixels;
-    std::string fault = unpack(
-        format,
-        {buffer.data, image_format_.width, image_format_.height, image_format_.bytes_per_line},
-        image);
-    if (fault.empty())
-        image.bits = settings_->bits;
-    return fault;
-}
-
-// ---- a device that comes back --------------------------------------------------------------
-
-void V4l2Camera::reconnect(Instant deadline, std::stop_token stop) {
-    const std::optional<CaptureSettings> before = settings_;
-    const bool arm_again = armed_;
-    for (;;) {
-        try {
-            reopen();
-            if (arm_again)
-                arm();
-            ++statistics_.reconnects;
-            return;
-        } catch (const DeviceError&) {
-            close();
-            settings_ = before;  // to be tried again
-            armed_ = arm_again;
-            if (clock_.now() >= deadline)
-                throw;
-        }
-        if (!clock_.wait_for(look_again, stop))
-            throw Interrupted();
-    }
-}
-
-// The same device, with the same settings as before.
-void V4l2Camera::reopen() {
-    close();
-    const std::string node =
-        find_node(system_, [this](const V4l2Identity& found) { return found == device_identity_; });
-    if (node.empty())
-        fail("reconnect",
-             fmt::format("no {} is at {}", device_identity_.card, device_identity_.bus));
-    open(node);
-    if (!settings_)
-        return;
-    const CaptureSettings before = *settings_;
-    configure(wanted_);
-    if (const auto difference = first_difference(before, *settings_, 0.0))
-        fail("reconnect: " + difference->request, difference->cause);
-}
 
 }  // namespace
 

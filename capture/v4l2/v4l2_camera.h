@@ -9,7 +9,7 @@
 //   its frame's arrival             seen empty and now; else as end of frame
 //
 // The driver uvcvideo calls the arrival of a frame's first data the start of its exposure: what any
-// of its stamps proves is in usb_delay.h.
+// of its stamps proves is in v4l2_timing.h.
 //
 // Stamps that lie further in the future or do not advance make a frame `corrupt`; frames that are
 // old by their stamps are thrown away until the time-out.

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <linux/videodev2.h>
 
-#include <algorithm>
 #include <cctype>
 #include <cerrno>
 #include <cmath>

@@ -8,18 +8,13 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <future>
-#include <system_error>
 #include <thread>
-
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -41,8 +36,30 @@ int node_number(const fs::path& path) {
 
 class KernelSystem final : public V4l2System {
 public:
-    std::vector<std::string> nodes() override;
-    std::string serial_number(const std::string& node) override;
+    std::vector<std::string> nodes() override {
+        std::vector<fs::path> found;
+        std::error_code error;
+        for (fs::directory_iterator entry("/dev", error), end; !error && entry != end;
+             entry.increment(error))
+            if (node_number(entry->path()) >= 0)
+                found.push_back(entry->path());
+        std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) {
+            return node_number(a) < node_number(b);
+        });
+        return {found.begin(), found.end()};
+    }
+
+    // The node's "device" is the USB interface; the number is an attribute of the device above it.
+    std::string serial_number(const std::string& node) override {
+        std::error_code error;
+        const fs::path real = fs::canonical(node, error);  // may be a link below /dev/v4l
+        const fs::path interface =
+            fs::canonical("/sys/class/video4linux" / real.filename() / "device", error);
+        std::string serial;
+        if (!error)
+            std::getline(std::ifstream(interface.parent_path() / "serial"), serial);
+        return serial;
+    }
 
     int open(const std::string& node) override {
         return result_of(::open(node.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC));
@@ -62,30 +79,6 @@ public:
         return ready > 0 ? waited.revents : ready;
     }
 };
-
-std::vector<std::string> KernelSystem::nodes() {
-    std::vector<fs::path> found;
-    std::error_code error;
-    for (fs::directory_iterator entry("/dev", error), end; !error && entry != end;
-         entry.increment(error))
-        if (node_number(entry->path()) >= 0)
-            found.push_back(entry->path());
-    std::sort(found.begin(), found.end(),
-              [](const fs::path& a, const fs::path& b) { return node_number(a) < node_number(b); });
-    return {found.begin(), found.end()};
-}
-
-// The node's "device" is the USB interface; the number is an attribute of the device above it.
-std::string KernelSystem::serial_number(const std::string& node) {
-    std::error_code error;
-    const fs::path real = fs::canonical(node, error);  // may be a link below /dev/v4l
-    const fs::path interface =
-        fs::canonical("/sys/class/video4linux" / real.filename() / "device", error);
-    std::string serial;
-    if (!error)
-        std::getline(std::ifstream(interface.parent_path() / "serial"), serial);
-    return serial;
-}
 
 }  // namespace
 

@@ -1,5 +1,5 @@
 // One open video node: asking it, with every answer checked, and the image formats it offers. Knows
-// nothing of frames or of exposure: see v4l2_stream.h and v4l2_controls.h.
+// nothing of frames or of exposure: see v4l2_camera.h and v4l2_controls.h.
 //
 // Source: the kernel's Video for Linux API, part I (linux/videodev2.h).
 #pragma once

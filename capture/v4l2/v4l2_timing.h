@@ -7,12 +7,30 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <span>
 #include <string>
 
-#include "capture/v4l2/v4l2_stream.h"
+#include "capture/frame/camera.h"
 #include "core/time/clock.h"
 
 namespace etalon {
+
+// What a driver's time stamp means.
+enum class StampMeaning {
+    nothing,         // of an unknown clock, or copied from elsewhere
+    exposure_start,  // of the monotonic clock
+    frame_end,       // of the monotonic clock, when the frame had arrived
+};
+
+// A buffer that the driver has done with, until it is given back.
+struct FilledBuffer {
+    unsigned index = 0;
+    std::span<const std::uint8_t> data;  // the luma's or the only plane
+    std::string fault;                 // the driver's flag, or an impossible answer; usually empty
+    std::uint32_t sequence = 0;        // wraps
+    std::chrono::nanoseconds stamp{};  // as given
+    StampMeaning meaning = StampMeaning::nothing;
+};
 
 // How long before its time stamp the exposure of a USB camera's frame may have begun. The kernel's
 // driver (uvcvideo) stamps a frame when its first data arrive, and camera and host have held it
@@ -70,7 +88,7 @@ public:
     struct Camera {
         Duration longest_hold{};  // from the end of an exposure to the stamp of its frame
         Duration shortest_exposure{}, longest_exposure{};  // equal where known
-        bool over_usb = false;                             // stamped as in usb_delay.h
+        bool over_usb = false;                             // stamped as UsbDelay says
     };
     // For a stream that starts now.
     V4l2Timing(const Camera& camera, Instant now) : camera_(camera), seen_empty_(now) {}

@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <arv.h>
 #include <fmt/format.h>
+#include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -11,17 +12,12 @@
 #include <bit>
 #include <cerrno>
 #include <cmath>
-#include <condition_variable>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
-#include <mutex>
-#include <optional>
 #include <thread>
 
 #include "capture/frame/pixel_formats.h"
 #include "core/program/errors.h"
-#include "mocks/camera/gige_chunks.h"
 #include "mocks/camera/gige_description.h"
 
 namespace etalon {
@@ -148,7 +144,129 @@ private:
     std::string path_;
 };
 
+// ---- frames with chunks, which the fake camera does not know, built and sent by hand. The layout
+// is what Wireshark's GVSP dissector and manuals of cameras say of GigE Vision; all is big-endian.
+
+constexpr std::uint8_t leader_format = 1, trailer_format = 2, payload_format = 3;
+constexpr std::size_t headers = 20 + 8 + 8;  // of IP, UDP and GVSP
+
+using Bytes = std::vector<std::uint8_t>;
+
+void append(Bytes& out, std::uint64_t value, int bytes) {
+    for (int shift = 8 * (bytes - 1); shift >= 0; shift -= 8)
+        out.push_back(static_cast<std::uint8_t>(value >> shift));
+}
+
+std::array<std::uint8_t, 8> bytes_of(std::uint64_t value, std::endian order) {
+    std::array<std::uint8_t, 8> bytes;
+    for (std::size_t i = 0; i < bytes.size(); ++i)
+        bytes[order == std::endian::big ? 7 - i : i] = static_cast<std::uint8_t>(value >> 8 * i);
+    return bytes;
+}
+
 }  // namespace
+
+void append_chunk(std::vector<std::uint8_t>& payload, std::uint32_t id,
+                  std::span<const std::uint8_t> data) {
+    payload.insert(payload.end(), data.begin(), data.end());
+    append(payload, id, 4);
+    append(payload, data.size(), 4);
+}
+
+struct GvspLeader {
+    std::uint16_t payload_type = image_with_chunks;
+    std::uint64_t timestamp = 0;     // ticks
+    std::uint32_t pixel_format = 0;  // PFNC
+    cv::Rect region;                 // px
+};
+
+// A stream channel, as the client wrote it to the device's registers.
+struct GvspChannel {
+    std::uint32_t address = 0;  // in the host's byte order
+    std::uint16_t port = 0;
+    std::uint16_t packet_size = 0;  // bytes, the headers of IP, UDP and GVSP included
+};
+
+namespace {
+
+Bytes leader_content(const GvspLeader& leader) {
+    Bytes content;
+    append(content, 0, 2);
+    append(content, leader.payload_type, 2);
+    append(content, leader.timestamp, 8);
+    if (leader.payload_type == chunks_only)
+        return content;
+    append(content, leader.pixel_format, 4);
+    for (const int number :
+         {leader.region.width, leader.region.height, leader.region.x, leader.region.y})
+        append(content, static_cast<std::uint32_t>(number), 4);
+    append(content, 0, 4);  // no padding
+    return content;
+}
+
+Bytes trailer_content(const GvspLeader& leader) {
+    Bytes content;
+    append(content, 0, 2);
+    append(content, leader.payload_type, 2);
+    append(content, static_cast<std::uint32_t>(leader.region.height), 4);
+    return content;
+}
+
+}  // namespace
+
+class GvspSender {
+public:
+    // throws DeviceError
+    GvspSender() : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+        if (socket_ < 0)
+            throw DeviceError("camera", "open a stream socket", std::strerror(errno));
+    }
+
+    ~GvspSender() { close(socket_); }
+
+    GvspSender(const GvspSender&) = delete;
+    GvspSender& operator=(const GvspSender&) = delete;
+
+    // One frame: leader, payload, trailer. Each packet is dropped with the chance `loss`. What the
+    // network does not take is lost, as on a wire.
+    void send(const GvspChannel& channel, const GvspLeader& leader,
+              std::span<const std::uint8_t> payload, double loss) {
+        if (channel.packet_size <= headers)
+            return;
+        to_.sin_family = AF_INET;
+        to_.sin_port = htons(channel.port);
+        to_.sin_addr.s_addr = htonl(channel.address);
+        loss_ = loss;
+        block_ = block_ == 65535 ? 1 : static_cast<std::uint16_t>(block_ + 1);
+        packet_ = 0;
+        send_packet(leader_format, leader_content(leader));
+        const std::size_t room = channel.packet_size - headers;
+        for (std::size_t sent = 0; sent < payload.size(); sent += room)
+            send_packet(payload_format,
+                        payload.subspan(sent, std::min(room, payload.size() - sent)));
+        send_packet(trailer_format, trailer_content(leader));
+    }
+
+private:
+    void send_packet(std::uint8_t format, std::span<const std::uint8_t> content) {
+        Bytes packet;
+        append(packet, 0, 2);  // success
+        append(packet, block_, 2);
+        append(packet, format, 1);
+        append(packet, packet_++, 3);
+        packet.insert(packet.end(), content.begin(), content.end());
+        if (random_.uniform(0.0, 1.0) >= loss_)
+            sendto(socket_, packet.data(), packet.size(), 0,
+                   reinterpret_cast<const sockaddr*>(&to_), sizeof to_);
+    }
+
+    int socket_;
+    sockaddr_in to_{};
+    double loss_ = 0.0;
+    std::uint16_t block_ = 65530;  // soon wraps, from 65535 to 1
+    std::uint32_t packet_ = 0;
+    cv::RNG random_{75};
+};
 
 struct GigeCamera::Device {
     GigeCameraOptions options;
@@ -203,156 +321,134 @@ struct GigeCamera::Device {
     void set_loss(double part) { g_object_set(camera, "gvsp-lost-ratio", part, nullptr); }
     guint64 time_ns() { return nanoseconds_now() + static_cast<guint64>(clock_offset.count()); }
 
-    void start();
-    void answer_latches();
-    double go_through_faults(bool chunks);
-    CaptureSettings settings(const cv::Rect& region, const PixelFormat& format, guint32 exposure_us,
-                             guint32 gain_db);
-    void fill(ArvBuffer* buffer, guint32 exposure_us, guint32 gain_db, ArvPixelFormat format);
-    guint64 stamp(ArvBuffer* buffer);
-    std::vector<std::uint8_t> chunked(std::span<const std::uint8_t> image, GigeChunkValues values);
-    void send_chunked(const cv::Mat& codes, const PixelFormat& format, const GvspLeader& leader,
-                      const GigeChunkValues& values, double loss);
-};
-
-// On the camera's thread, once for each frame. Returns the part of its packets that are dropped.
-double GigeCamera::Device::go_through_faults(bool chunks) {
-    std::unique_lock lock(mutex);
-    changed.wait(lock, [this] { return !frozen || ending; });
-    if (short_frames > 0 && --short_frames == 0)
+    void start() {
+        const DescriptionFile description(gige_description(
+            {options.formats, options.latches, options.chunk_payload_type != 0, options.ptp}));
+        camera = arv_gv_fake_camera_new_full(address, options.serial.c_str(), description.path());
+        if (!arv_gv_fake_camera_is_running(camera))
+            throw DeviceError(device_name, "listen", "the fake camera did not start");
+        set(ARV_FAKE_CAMERA_REGISTER_SENSOR_WIDTH, options.width);
+        set(ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, options.height);
+        set(ARV_FAKE_CAMERA_REGISTER_WIDTH, options.width);
         set(ARV_FAKE_CAMERA_REGISTER_HEIGHT, options.height);
-    const double loss = lossy_frames > 0 ? lossy_part : options.packet_loss;
-    lossy_frames = std::max(0, lossy_frames - 1);
-    if (!ending)  // the library's object is no longer whole then
-        set_loss(chunks ? 1.0 : loss);
-    return loss;
-}
-
-CaptureSettings GigeCamera::Device::settings(const cv::Rect& region, const PixelFormat& format,
-                                             guint32 exposure_us, guint32 gain_db) {
-    CaptureSettings settings;
-    settings.width = region.width;
-    settings.height = region.height;
-    settings.bits = format.bits;
-    settings.format = format.pfnc;
-    settings.exposure = std::chrono::microseconds(exposure_us);
-    settings.gain_db = gain_db;
-    settings.black_level = get(black_level_register);
-    return settings;
-}
-
-namespace {
-
-std::array<std::uint8_t, 8> bytes_of(std::uint64_t value, std::endian order) {
-    std::array<std::uint8_t, 8> bytes;
-    for (std::size_t i = 0; i < bytes.size(); ++i)
-        bytes[order == std::endian::big ? 7 - i : i] = static_cast<std::uint8_t>(value >> 8 * i);
-    return bytes;
-}
-
-}  // namespace
-
-// The image and those chunks that the client chose.
-std::vector<std::uint8_t> GigeCamera::Device::chunked(std::span<const std::uint8_t> image,
-                                                      GigeChunkValues values) {
-    const std::lock_guard lock(mutex);
-    if (alter_values)
-        alter_values(values);
-    std::vector<std::uint8_t> payload;
-    append_chunk(payload, image_chunk_id, image);
-    const auto append = [&](const MockChunk& chunk, std::uint64_t value, std::endian order) {
-        const auto bytes = bytes_of(value, order);
-        if (get(chunk_enable_registers + 4 * chunk.selected) != 0)
-            append_chunk(payload, chunk.id, std::span(bytes).first(chunk.bytes));
-    };
-    append(exposure_chunk, std::bit_cast<std::uint64_t>(values.exposure_us), std::endian::little);
-    append(gain_chunk, static_cast<std::uint64_t>(std::llround(10.0 * values.gain_db)),
-           std::endian::little);
-    append(timestamp_chunk, values.timestamp_ns, std::endian::big);
-    append(frame_id_chunk, values.frame_id, std::endian::big);
-    if (alter_payload)
-        alter_payload(payload);
-    return payload;
-}
-
-void GigeCamera::Device::send_chunked(const cv::Mat& codes, const PixelFormat& format,
-                                      const GvspLeader& leader, const GigeChunkValues& values,
-                                      double loss) {
-    std::vector<std::uint8_t> image(image_bytes(format, codes.cols, codes.rows, 0));
-    pack(codes, format, image.data());
-    const GvspChannel channel{get(stream_address_register),
-                              static_cast<std::uint16_t>(get(stream_port_register)),
-                              static_cast<std::uint16_t>(get(stream_packet_size_register))};
-    sender->send(channel, leader, chunked(image, values), loss);
-}
-
-guint64 GigeCamera::Device::stamp(ArvBuffer* buffer) {
-    const std::lock_guard lock(mutex);
-    const guint64 now = time_ns();
-    arv_buffer_set_timestamp(buffer, now);
-    return now;
-}
-
-void GigeCamera::Device::fill(ArvBuffer* buffer, guint32 exposure_us, guint32 gain_db,
-                              ArvPixelFormat code) {
-    const bool chunks = sends_chunks();
-    const double loss = go_through_faults(chunks);
-    const guint64 now = stamp(buffer);
-    const cv::Rect region = region_of(buffer);
-    const PixelFormat* format = find_pfnc_format(code);
-    std::size_t unknown_size = 0;  // reads 0 here; the payload is what the region needs
-    void* data = const_cast<void*>(arv_buffer_get_data(buffer, &unknown_size));
-    if (format == nullptr || data == nullptr || region.empty())
-        return;
-    cv::Mat codes(region.height, region.width, format->bits <= 8 ? CV_8UC1 : CV_16UC1);
-    copy_region(source(settings(region, *format, exposure_us, gain_db)).pixels, region, codes);
-    if (chunks)
-        send_chunked(codes, *format,
-                     {options.chunk_payload_type, now, static_cast<std::uint32_t>(code), region},
-                     {double(exposure_us), double(gain_db), now, ++exposures}, loss);
-    else
-        pack(codes, *format, static_cast<std::uint8_t*>(data));
-}
-
-// The fake camera has no hook for commands, so the latch is looked at often. A client that waits
-// for the answer sees a clock that was read some milliseconds after it asked.
-void GigeCamera::Device::answer_latches() {
-    std::unique_lock lock(mutex);
-    while (!changed.wait_for(lock, std::chrono::milliseconds(2), [this] { return ending; })) {
-        if (get(latch_register) == 0)
-            continue;
-        set(latch_register, 0);
-        set_wide(latched_time_register, time_ns());
+        set(ARV_FAKE_CAMERA_REGISTER_PIXEL_FORMAT,
+            options.bits <= 8 ? ARV_PIXEL_FORMAT_MONO_8 : ARV_PIXEL_FORMAT_MONO_16);
+        // Ours is elsewhere; the fake camera's own stays at "by software", also for Line1.
+        set(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOURCE, 1);
+        arv_fake_camera_set_trigger_frequency(registers(), trigger_poll_hz);
+        arv_fake_camera_set_fill_pattern(
+            registers(),
+            [](ArvBuffer* buffer, void* device, guint32 exposure_us, guint32 gain_db,
+               ArvPixelFormat format) {
+                static_cast<Device*>(device)->fill(buffer, exposure_us, gain_db, format);
+            },
+            this);
+        if (options.chunk_payload_type != 0)
+            sender.emplace();
+        if (options.latches)
+            latch = std::thread([this] { answer_latches(); });
     }
-}
 
-void GigeCamera::Device::start() {
-    const DescriptionFile description(gige_description(
-        {options.formats, options.latches, options.chunk_payload_type != 0, options.ptp}));
-    camera = arv_gv_fake_camera_new_full(address, options.serial.c_str(), description.path());
-    if (!arv_gv_fake_camera_is_running(camera))
-        throw DeviceError(device_name, "listen", "the fake camera did not start");
-    set(ARV_FAKE_CAMERA_REGISTER_SENSOR_WIDTH, options.width);
-    set(ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, options.height);
-    set(ARV_FAKE_CAMERA_REGISTER_WIDTH, options.width);
-    set(ARV_FAKE_CAMERA_REGISTER_HEIGHT, options.height);
-    set(ARV_FAKE_CAMERA_REGISTER_PIXEL_FORMAT,
-        options.bits <= 8 ? ARV_PIXEL_FORMAT_MONO_8 : ARV_PIXEL_FORMAT_MONO_16);
-    // Ours is elsewhere; the fake camera's own stays at "by software", also for Line1.
-    set(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOURCE, 1);
-    arv_fake_camera_set_trigger_frequency(registers(), trigger_poll_hz);
-    arv_fake_camera_set_fill_pattern(
-        registers(),
-        [](ArvBuffer* buffer, void* device, guint32 exposure_us, guint32 gain_db,
-           ArvPixelFormat format) {
-            static_cast<Device*>(device)->fill(buffer, exposure_us, gain_db, format);
-        },
-        this);
-    if (options.chunk_payload_type != 0)
-        sender.emplace();
-    if (options.latches)
-        latch = std::thread([this] { answer_latches(); });
-}
+    // The fake camera has no hook for commands, so the latch is looked at often. A client that
+    // waits for the answer sees a clock that was read some milliseconds after it asked.
+    void answer_latches() {
+        std::unique_lock lock(mutex);
+        while (!changed.wait_for(lock, std::chrono::milliseconds(2), [this] { return ending; })) {
+            if (get(latch_register) == 0)
+                continue;
+            set(latch_register, 0);
+            set_wide(latched_time_register, time_ns());
+        }
+    }
+
+    // On the camera's thread, once for each frame. Returns the part of its packets that are
+    // dropped.
+    double go_through_faults(bool chunks) {
+        std::unique_lock lock(mutex);
+        changed.wait(lock, [this] { return !frozen || ending; });
+        if (short_frames > 0 && --short_frames == 0)
+            set(ARV_FAKE_CAMERA_REGISTER_HEIGHT, options.height);
+        const double loss = lossy_frames > 0 ? lossy_part : options.packet_loss;
+        lossy_frames = std::max(0, lossy_frames - 1);
+        if (!ending)  // the library's object is no longer whole then
+            set_loss(chunks ? 1.0 : loss);
+        return loss;
+    }
+
+    CaptureSettings settings(const cv::Rect& region, const PixelFormat& format, guint32 exposure_us,
+                             guint32 gain_db) {
+        CaptureSettings settings;
+        settings.width = region.width;
+        settings.height = region.height;
+        settings.bits = format.bits;
+        settings.format = format.pfnc;
+        settings.exposure = std::chrono::microseconds(exposure_us);
+        settings.gain_db = gain_db;
+        settings.black_level = get(black_level_register);
+        return settings;
+    }
+
+    void fill(ArvBuffer* buffer, guint32 exposure_us, guint32 gain_db, ArvPixelFormat code) {
+        const bool chunks = sends_chunks();
+        const double loss = go_through_faults(chunks);
+        const guint64 now = stamp(buffer);
+        const cv::Rect region = region_of(buffer);
+        const PixelFormat* format = find_pfnc_format(code);
+        std::size_t unknown_size = 0;  // reads 0 here; the payload is what the region needs
+        void* data = const_cast<void*>(arv_buffer_get_data(buffer, &unknown_size));
+        if (format == nullptr || data == nullptr || region.empty())
+            return;
+        cv::Mat codes(region.height, region.width, format->bits <= 8 ? CV_8UC1 : CV_16UC1);
+        copy_region(source(settings(region, *format, exposure_us, gain_db)).pixels, region, codes);
+        if (chunks)
+            send_chunked(
+                codes, *format,
+                {options.chunk_payload_type, now, static_cast<std::uint32_t>(code), region},
+                {double(exposure_us), double(gain_db), now, ++exposures}, loss);
+        else
+            pack(codes, *format, static_cast<std::uint8_t*>(data));
+    }
+
+    guint64 stamp(ArvBuffer* buffer) {
+        const std::lock_guard lock(mutex);
+        const guint64 now = time_ns();
+        arv_buffer_set_timestamp(buffer, now);
+        return now;
+    }
+
+    // The image and those chunks that the client chose.
+    std::vector<std::uint8_t> chunked(std::span<const std::uint8_t> image, GigeChunkValues values) {
+        const std::lock_guard lock(mutex);
+        if (alter_values)
+            alter_values(values);
+        std::vector<std::uint8_t> payload;
+        append_chunk(payload, image_chunk_id, image);
+        const auto append = [&](const MockChunk& chunk, std::uint64_t value, std::endian order) {
+            const auto bytes = bytes_of(value, order);
+            if (get(chunk_enable_registers + 4 * chunk.selected) != 0)
+                append_chunk(payload, chunk.id, std::span(bytes).first(chunk.bytes));
+        };
+        append(exposure_chunk, std::bit_cast<std::uint64_t>(values.exposure_us),
+               std::endian::little);
+        append(gain_chunk, static_cast<std::uint64_t>(std::llround(10.0 * values.gain_db)),
+               std::endian::little);
+        append(timestamp_chunk, values.timestamp_ns, std::endian::big);
+        append(frame_id_chunk, values.frame_id, std::endian::big);
+        if (alter_payload)
+            alter_payload(payload);
+        return payload;
+    }
+
+    void send_chunked(const cv::Mat& codes, const PixelFormat& format, const GvspLeader& leader,
+                      const GigeChunkValues& values, double loss) {
+        std::vector<std::uint8_t> image(image_bytes(format, codes.cols, codes.rows, 0));
+        pack(codes, format, image.data());
+        const GvspChannel channel{get(stream_address_register),
+                                  static_cast<std::uint16_t>(get(stream_port_register)),
+                                  static_cast<std::uint16_t>(get(stream_packet_size_register))};
+        sender->send(channel, leader, chunked(image, values), loss);
+    }
+};
 
 GigeCamera::GigeCamera(const GigeCameraOptions& options, Source source)
     : device_(std::make_unique<Device>(options, std::move(source))) {

@@ -1,7 +1,7 @@
 // A GigE Vision camera on 127.0.0.1 that shows the pictures it is given: Aravis' fake camera, which
 // speaks the real control and stream protocols over UDP, with our pixels in place of its pattern
 // and a GenICam description of our own (mocks/camera/gige_description.h). Frames with chunks, which
-// it does not know, are sent in place of its own (mocks/camera/gige_chunks.h).
+// it does not know, are sent in place of its own.
 //
 // Settings: Width, Height, OffsetX, OffsetY, PixelFormat, ExposureTime (us), Gain (dB), BlackLevel
 // and AcquisitionFrameRate can be set by the client; it runs freely, or is triggered by software or
@@ -13,12 +13,18 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/image/image.h"
 
 namespace etalon {
+
+// Payload types of a frame with chunks.
+inline constexpr std::uint16_t image_with_chunks = 0x4001;       // GigE Vision 2
+inline constexpr std::uint16_t chunks_only = 0x0004;             // its leader describes no image
+inline constexpr std::uint16_t extended_chunk_payload = 0x0005;  // until GigE Vision 1.2
 
 struct GigeCameraOptions {
     int width = 512, height = 384;  // px, of the sensor
@@ -30,7 +36,7 @@ struct GigeCameraOptions {
                                         "Mono10p",  "Mono12p",  "Mono12Packed", "Mono10Packed",
                                         "BayerRG8", "BayerGB12"};
     bool latches = false;  // whether the client can read the device's clock
-    // Of a frame in chunk mode, one of mocks/camera/gige_chunks.h; 0: the camera has no chunks.
+    // Of a frame in chunk mode, one of the above; 0: the camera has no chunks.
     std::uint16_t chunk_payload_type = 0;
     bool ptp = false;  // switched off until the client switches it on
 };
@@ -40,6 +46,10 @@ struct GigeChunkValues {
     double exposure_us = 0.0, gain_db = 0.0;
     std::uint64_t timestamp_ns = 0, frame_id = 0;
 };
+
+// Appends `data` as a chunk: followed by its id and its length.
+void append_chunk(std::vector<std::uint8_t>& payload, std::uint32_t id,
+                  std::span<const std::uint8_t> data);
 
 class GigeCamera {
 public:

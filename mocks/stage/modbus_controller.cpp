@@ -1,7 +1,6 @@
 #include "mocks/stage/modbus_controller.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace etalon {
 namespace {

@@ -1,6 +1,6 @@
 // A stage controller as its bus sees it: requests for its units are carried out on the registers of
 // a profile, in front of a simulated stage, and a script says which of them go wrong. Behind
-// sockets and serial lines (mocks/stage/modbus_stage_server.h) or in memory
+// sockets and serial lines (ModbusStageServer) or in memory
 // (tests/fakes/memory_transport.h).
 #pragma once
 
@@ -8,16 +8,12 @@
 #include <optional>
 #include <vector>
 
-#include "mocks/stage/modbus_fault.h"
-#include "mocks/stage/modbus_framing.h"
 #include "mocks/stage/modbus_server.h"
-#include "mocks/stage/simulated_stage.h"
 #include "mocks/stage/stage_registers.h"
-#include "stage/profile/profile.h"
 
 namespace etalon {
 
-class ModbusController final : public ModbusUnits {
+class ModbusController : public ModbusUnits {
 public:
     // One unit for each of the stage's controllers. A controller whose axes name no unit answers to
     // `unit`, and to every unit if there is none. The stage must outlive this. Throws ConfigError
@@ -33,8 +29,11 @@ public:
     // On the same thread, every few milliseconds: the controllers' own watchdogs.
     void tick() override;
 
-    // Safe from every thread, as in ModbusStageServer.
+    // Asked about every request from now on, on the server's thread; an empty one ends the faults.
+    // Safe from every thread.
     void set_script(ModbusScript script);
+
+    // Every write that was carried out, in order. Safe from every thread.
     std::vector<ModbusRequest> writes() const;
 
 private:
@@ -52,6 +51,26 @@ private:
     mutable std::mutex mutex_;
     ModbusScript script_;
     std::vector<ModbusRequest> writes_;
+};
+
+// A controller on Modbus TCP (127.0.0.1) or on a serial line with Modbus RTU. Throws as
+// ModbusServer.
+class ModbusStageServer final : public ModbusController {
+public:
+    // Axes that name no unit answer to every unit.
+    ModbusStageServer(SimulatedStage& stage, const StageProfile& profile, int port = 0)
+        : ModbusController(stage, profile), server_(*this, port) {}
+
+    // Axes that name no unit answer to `unit`; to others nobody answers.
+    ModbusStageServer(SimulatedStage& stage, const StageProfile& profile, const SerialPair& line,
+                      int unit = 1)
+        : ModbusController(stage, profile, unit), server_(*this, line) {}
+
+    int port() const { return server_.port(); }
+    void close_connections() { server_.close_connections(); }
+
+private:
+    ModbusServer server_;  // last: its thread uses the others
 };
 
 }  // namespace etalon

@@ -1,9 +1,5 @@
 #include "mocks/stage/modbus_fault.h"
 
-#include <memory>
-#include <optional>
-#include <utility>
-
 namespace etalon {
 namespace {
 
@@ -58,37 +54,17 @@ private:
 
 ModbusReaction reaction_to(const ModbusFault& fault) {
     using Kind = ModbusFault::Kind;
-    const bool replies = fault.kind == Kind::late_reply || fault.kind == Kind::slow_bytes;
-    ModbusReaction reaction{.carry_out = fault.carried_out || replies};
-    switch (fault.kind) {
-        case Kind::late_reply:
-            reaction.delay = fault.delay;
-            break;
-        case Kind::silence:
-            reaction.reply = false;
-            break;
-        case Kind::exception:
-            reaction.exception = fault.code;
-            break;
-        case Kind::garbage:
-            reaction.garbage = true;
-            break;
-        case Kind::wrong_id:
-            reaction.wrong_id = true;
-            break;
-        case Kind::half_open:
-            reaction.reply = false;
-            reaction.half_open = true;
-            break;
-        case Kind::slow_bytes:
-            reaction.between_bytes = fault.delay;
-            break;
-        case Kind::reset:
-            reaction.reply = false;
-            reaction.close = true;
-            break;
-    }
-    return reaction;
+    using namespace std::chrono_literals;
+    const auto is = [&](Kind kind) { return fault.kind == kind; };
+    return {.carry_out = fault.carried_out || is(Kind::late_reply) || is(Kind::slow_bytes),
+            .reply = !is(Kind::silence) && !is(Kind::half_open) && !is(Kind::reset),
+            .delay = is(Kind::late_reply) ? fault.delay : 0ms,
+            .close = is(Kind::reset),
+            .exception = is(Kind::exception) ? fault.code : 0,
+            .garbage = is(Kind::garbage),
+            .wrong_id = is(Kind::wrong_id),
+            .between_bytes = is(Kind::slow_bytes) ? fault.delay : 0ms,
+            .half_open = is(Kind::half_open)};
 }
 
 ModbusScript scripted_faults(std::vector<ModbusFault> faults, SimulatedStage& stage) {

@@ -6,7 +6,6 @@
 #include <functional>
 #include <vector>
 
-#include "mocks/fault_trigger.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/link/modbus_transport.h"
 

@@ -13,12 +13,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
-#include <stop_token>
 #include <thread>
-#include <utility>
-
-#include "core/program/errors.h"
-#include "mocks/stage/modbus_framing.h"
 
 namespace etalon {
 

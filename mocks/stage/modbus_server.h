@@ -1,5 +1,5 @@
 // Modbus TCP (127.0.0.1) or a serial line with Modbus RTU, in front of whatever answers the
-// requests: a stage controller (mocks/stage/modbus_stage_server.h) or a room's sensor
+// requests: a stage controller (mocks/stage/modbus_controller.h) or a room's sensor
 // (mocks/stage/room_sensor_server.h).
 //
 // Function codes 1 to 6, 15 and 16; everything else is answered by an exception.

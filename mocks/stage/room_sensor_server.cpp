@@ -9,52 +9,26 @@ double SimulatedRoom::temperature_at(double seconds) const {
     return temperature_c + swing_k * std::sin(2.0 * std::numbers::pi * seconds / period_s);
 }
 
-class RoomSensorServer::Registers final : public ModbusUnits {
-public:
-    Registers(const SimulatedRoom& room, const Clock& clock)
-        : room_(room), clock_(clock), start_(clock.now()) {}
-
-    bool has_unit(int) const override { return true; }
-
-    ModbusAnswer handle(const ModbusRequest& request) override {
-        constexpr int read_input_registers = 4;
-        ModbusAnswer answer;
-        answer.reaction.reply = !is_silent;
-        const int end = request.address + request.count;
-        if (request.function != read_input_registers)
-            answer.exception = illegal_function;
-        else if (request.address < 0 || end > 2)
-            answer.exception = illegal_address;
-        else
-            for (int address = request.address; address < end; ++address)
-                answer.values.push_back(value_at(address));
-        return answer;
-    }
-
-    std::atomic<bool> is_silent = false;
-
-private:
-    std::uint16_t value_at(int address) const {
-        const double passed = std::chrono::duration<double>(clock_.now() - start_).count();
-        const double number =
-            address == 0 ? 100.0 * room_.temperature_at(passed) : 10.0 * room_.humidity_percent;
-        return static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(number)));
-    }
-
-    SimulatedRoom room_;
-    const Clock& clock_;
-    Instant start_;
-};
-
-RoomSensorServer::RoomSensorServer(const SimulatedRoom& room, const Clock& clock, int port)
-    : registers_(std::make_unique<Registers>(room, clock)) {
-    server_.emplace(*registers_, port);
+ModbusAnswer RoomSensorServer::handle(const ModbusRequest& request) {
+    constexpr int read_input_registers = 4;
+    ModbusAnswer answer;
+    answer.reaction.reply = !is_silent_;
+    const int end = request.address + request.count;
+    if (request.function != read_input_registers)
+        answer.exception = illegal_function;
+    else if (request.address < 0 || end > 2)
+        answer.exception = illegal_address;
+    else
+        for (int address = request.address; address < end; ++address)
+            answer.values.push_back(value_at(address));
+    return answer;
 }
 
-RoomSensorServer::~RoomSensorServer() = default;
-
-void RoomSensorServer::fall_silent() {
-    registers_->is_silent = true;
+std::uint16_t RoomSensorServer::value_at(int address) const {
+    const double passed = std::chrono::duration<double>(clock_.now() - start_).count();
+    const double number =
+        address == 0 ? 100.0 * room_.temperature_at(passed) : 10.0 * room_.humidity_percent;
+    return static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(number)));
 }
 
 }  // namespace etalon

@@ -4,8 +4,6 @@
 #pragma once
 
 #include <atomic>
-#include <memory>
-#include <optional>
 
 #include "core/time/clock.h"
 #include "mocks/stage/modbus_server.h"
@@ -20,24 +18,29 @@ struct SimulatedRoom {
     double temperature_at(double seconds) const;
 };
 
-class RoomSensorServer {
+class RoomSensorServer final : public ModbusUnits {
 public:
     // The clock, from now on, is the room's time and must outlive the server. Throws as
     // ModbusServer.
-    RoomSensorServer(const SimulatedRoom& room, const Clock& clock, int port = 0);
-    ~RoomSensorServer();
-    RoomSensorServer(const RoomSensorServer&) = delete;
-    RoomSensorServer& operator=(const RoomSensorServer&) = delete;
+    RoomSensorServer(const SimulatedRoom& room, const Clock& clock, int port = 0)
+        : room_(room), clock_(clock), start_(clock.now()), server_(*this, port) {}
 
-    int port() const { return server_->port(); }
+    int port() const { return server_.port(); }
 
     // From now on it hears requests and says nothing. Safe from every thread.
-    void fall_silent();
+    void fall_silent() { is_silent_ = true; }
+
+    bool has_unit(int) const override { return true; }
+    ModbusAnswer handle(const ModbusRequest& request) override;
 
 private:
-    class Registers;
-    std::unique_ptr<Registers> registers_;
-    std::optional<ModbusServer> server_;  // last: its thread uses the other
+    std::uint16_t value_at(int address) const;
+
+    SimulatedRoom room_;
+    const Clock& clock_;
+    Instant start_;
+    std::atomic<bool> is_silent_ = false;
+    ModbusServer server_;  // last: its thread uses the others
 };
 
 }  // namespace etalon

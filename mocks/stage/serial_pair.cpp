@@ -7,11 +7,14 @@
 
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
+
+namespace fs = std::filesystem;
 
 // Without echo and without line editing, until the station sets what it needs.
 bool make_raw(int fd) {
@@ -41,6 +44,22 @@ SerialPair::SerialPair() : controller_(posix_openpt(O_RDWR | O_NOCTTY | O_NONBLO
 SerialPair::~SerialPair() {
     ::close(keeper_);
     ::close(controller_);
+}
+
+SerialLink::SerialLink(fs::path path) : path_(std::move(path)) {
+    std::error_code error;
+    if (fs::is_symlink(fs::symlink_status(path_, error)))
+        fs::remove(path_, error);
+    fs::create_symlink(pair_.device(), path_, error);
+    if (error)
+        throw DeviceError("stage controller", "link " + path_.string() + " to its line",
+                          error.message());
+}
+
+SerialLink::~SerialLink() {
+    std::error_code ignored;
+    if (fs::read_symlink(path_, ignored) == pair_.device())
+        fs::remove(path_, ignored);
 }
 
 }  // namespace etalon

@@ -4,7 +4,6 @@
 
 #include <cmath>
 
-#include "core/program/errors.h"
 #include "core/time/clock.h"
 
 namespace etalon {

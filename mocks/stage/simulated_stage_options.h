@@ -8,10 +8,38 @@
 
 #include "mocks/stage/simulated_axis.h"
 #include "mocks/stage/stage_errors.h"
-#include "mocks/stage/stage_fault.h"
 #include "stage/axes/axes.h"
 
 namespace etalon {
+
+// When a scripted fault of the twin happens. One of (twin.yaml's `at`):
+//     {time_ms: 2500}   2.5 s after power-on
+//     {move: 7}         as the 7th move is started
+//     {request: 120}    with the 120th Modbus request, of all clients together
+//     {register: 200}   with the first request that writes it (coils: the same)
+struct FaultTrigger {
+    enum class When { time_ms, move, request, write_to };
+    When when = When::time_ms;
+    int value = 0;  // as above; moves and requests are counted from 1
+};
+
+// Faults of a stage, by name, at a scripted moment: what twin.yaml's `faults` lists beside those of
+// the link. They happen once. See SimulatedStage for what each does.
+struct StageFault {
+    enum class Kind {
+        stuck_axis,         // the axis stops dead, or does not start, and claims to move
+        false_in_position,  // the axis claims to have arrived, until its next command
+        encoder_jump,       // the encoder reads `size` more from now on, until homed
+        limit_hit,          // a limit switch: brakes with an alarm
+        emergency_stop,     // pressed for good: brakes, drives off, homing lost
+        alarm               // `code`: brakes
+    };
+    Kind kind = Kind::stuck_axis;
+    FaultTrigger at;
+    std::size_t axis = 0;  // of all but emergency_stop
+    double size = 0.0;     // of encoder_jump: mm or rad, signed
+    int code = 0;          // of alarm: 1 to 65535
+};
 
 // The simulated controllers' alarm codes; other values may be injected.
 struct StageAlarm {

@@ -6,8 +6,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/program/errors.h"
-
 namespace etalon {
 namespace {
 

@@ -17,7 +17,7 @@ GigeCameraOptions camera_options(const TwinFile& file) {
 
 }  // namespace
 
-Twin::Twin(const TwinFile& file) : rig_(file), camera_options_(camera_options(file)) {
+Twin::Twin(const TwinFile& file) : TwinRig(file), camera_options_(camera_options(file)) {
     plug_camera_in(camera_options_.serial);
 }
 
@@ -28,8 +28,7 @@ void Twin::plug_camera_in(const std::string& serial) {
 
 // On the camera's thread.
 CodeImage Twin::expose(const CaptureSettings& settings) {
-    return rig_.physics().expose(rig_.picture(), rig_.light(settings.exposure, settings.gain_db),
-                                 frames_++);
+    return physics().expose(picture(), light(settings.exposure, settings.gain_db), frames_++);
 }
 
 }  // namespace etalon

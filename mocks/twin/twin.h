@@ -14,19 +14,12 @@
 
 namespace etalon {
 
-class Twin {
+class Twin : public TwinRig {
 public:
     // Throws as TwinRig does, and DeviceError when the camera's port is taken.
     explicit Twin(const TwinFile& file);
 
-    int stage_port() const { return rig_.stage_port(); }
-    std::string stage_place() const { return rig_.stage_place(); }
-    int room_port() const { return rig_.room_port(); }
-
-    // The parts, for tests: to script faults, and to know the truth.
-    SimulatedStage& stage() { return rig_.stage(); }
-    const TwinPhysics& physics() const { return rig_.physics(); }
-    Radiance picture() const { return rig_.picture(); }
+    // For tests, which script its faults.
     GigeCamera& camera() { return *camera_; }
 
     // The camera is gone; another comes in its place. Not while another thread uses camera().
@@ -36,7 +29,6 @@ public:
 private:
     CodeImage expose(const CaptureSettings& settings);
 
-    TwinRig rig_;
     std::atomic<std::uint32_t> frames_ = 0;
     GigeCameraOptions camera_options_;
     std::optional<GigeCamera> camera_;  // last: its thread uses all the others

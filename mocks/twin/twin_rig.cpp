@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-#include <vector>
-
 #include "stage/axes/kinematics.h"
 
 namespace etalon {

@@ -14,9 +14,7 @@
 
 #include "core/time/clock.h"
 #include "mocks/camera/scene_image_source.h"
-#include "mocks/stage/modbus_stage_server.h"
-#include "mocks/stage/serial_link.h"
-#include "mocks/stage/simulated_stage.h"
+#include "mocks/stage/modbus_controller.h"
 #include "mocks/twin/twin_file.h"
 #include "sim/twin/twin_physics.h"
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include "core/config/csv_file.h"
 #include "core/geometry/units.h"

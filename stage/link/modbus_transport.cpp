@@ -18,28 +18,6 @@ bool is_modbus_exception(int error) {
     return error >= EMBXILFUN && error <= EMBXGTAR;
 }
 
-class LibmodbusTransport final : public ModbusTransport {
-public:
-    explicit LibmodbusTransport(const StageLink& link) : link_(link) {}
-    ~LibmodbusTransport() override { close(); }
-    LibmodbusTransport(const LibmodbusTransport&) = delete;
-    LibmodbusTransport& operator=(const LibmodbusTransport&) = delete;
-
-    std::string connect(std::chrono::milliseconds timeout) override;
-    void close() noexcept override;
-    ModbusReply exchange(const ModbusRequest& request, std::chrono::milliseconds timeout) override;
-    Heard discard(Duration wait) override;
-
-private:
-    bool set_timeout(std::chrono::milliseconds timeout);
-    int call(const ModbusRequest& request, std::vector<std::uint16_t>& values);
-    int read_bits(const ModbusRequest& request, std::vector<std::uint16_t>& values);
-    int write(const ModbusRequest& request);
-
-    StageLink link_;
-    modbus_t* context_ = nullptr;  // null: not connected
-};
-
 modbus_t* make_context(const TcpAddress& address) {
     return modbus_new_tcp_pi(address.host.c_str(), std::to_string(address.port).c_str());
 }
@@ -54,114 +32,127 @@ bool takes_line_alone(modbus_t* context) {
     return flock(modbus_get_socket(context), LOCK_EX | LOCK_NB) == 0;
 }
 
-bool LibmodbusTransport::set_timeout(std::chrono::milliseconds timeout) {
-    const auto microseconds = static_cast<std::uint32_t>(timeout.count() % 1000 * 1000);
-    return modbus_set_response_timeout(context_, static_cast<std::uint32_t>(timeout.count() / 1000),
-                                       microseconds) == 0;
-}
+class LibmodbusTransport final : public ModbusTransport {
+public:
+    explicit LibmodbusTransport(const StageLink& link) : link_(link) {}
+    ~LibmodbusTransport() override { close(); }
+    LibmodbusTransport(const LibmodbusTransport&) = delete;
+    LibmodbusTransport& operator=(const LibmodbusTransport&) = delete;
 
-// No error recovery flags: libmodbus' own reconnecting hangs for ever when the server is gone.
-// Byte time-out 0: the response time-out then bounds the whole reply, however it trickles in.
-std::string LibmodbusTransport::connect(std::chrono::milliseconds timeout) {
-    context_ = std::visit([](const auto& address) { return make_context(address); }, link_.address);
-    const bool connected = context_ && set_timeout(timeout) &&
-                           modbus_set_byte_timeout(context_, 0, 0) == 0 &&
-                           modbus_connect(context_) == 0;
-    std::string failure;
-    if (!connected)
-        failure = fmt::format("cannot connect: {}", modbus_strerror(errno));
-    else if (link_.is_serial() && !takes_line_alone(context_))
-        failure = "cannot connect: another program uses the line";
-    if (!failure.empty())
-        close();
-    return failure;
-}
+    // No error recovery flags: libmodbus' own reconnecting hangs for ever when the server is gone.
+    // Byte time-out 0: the response time-out then bounds the whole reply, however it trickles in.
+    std::string connect(std::chrono::milliseconds timeout) override {
+        context_ =
+            std::visit([](const auto& address) { return make_context(address); }, link_.address);
+        const bool connected = context_ && set_timeout(timeout) &&
+                               modbus_set_byte_timeout(context_, 0, 0) == 0 &&
+                               modbus_connect(context_) == 0;
+        std::string failure;
+        if (!connected)
+            failure = fmt::format("cannot connect: {}", modbus_strerror(errno));
+        else if (link_.is_serial() && !takes_line_alone(context_))
+            failure = "cannot connect: another program uses the line";
+        if (!failure.empty())
+            close();
+        return failure;
+    }
 
-// What a serial line has not sent yet must not go out later, and closing would wait for it.
-void LibmodbusTransport::close() noexcept {
-    if (!context_)
-        return;
-    if (link_.is_serial() && modbus_get_socket(context_) >= 0)
-        tcflush(modbus_get_socket(context_), TCOFLUSH);
-    modbus_close(context_);
-    modbus_free(context_);
-    context_ = nullptr;
-}
+    // What a serial line has not sent yet must not go out later, and closing would wait for it.
+    void close() noexcept override {
+        if (!context_)
+            return;
+        if (link_.is_serial() && modbus_get_socket(context_) >= 0)
+            tcflush(modbus_get_socket(context_), TCOFLUSH);
+        modbus_close(context_);
+        modbus_free(context_);
+        context_ = nullptr;
+    }
 
-ModbusReply LibmodbusTransport::exchange(const ModbusRequest& request,
-                                         std::chrono::milliseconds timeout) {
-    ModbusReply reply;
-    reply.values.resize(request.values.empty() ? static_cast<std::size_t>(request.count) : 0);
-    const bool set = modbus_set_slave(context_, request.unit) == 0 && set_timeout(timeout);
-    const int done = set ? call(request, reply.values) : -1;
-    const int error = done < 0 ? errno : EMBBADDATA;
-    if (done == request.count) {
-        reply.outcome = ModbusReply::Outcome::answered;
+    ModbusReply exchange(const ModbusRequest& request, std::chrono::milliseconds timeout) override {
+        ModbusReply reply;
+        reply.values.resize(request.values.empty() ? static_cast<std::size_t>(request.count) : 0);
+        const bool set = modbus_set_slave(context_, request.unit) == 0 && set_timeout(timeout);
+        const int done = set ? call(request, reply.values) : -1;
+        const int error = done < 0 ? errno : EMBBADDATA;
+        if (done == request.count) {
+            reply.outcome = ModbusReply::Outcome::answered;
+            return reply;
+        }
+        reply.values.clear();
+        if (is_modbus_exception(error)) {
+            reply.outcome = ModbusReply::Outcome::refused;
+            reply.exception = error - MODBUS_ENOBASE;
+        }
+        reply.cause = error == ETIMEDOUT ? fmt::format("no answer within {} ms", timeout.count())
+                                         : modbus_strerror(error);
         return reply;
     }
-    reply.values.clear();
-    if (is_modbus_exception(error)) {
-        reply.outcome = ModbusReply::Outcome::refused;
-        reply.exception = error - MODBUS_ENOBASE;
+
+    Heard discard(Duration wait) override {
+        const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(wait);
+        const timespec limit{seconds.count(), (wait - seconds) / std::chrono::nanoseconds(1)};
+        pollfd line{modbus_get_socket(context_), POLLIN, 0};
+        const int ready = ppoll(&line, 1, &limit, nullptr);
+        if (ready <= 0)
+            return ready == 0 ? Heard::nothing : Heard::hang_up;
+        std::uint8_t bytes[512];
+        return ::read(line.fd, bytes, sizeof bytes) > 0 ? Heard::something : Heard::hang_up;
     }
-    reply.cause = error == ETIMEDOUT ? fmt::format("no answer within {} ms", timeout.count())
-                                     : modbus_strerror(error);
-    return reply;
-}
 
-// The number of values read or written, or -1 and errno.
-int LibmodbusTransport::call(const ModbusRequest& request, std::vector<std::uint16_t>& values) {
-    switch (request.function) {
-        case 1:
-        case 2:
-            return read_bits(request, values);
-        case 3:
-            return modbus_read_registers(context_, request.address, request.count, values.data());
-        case 4:
-            return modbus_read_input_registers(context_, request.address, request.count,
-                                               values.data());
-        default:
-            return write(request);
+private:
+    bool set_timeout(std::chrono::milliseconds timeout) {
+        const auto microseconds = static_cast<std::uint32_t>(timeout.count() % 1000 * 1000);
+        return modbus_set_response_timeout(
+                   context_, static_cast<std::uint32_t>(timeout.count() / 1000), microseconds) == 0;
     }
-}
 
-int LibmodbusTransport::read_bits(const ModbusRequest& request,
-                                  std::vector<std::uint16_t>& values) {
-    std::vector<std::uint8_t> bits(values.size());
-    const auto read = request.function == 1 ? modbus_read_bits : modbus_read_input_bits;
-    const int got = read(context_, request.address, request.count, bits.data());
-    std::ranges::copy(bits, values.begin());
-    return got;
-}
-
-int LibmodbusTransport::write(const ModbusRequest& request) {
-    const auto& values = request.values;
-    const std::vector<std::uint8_t> bits(values.begin(), values.end());
-    switch (request.function) {
-        case 5:
-            return modbus_write_bit(context_, request.address, values.front());
-        case 6:
-            return modbus_write_register(context_, request.address, values.front());
-        case 15:
-            return modbus_write_bits(context_, request.address, request.count, bits.data());
-        case 16:
-            return modbus_write_registers(context_, request.address, request.count, values.data());
-        default:
-            errno = EMBXILFUN;
-            return -1;
+    // The number of values read or written, or -1 and errno.
+    int call(const ModbusRequest& request, std::vector<std::uint16_t>& values) {
+        switch (request.function) {
+            case 1:
+            case 2:
+                return read_bits(request, values);
+            case 3:
+                return modbus_read_registers(context_, request.address, request.count,
+                                             values.data());
+            case 4:
+                return modbus_read_input_registers(context_, request.address, request.count,
+                                                   values.data());
+            default:
+                return write(request);
+        }
     }
-}
 
-ModbusTransport::Heard LibmodbusTransport::discard(Duration wait) {
-    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(wait);
-    const timespec limit{seconds.count(), (wait - seconds) / std::chrono::nanoseconds(1)};
-    pollfd line{modbus_get_socket(context_), POLLIN, 0};
-    const int ready = ppoll(&line, 1, &limit, nullptr);
-    if (ready <= 0)
-        return ready == 0 ? Heard::nothing : Heard::hang_up;
-    std::uint8_t bytes[512];
-    return ::read(line.fd, bytes, sizeof bytes) > 0 ? Heard::something : Heard::hang_up;
-}
+    int read_bits(const ModbusRequest& request, std::vector<std::uint16_t>& values) {
+        std::vector<std::uint8_t> bits(values.size());
+        const auto read = request.function == 1 ? modbus_read_bits : modbus_read_input_bits;
+        const int got = read(context_, request.address, request.count, bits.data());
+        std::ranges::copy(bits, values.begin());
+        return got;
+    }
+
+    int write(const ModbusRequest& request) {
+        const auto& values = request.values;
+        const std::vector<std::uint8_t> bits(values.begin(), values.end());
+        switch (request.function) {
+            case 5:
+                return modbus_write_bit(context_, request.address, values.front());
+            case 6:
+                return modbus_write_register(context_, request.address, values.front());
+            case 15:
+                return modbus_write_bits(context_, request.address, request.count, bits.data());
+            case 16:
+                return modbus_write_registers(context_, request.address, request.count,
+                                              values.data());
+            default:
+                errno = EMBXILFUN;
+                return -1;
+        }
+    }
+
+    StageLink link_;
+    modbus_t* context_ = nullptr;  // null: not connected
+};
 
 }  // namespace
 

@@ -4,8 +4,6 @@
 
 #include <bit>
 #include <cmath>
-#include <limits>
-#include <stdexcept>
 
 namespace etalon {
 namespace {

@@ -7,7 +7,6 @@
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "stage/profile/builtin_profiles.h"
 #include "stage/profile/profile_layers.h"
 
 namespace etalon {
@@ -39,31 +38,12 @@ double speed_factor(const StageProfile& profile, const Axis& axis) {
 
 }  // namespace
 
-const std::vector<SignalWord>& signal_words() {
-    static const std::vector<SignalWord> words = {
-        {Signal::enabled, "enabled"}, {Signal::ready, "ready"},
-        {Signal::homed, "homed"},     {Signal::moving, "moving"},
-        {Signal::homing, "homing"},   {Signal::in_position, "in_position"},
-        {Signal::alarm, "alarm"},     {Signal::emergency_stop, "emergency_stop"},
-        {Signal::limit, "limit"},
-    };
-    return words;
-}
-
-const std::vector<InputWord>& input_words() {
-    static const std::vector<InputWord> words = {
-        {Input::remote, "remote"}, {Input::enable, "enable"}, {Input::home, "home"},
-        {Input::start, "start"},   {Input::stop, "stop"},     {Input::reset, "reset"},
-    };
-    return words;
-}
-
 const char* name_of(Signal signal) {
-    return signal_words()[static_cast<std::size_t>(signal)].word;
+    return signal_words[static_cast<std::size_t>(signal)];
 }
 
 const char* name_of(Input input) {
-    return input_words()[static_cast<std::size_t>(input)].word;
+    return input_words[static_cast<std::size_t>(input)];
 }
 
 int TargetBlock::size() const {

@@ -42,16 +42,13 @@ void read_profile_registers(const Layers& root, StageProfile& profile);
 // sequences; needs the registers.
 void read_profile_sequences(const Layers& root, StageProfile& profile);
 
-// The words of the vocabulary in their order.
-struct SignalWord {
-    Signal signal;
-    const char* word;
-};
-struct InputWord {
-    Input input;
-    const char* word;
-};
-const std::vector<SignalWord>& signal_words();
-const std::vector<InputWord>& input_words();
+// The words of YAML, in the order of the enumerations.
+inline constexpr const char* signal_words[] = {"enabled", "ready",          "homed",
+                                               "moving",  "homing",         "in_position",
+                                               "alarm",   "emergency_stop", "limit"};
+inline constexpr const char* input_words[] = {"remote", "enable", "home", "start", "stop", "reset"};
+
+// The text of the profiles that CMake builds into the library, by name.
+const std::map<std::string, std::string>& builtin_profile_texts();
 
 }  // namespace etalon

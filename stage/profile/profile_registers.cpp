@@ -2,7 +2,6 @@
 
 #include <charconv>
 #include <set>
-#include <tuple>
 
 #include "stage/profile/profile_layers.h"
 
@@ -193,7 +192,9 @@ private:
     }
 
     void read_signals(const Layers& signals) {
-        for (const auto& [signal, word] : signal_words()) {
+        for (std::size_t i = 0; i < std::size(signal_words); ++i) {
+            const auto signal = static_cast<Signal>(i);
+            const char* word = signal_words[i];
             const Value value = signals.at(word);
             if (value.is_scalar()) {
                 value.one_of({"unavailable"});
@@ -219,10 +220,10 @@ private:
     }
 
     void read_inputs(const Layers& inputs) {
-        for (const auto& [input, word] : input_words()) {
-            const Value value = inputs.at(word);
+        for (std::size_t i = 0; i < std::size(input_words); ++i) {
+            const Value value = inputs.at(input_words[i]);
             if (!value.is_scalar())
-                profile_.inputs[input] = read_input(value, word);
+                profile_.inputs[static_cast<Input>(i)] = read_input(value, input_words[i]);
             else
                 value.one_of({"none"});
         }

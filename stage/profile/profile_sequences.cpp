@@ -58,14 +58,13 @@ private:
     }
 
     Step read_step(const Value& item) {
+        for (const auto& [key, kind] :
+             {std::pair("set", Kind::set), std::pair("clear", Kind::clear),
+              std::pair("pulse", Kind::pulse)})
+            if (const auto input = item.find(key))
+                return read_input_step(*input, kind);
         Step step;
-        if (const auto input = item.find("set"))
-            step = read_input_step(*input, Kind::set);
-        else if (const auto cleared = item.find("clear"))
-            step = read_input_step(*cleared, Kind::clear);
-        else if (const auto pulsed = item.find("pulse"))
-            step = read_input_step(*pulsed, Kind::pulse);
-        else if (const auto written = item.find("write")) {
+        if (const auto written = item.find("write")) {
             written->one_of({"target"});
             step.kind = Kind::write;
         } else if (const auto required = item.find("require"))
@@ -79,18 +78,17 @@ private:
 
     Step read_input_step(const Value& value, Kind kind) {
         const std::string word = value.text();
-        for (const auto& [input, known] : input_words()) {
-            if (word != known)
-                continue;
-            const auto point = profile_.inputs.find(input);
-            if (point == profile_.inputs.end())
-                value.fail(fmt::format("this controller has no input '{}'", word));
-            if (point->second.act == InputPoint::Act::code && kind != Kind::pulse)
-                value.fail(fmt::format("'{}' is a code: it can only be pulsed", word));
-            used_.push_back(input);
-            return {.kind = kind, .input = input, .conditions = {}};
-        }
-        value.fail(fmt::format("there is no input '{}'", word));
+        const auto known = std::ranges::find(input_words, word);
+        if (known == std::end(input_words))
+            value.fail(fmt::format("there is no input '{}'", word));
+        const auto input = static_cast<Input>(known - input_words);
+        const auto point = profile_.inputs.find(input);
+        if (point == profile_.inputs.end())
+            value.fail(fmt::format("this controller has no input '{}'", word));
+        if (point->second.act == InputPoint::Act::code && kind != Kind::pulse)
+            value.fail(fmt::format("'{}' is a code: it can only be pulsed", word));
+        used_.push_back(input);
+        return {.kind = kind, .input = input, .conditions = {}};
     }
 
     Step read_wait(const Value& item, const Value& wait) {
@@ -119,14 +117,13 @@ private:
         const bool on = !word.starts_with("not ");
         if (!on)
             word.erase(0, 4);
-        for (const auto& [signal, known] : signal_words()) {
-            if (word != known)
-                continue;
-            if (!profile_.has(signal))
-                value.fail(fmt::format("signal '{}' is unavailable", word));
-            return {signal, on};
-        }
-        value.fail(fmt::format("there is no signal '{}'", word));
+        const auto known = std::ranges::find(signal_words, word);
+        if (known == std::end(signal_words))
+            value.fail(fmt::format("there is no signal '{}'", word));
+        const auto signal = static_cast<Signal>(known - signal_words);
+        if (!profile_.has(signal))
+            value.fail(fmt::format("signal '{}' is unavailable", word));
+        return {signal, on};
     }
 
     bool starts(const Step& step) const { return starts_motion(profile_, step); }
@@ -200,9 +197,9 @@ private:
     }
 
     void require_all_used(const Layers& root) const {
-        for (const auto& [input, word] : input_words()) {
-            if (profile_.inputs.contains(input) && std::ranges::find(used_, input) == used_.end())
-                root.section("inputs").at(word).fail("is used in no sequence");
+        for (const auto& [input, point] : profile_.inputs) {
+            if (std::ranges::find(used_, input) == used_.end())
+                root.section("inputs").at(name_of(input)).fail("is used in no sequence");
         }
     }
 

@@ -1,7 +1,6 @@
 #include "tests/fakes/fake_camera.h"
 
 #include "capture/frame/frame_checks.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 

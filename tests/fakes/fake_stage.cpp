@@ -1,7 +1,5 @@
 #include "tests/fakes/fake_stage.h"
 
-#include <array>
-
 #include "stage/motion/stage_unit.h"
 
 namespace etalon {

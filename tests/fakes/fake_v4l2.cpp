@@ -3,12 +3,9 @@
 #include <linux/videodev2.h>
 #include <poll.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
-
-#include "capture/frame/pixel_formats.h"
 
 namespace etalon {
 namespace {

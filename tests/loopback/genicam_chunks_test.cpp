@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/program/errors.h"
-#include "mocks/camera/gige_chunks.h"
+#include "mocks/camera/gige_camera.h"
 #include "mocks/camera/gige_description.h"
 #include "tests/loopback/gige_rig.h"
 

@@ -36,7 +36,7 @@ double half_count(const StageRig& rig, std::size_t axis) {
                             rig.profile.counts_of(rig.axes[axis], 0.0));
 }
 
-void expect_at(StageRig& rig, ModbusStage& stage, const std::vector<double>& target) {
+void expect_at(StageRig& rig, Stage& stage, const std::vector<double>& target) {
     const std::vector<double> truth = rig.simulation.true_positions(), read = stage.position();
     for (std::size_t i = 0; i < target.size(); ++i) {
         EXPECT_NEAR(truth[i], target[i], half_count(rig, i));
@@ -44,7 +44,7 @@ void expect_at(StageRig& rig, ModbusStage& stage, const std::vector<double>& tar
     }
 }
 
-std::string failure_of_move(ModbusStage& stage, const std::vector<double>& target) {
+std::string failure_of_move(Stage& stage, const std::vector<double>& target) {
     try {
         stage.move(target, {});
     } catch (const DeviceError& error) {

@@ -85,7 +85,7 @@ public:
         return outcome;
     }
 
-    std::unique_ptr<ModbusStage> stage;
+    std::unique_ptr<Stage> stage;
     std::optional<Instant> broken_at;
     std::string error;
     Duration took{};  // since the fault

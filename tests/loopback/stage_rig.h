@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "mocks/stage/modbus_stage_server.h"
+#include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
 
@@ -54,10 +54,8 @@ public:
         return link;
     }
 
-    std::unique_ptr<ModbusStage> connect() {
-        return std::make_unique<ModbusStage>(link(), profile, axes, clock);
-    }
-    std::unique_ptr<ModbusStage> connect_and_home() {
+    std::unique_ptr<Stage> connect() { return open_modbus_stage(link(), profile, axes, clock); }
+    std::unique_ptr<Stage> connect_and_home() {
         auto stage = connect();
         stage->enable({});
         stage->home({});

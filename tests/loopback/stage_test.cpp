@@ -333,7 +333,7 @@ TEST(ModbusStage, NobodyAnsweringIsADeviceErrorThatSaysWho) {
     const StageLink link = rig.link();
     rig.server.reset();
     const std::string error = device_error_of(
-        [&] { ModbusStage(link, builtin_stage_profile("generic"), fast_axes(), rig.clock); });
+        [&] { open_modbus_stage(link, builtin_stage_profile("generic"), fast_axes(), rig.clock); });
     EXPECT_EQ(error, "stage " + describe(link) +
                          " unit 1: read registers 0..7: cannot connect: Connection refused");
 }
@@ -341,7 +341,7 @@ TEST(ModbusStage, NobodyAnsweringIsADeviceErrorThatSaysWho) {
 TEST(ModbusStage, RefusesAxesAndLinksThatDoNotFitTheProfile) {
     StageRig rig;
     const auto open = [&](StageLink link, std::vector<Axis> axes) {
-        ModbusStage(link, rig.profile, std::move(axes), rig.clock);
+        open_modbus_stage(link, rig.profile, std::move(axes), rig.clock);
     };
     EXPECT_THROW(open(rig.link(), {}), ConfigError);
     EXPECT_THROW(open(rig.link(), std::vector<Axis>(9, fast_axes()[0])), ConfigError);

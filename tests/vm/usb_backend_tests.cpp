@@ -1,6 +1,5 @@
 #include "tests/vm/usb_backend_tests.h"
 
-#include "core/program/errors.h"
 #include "tests/vm/test_pattern.h"
 
 namespace etalon {

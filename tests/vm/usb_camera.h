@@ -9,17 +9,13 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <thread>
 #include <vector>
 
 #include "core/time/clock.h"
-#include "tests/vm/usb_ip.h"
-#include "tests/vm/usb_video_descriptors.h"
 #include "tests/vm/usb_video_device.h"
 
 namespace etalon {

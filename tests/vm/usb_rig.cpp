@@ -1,7 +1,5 @@
 #include "tests/vm/usb_rig.h"
 
-#include <utility>
-
 #include "tests/vm/test_pattern.h"
 
 namespace etalon {

@@ -3,7 +3,6 @@
 #include <thread>
 
 #include "capture/frame/frame_checks.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 

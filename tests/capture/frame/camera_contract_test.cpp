@@ -1,11 +1,10 @@
 // The contract, kept by what is no device: the mock and recorded frames.
-#include <deque>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
 #include "capture/files_camera.h"
-#include "tests/fakes/fake_camera.h"
 #include "tests/capture/frame/camera_contract.h"
+#include "tests/fakes/fake_camera.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -1,8 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <thread>
-
 #include "capture/libcamera/libcamera_camera.h"
 #include "capture/libcamera/libcamera_device.h"
 #include "tests/capture/frame/camera_contract.h"

@@ -5,7 +5,6 @@
 #include <arv.h>
 #include <dlfcn.h>
 
-#include "capture/genicam/genicam_clock.h"
 #include "capture/genicam/genicam_description.h"
 #include "capture/genicam/genicam_settings.h"
 #include "tests/fuzz/coverage/fuzz_input.h"

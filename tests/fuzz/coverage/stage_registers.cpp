@@ -91,15 +91,16 @@ void drive(std::span<const std::uint8_t> input) {
     const StageProfile& profile = profiles()[input[0] % profiles().size()];
     const std::vector<Axis> axes = axes_for(profile);
     VirtualClock clock;
-    ModbusStage stage({}, profile, axes, clock, std::make_unique<Controller>(input.subspan(1)));
-    stage.enable({});
-    stage.home({});
+    const auto stage =
+        open_modbus_stage({}, profile, axes, clock, std::make_unique<Controller>(input.subspan(1)));
+    stage->enable({});
+    stage->home({});
     const std::vector<double> target{-12.5, 33.0};
-    stage.move(std::span(target).first(axes.size()), {});
-    require_all_finite(stage.position());
-    for (const AxisStatus& status : stage.status())
+    stage->move(std::span(target).first(axes.size()), {});
+    require_all_finite(stage->position());
+    for (const AxisStatus& status : stage->status())
         require_finite(status.position);
-    stage.stop();
+    stage->stop();
 }
 
 }  // namespace

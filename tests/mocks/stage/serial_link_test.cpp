@@ -1,4 +1,4 @@
-#include "mocks/stage/serial_link.h"
+#include "mocks/stage/serial_pair.h"
 
 #include <gtest/gtest.h>
 

@@ -19,21 +19,19 @@ using When = FaultTrigger::When;
 struct PhysicsRig {
     explicit PhysicsRig(const SimulatedStageOptions& options)
         : simulation(two_axes(), options, clock) {
-        stage.enable({});
-        stage.home({});
+        stage->enable({});
+        stage->home({});
     }
-    void move(double x, double y) { stage.move(std::vector<double>{x, y}, {}); }
+    void move(double x, double y) { stage->move(std::vector<double>{x, y}, {}); }
     double x_error(double x) { return std::abs(simulation.true_positions()[0] - x); }
 
     VirtualClock clock;
     StageProfile profile = builtin_stage_profile("generic");
     SimulatedStage simulation;
     ModbusController controller{simulation, profile};
-    ModbusStage stage{{},
-                      profile,
-                      two_axes(),
-                      clock,
-                      std::make_unique<MemoryTransport>(controller, clock, false)};
+    std::unique_ptr<Stage> stage =
+        open_modbus_stage({}, profile, two_axes(), clock,
+                          std::make_unique<MemoryTransport>(controller, clock, false));
 };
 
 // The plan ends after 0.55 s; the motor needs its time to come within the profile's 1 um.
@@ -61,7 +59,7 @@ TEST(StagePhysics, ARingingCarriageIsNotYetWhereTheEncoderSays) {
                       std::nullopt};
     PhysicsRig rig(options);
     rig.move(50.0, 7.0);
-    EXPECT_NEAR(rig.stage.position()[0], 50.0, 1e-3);
+    EXPECT_NEAR(rig.stage->position()[0], 50.0, 1e-3);
     double swing = 0.0;
     for (int ms = 0; ms < 50; ++ms, rig.clock.advance(1ms))
         swing = std::max(swing, rig.x_error(50.0));

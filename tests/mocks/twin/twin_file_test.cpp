@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <numbers>
-
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
 #include "tests/mocks/twin/twin_folder.h"

@@ -1,8 +1,6 @@
-#include "mocks/twin/twin_stage_file.h"
+#include "mocks/twin/twin_file.h"
 
 #include <gtest/gtest.h>
-
-#include <numbers>
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"

@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <numbers>
-
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "tests/temporary_folder.h"

@@ -83,9 +83,8 @@ TEST(LimitedStage, RefusesASlowZoneThatIsSlowerThanTheControllerCanBeBeforeAnyth
     profile.speed.step = 100.0;  // counts a second: 0.01 mm/s
     ModbusController controller(simulation, profile);
     const auto open = [&] {
-        LimitedStage(std::make_unique<ModbusStage>(
-                         StageLink{}, profile, xz(), clock,
-                         std::make_unique<MemoryTransport>(controller, clock, false)),
+        LimitedStage(open_modbus_stage(StageLink{}, profile, xz(), clock,
+                                       std::make_unique<MemoryTransport>(controller, clock, false)),
                      rules);
     };
     try {
@@ -160,9 +159,8 @@ public:
 
 private:
     std::unique_ptr<Stage> connected(const std::vector<Axis>& axes) {
-        return std::make_unique<ModbusStage>(
-            StageLink{}, builtin_stage_profile("generic"), axes, clock,
-            std::make_unique<MemoryTransport>(controller, clock, false));
+        return open_modbus_stage(StageLink{}, builtin_stage_profile("generic"), axes, clock,
+                                 std::make_unique<MemoryTransport>(controller, clock, false));
     }
 };
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "tests/fakes/memory_transport.h"
 #include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
+#include "tests/fakes/memory_transport.h"
 
 namespace etalon::test {
 
@@ -75,13 +75,13 @@ public:
                  std::vector<Axis> axes = two_axes())
         : profile(std::move(profile_)), simulation(std::move(axes), {}, clock) {}
 
-    std::unique_ptr<ModbusStage> connect(Opening opening = Opening::asks) {
-        return std::make_unique<ModbusStage>(
-            StageLink{.response_timeout = std::chrono::milliseconds(100)}, profile,
-            simulation.axes(), clock, std::make_unique<MemoryTransport>(controller, clock, false),
-            opening);
+    std::unique_ptr<Stage> connect(Opening opening = Opening::asks) {
+        return open_modbus_stage(StageLink{.response_timeout = std::chrono::milliseconds(100)},
+                                 profile, simulation.axes(), clock,
+                                 std::make_unique<MemoryTransport>(controller, clock, false),
+                                 opening);
     }
-    std::unique_ptr<ModbusStage> connect_and_home() {
+    std::unique_ptr<Stage> connect_and_home() {
         auto stage = connect();
         stage->enable({});
         stage->home({});

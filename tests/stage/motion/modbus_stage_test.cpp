@@ -454,8 +454,8 @@ TEST(ModbusStageUnits, StoppingByHandLeavesTheMotorsOn) {
 TEST(ModbusStageUnits, TheAxesOfAUnitMustStandTogetherAndFit) {
     Rig rig(by_target, three_units());
     const auto open = [&](std::vector<Axis> axes) {
-        ModbusStage(StageLink{}, rig.profile, std::move(axes), rig.clock,
-                    std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
+        open_modbus_stage(StageLink{}, rig.profile, std::move(axes), rig.clock,
+                          std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
     };
     auto axes = three_units();
     axes[2].unit = 3;

@@ -196,9 +196,8 @@ private:
     void connect() {
         ++figures.clients;
         client_ = std::make_unique<LimitedStage>(
-            std::make_unique<ModbusStage>(
-                link_for(serial_), profile, axes, clock_,
-                std::make_unique<MemoryTransport>(controller_, clock_, serial_)),
+            open_modbus_stage(link_for(serial_), profile, axes, clock_,
+                              std::make_unique<MemoryTransport>(controller_, clock_, serial_)),
             rules_);
         try {
             client_->resume();

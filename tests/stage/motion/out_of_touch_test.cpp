@@ -45,13 +45,15 @@ TEST(ModbusStageMoves, AMachineSuspendedInMidMoveFindsTheWatchdogsAlarmOrAnAxisT
         if (!watched)
             rig.profile.watchdog.reset();
         MonotonicClock clock(rig.clock);
-        ModbusStage stage(StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(),
-                          clock,
-                          std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
-        stage.enable({});
-        stage.home({});
+        const auto stage = open_modbus_stage(
+            StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(), clock,
+            std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
+        stage->enable({});
+        stage->home({});
         rig.once_beyond(20.0, [&] { suspend(rig, clock); });
-        const std::string error = device_error_of([&] { stage.move(std::vector{600.0, 1.0}, {}); });
+        const std::string error = device_error_of([&] {
+            stage->move(std::vector{600.0, 1.0}, {});
+        });
         EXPECT_TRUE(has(error, watched ? "alarm 3 (watchdog expired while moving)"
                                        : "axis x cannot have come so far in "))
             << error;
@@ -63,14 +65,15 @@ TEST(ModbusStageMoves, AMachineSuspendedInMidMoveFindsTheWatchdogsAlarmOrAnAxisT
 TEST(ModbusStageMoves, AMachineSuspendedAtRestGoesOn) {
     Rig rig;
     MonotonicClock clock(rig.clock);
-    ModbusStage stage(StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(),
-                      clock, std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
-    stage.enable({});
-    stage.home({});
-    stage.move(std::vector{70.0, 0.5}, {});
+    const auto stage = open_modbus_stage(
+        StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(), clock,
+        std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
+    stage->enable({});
+    stage->home({});
+    stage->move(std::vector{70.0, 0.5}, {});
     suspend(rig, clock);
-    stage.move(std::vector{30.0, 1.0}, {});
-    EXPECT_NEAR(stage.position()[0], 30.0, 1e-6);
+    stage->move(std::vector{30.0, 1.0}, {});
+    EXPECT_NEAR(stage->position()[0], 30.0, 1e-6);
 }
 
 // ---- a line that somebody else chatters on
@@ -104,11 +107,12 @@ private:
 TEST(ModbusStageLine, AStopIsToldInTimeOnALineThatChatters) {
     Rig rig;
     bool chatters = false;
-    ModbusStage stage(StageLink{.address = SerialPort{.device = "/dev/ttyUSB5"}, .quiet = 700ms},
-                      rig.profile, rig.simulation.axes(), rig.clock,
-                      std::make_unique<ChatteringTransport>(rig.controller, rig.clock, chatters));
-    stage.enable({});
-    stage.home({});
+    const auto stage = open_modbus_stage(
+        StageLink{.address = SerialPort{.device = "/dev/ttyUSB5"}, .quiet = 700ms}, rig.profile,
+        rig.simulation.axes(), rig.clock,
+        std::make_unique<ChatteringTransport>(rig.controller, rig.clock, chatters));
+    stage->enable({});
+    stage->home({});
     std::optional<Instant> told;
     rig.controller.set_script([&](const ModbusRequest& request) {
         if (gives(request, stop_bit))
@@ -117,7 +121,7 @@ TEST(ModbusStageLine, AStopIsToldInTimeOnALineThatChatters) {
     });
     chatters = true;
     const Instant begin = rig.clock.now();
-    EXPECT_FALSE(stage.stop()) << "what is heard on such a line confirms nothing";
+    EXPECT_FALSE(stage->stop()) << "what is heard on such a line confirms nothing";
     ASSERT_TRUE(told);
     EXPECT_LE(*told - begin, 1010ms);
     EXPECT_LE(rig.clock.now() - begin, 2050ms);

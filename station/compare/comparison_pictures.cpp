@@ -62,7 +62,6 @@ background:linear-gradient(90deg,rgb(0,145,170),#fff,rgb(205,25,30))}
 namespace {
 
 constexpr int jpeg_quality = 85;
-constexpr int room_px = 24;  // around the marker
 
 cv::Mat eight_bit(const cv::Mat& gray) {
     cv::Mat picture;
@@ -96,26 +95,28 @@ std::string thumbnail(const cv::Mat& picture, const std::string& alt) {
     return embedded_jpeg(small, jpeg_quality, alt);
 }
 
-}  // namespace
-
-cv::Rect surroundings(const cv::Mat& use, int room) {
+// The part of the image around the compared pixels, with room beside it.
+cv::Rect surroundings(const cv::Mat& use) {
+    constexpr int room = 24;
     cv::Rect box = cv::boundingRect(use);
     box -= cv::Point(room, room);
     box += cv::Size(2 * room, 2 * room);
     return box & cv::Rect({0, 0}, use.size());
 }
 
+}  // namespace
+
 PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t number,
                             const std::filesystem::path& photo, const PixelDifference& calibrated,
-                            const PixelDifference* refined) {
+                            const PixelDifference& refined) {
     const cv::Mat gray = calibrated.predicted + calibrated.residual;
     const cv::Mat rendering = rendering_picture(calibrated, gray);
     const cv::Mat overlay =
         red_cyan_overlay(gray, calibrated.predicted, calibrated.use, overlay_gain);
     const cv::Mat residual =
         residual_map(calibrated.residual, calibrated.use, residual_map_scale_gray);
-    const PixelDifference& best = refined ? *refined : calibrated;
-    const cv::Mat significance = residual_map(best.significance, best.use, significance_map_scale);
+    const cv::Mat significance =
+        residual_map(refined.significance, refined.use, significance_map_scale);
 
     PhotoPictures pictures;
     const std::string stem = fmt::format("{:02}-{}", number, photo.stem().string());
@@ -128,12 +129,10 @@ PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t num
     pictures.residual_file = file("residual", residual);
     pictures.significance_file = file("significance", significance);
     pictures.rendering_file = file("rendering", rendering);
-
-    if (refined)
-        pictures.edges_file = stem + "-edges.svg";
+    pictures.edges_file = stem + "-edges.svg";
 
     const std::string name = photo.filename().string();
-    const cv::Rect part = surroundings(calibrated.use, room_px);
+    const cv::Rect part = surroundings(calibrated.use);
     pictures.part = part;
     pictures.photo = element(eight_bit(gray), part, "photograph " + name);
     pictures.rendering = element(rendering, part, "rendering of " + name);
@@ -141,13 +140,11 @@ PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t num
     pictures.residual = element(residual, part, "residual map of " + name);
     pictures.significance = element(significance, part, "significance map of " + name);
     pictures.thumbnail = thumbnail(overlay(part), "overlay of " + name);
-    if (refined) {
-        pictures.refined_rendering = element(rendering_picture(*refined, gray), part,
-                                             "rendering at the refined pose of " + name);
-        pictures.refined_residual =
-            element(residual_map(refined->residual, refined->use, residual_map_scale_gray), part,
-                    "residual map at the refined pose of " + name);
-    }
+    pictures.refined_rendering =
+        element(rendering_picture(refined, gray), part, "rendering at the refined pose of " + name);
+    pictures.refined_residual =
+        element(residual_map(refined.residual, refined.use, residual_map_scale_gray), part,
+                "residual map at the refined pose of " + name);
     return pictures;
 }
 

@@ -77,8 +77,8 @@ TextColumn text_column(const ResultTable& table, std::size_t i) {
     const ColumnHead& head = table.columns[i];
     TextColumn column{{head.heading, head.unit}};
     for (const std::vector<TableCell>& row : table.rows) {
-        column.lines.push_back(cell_text(row[i], head, "-"));
-        column.is_text |= std::holds_alternative<std::string>(row[i].value);
+        const std::string& cell = column.lines.emplace_back(cell_text(row[i], head, "-"));
+        column.is_text |= cell != "-" && !cell.empty() && !parse_number(cell);
     }
     for (const std::string& line : column.lines)
         column.width = std::max(column.width, characters(line));
@@ -113,6 +113,16 @@ const ColumnsOf<Rigid>& columns_of_pose() {
         return six;
     }();
     return columns;
+}
+
+ResultTable empty_table(const std::vector<std::string>& headings) {
+    ResultTable table;
+    for (const std::string& text : headings) {
+        const auto unit = text.find(" / ");
+        table.columns.push_back(
+            {text.substr(0, unit), unit == std::string::npos ? "" : text.substr(unit + 3)});
+    }
+    return table;
 }
 
 std::string csv_of(const ResultTable& table, const std::string& number_format) {

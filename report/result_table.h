@@ -54,10 +54,10 @@ struct TableCell {
 
 // How a column is named and shown.
 struct ColumnHead {
-    std::string key;      // in files; empty: for people only
-    std::string heading;  // for people; empty: in files only
-    std::string unit;     // for people, behind the heading
-    std::string format;   // of a number for people, in the syntax of fmt
+    std::string heading;            // for people; empty: in files only
+    std::string unit = {};          // for people, behind the heading
+    std::string key = {};           // in files; empty: for people only
+    std::string format = "{:.4g}";  // of a number for people, in the syntax of fmt
 };
 
 // `value` is whatever std::invoke() calls with a row: a pointer to a member, a function, a lambda.
@@ -92,16 +92,20 @@ void add_columns(ColumnsOf<Row>& columns, const ColumnsOf<Part>& of_part, Functi
 // Six columns of a pose, "rx" to "tz": rotation vector in rad, then translation in mm.
 const ColumnsOf<Rigid>& columns_of_pose();
 
+// From columns, or filled row by row.
 struct ResultTable {
     std::vector<ColumnHead> columns;
-    std::vector<std::vector<TableCell>> rows;  // each with a cell for every column
+    std::vector<std::vector<TableCell>> rows = {};  // each with a cell for every column
 };
+
+// For people, without rows yet. "fit / px" has a unit.
+ResultTable empty_table(const std::vector<std::string>& headings);
 
 template <class Row, class List>
 ResultTable table_of(const ColumnsOf<Row>& columns, const List& rows) {
     ResultTable table;
     for (const Column<Row>& each : columns)
-        table.columns.push_back({each.key, each.heading, each.unit, each.format});
+        table.columns.push_back({each.heading, each.unit, each.key, each.format});
     for (const auto& row : rows)
         for (auto& cells = table.rows.emplace_back(); const Column<Row>& each : columns)
             cells.push_back(each.value(row));
@@ -147,8 +151,9 @@ std::string cell_text(const TableCell& cell, const ColumnHead& column, const cha
 std::vector<std::string> headings_of(const ResultTable& table);
 std::vector<std::vector<std::string>> texts_of(const ResultTable& table);
 
-// For a terminal: headings, units below them, rows. Numbers are aligned right. The widest text is
-// cut where lines would be longer than 80 columns. `without`: headings that are for pages only.
+// For a terminal: headings, units below them, rows. Columns of numbers are aligned right. The
+// widest text is cut where lines would be longer than 80 columns. `without`: headings that are for
+// pages only.
 std::string text_table(const ResultTable& table, const std::vector<std::string>& without = {});
 
 }  // namespace etalon

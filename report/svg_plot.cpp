@@ -56,8 +56,9 @@ std::vector<double> log_ticks(double low, double high, int most) {
 }
 
 // Places on the axis with their labels.
-std::vector<std::pair<double, std::string>> labelled_ticks(double low, double high, int most,
-                                                           bool is_log) {
+std::vector<std::pair<double, std::string>> labelled_ticks(const std::pair<double, double>& range,
+                                                           int most, bool is_log) {
+    const auto [low, high] = range;
     std::vector<std::pair<double, std::string>> ticks;
     for (const double tick : is_log ? log_ticks(low, high, most) : axis_ticks(low, high, most))
         ticks.emplace_back(tick, fmt::format("{:.4g}", is_log ? std::pow(10.0, tick) : tick));
@@ -97,18 +98,23 @@ struct Extent {
         high = std::max(high, value);
     }
     // Never empty, and a little larger than the data.
-    Extent padded() const {
+    std::pair<double, double> padded() const {
         if (!(low <= high))
             return {0.0, 1.0};
         const double room = high > low ? 0.05 * (high - low) : std::max(1e-9, 0.1 * std::abs(low));
         return {low - room, high + room};
     }
-    // To this size about its middle.
-    Extent widened(double size) const {
-        const double middle = 0.5 * (low + high);
-        return {middle - 0.5 * size, middle + 0.5 * size};
-    }
 };
+
+double length(const std::pair<double, double>& range) {
+    return range.second - range.first;
+}
+
+// To this size about its middle.
+void widen(std::pair<double, double>& range, double size) {
+    const double middle = 0.5 * (range.first + range.second);
+    range = {middle - 0.5 * size, middle + 0.5 * size};
+}
 
 void include(const PlotLayer& layer, Extent& x, Extent& y) {
     for (std::size_t i = 0; i < layer.ys.size(); ++i) {
@@ -189,13 +195,13 @@ double Arrows::longest() const {
 }
 
 struct SvgPlot::Frame {
-    Extent x, y;
-    double top, width, height;  // of the inner area, px
+    std::pair<double, double> x, y;  // what is shown, from low to high
+    double top, width, height;       // of the inner area, px
     bool y_down;
 
-    double px(double value) const { return left + width * (value - x.low) / (x.high - x.low); }
+    double px(double value) const { return left + width * (value - x.first) / length(x); }
     double py(double value) const {
-        const double along = (value - y.low) / (y.high - y.low);
+        const double along = (value - y.first) / length(y);
         return top + height * (y_down ? along : 1.0 - along);
     }
 
@@ -276,12 +282,12 @@ SvgPlot::Frame SvgPlot::frame(double top) const {
     Frame frame{x.padded(), y.padded(), top, width_ - left - right, height_ - top - bottom,
                 is_image_};
     if (y_range_)
-        frame.y = {y_range_->first, y_range_->second};
+        frame.y = *y_range_;
     if (is_image_) {
-        const double scale = std::max((frame.x.high - frame.x.low) / frame.width,
-                                      (frame.y.high - frame.y.low) / frame.height);
-        frame.x = frame.x.widened(scale * frame.width);
-        frame.y = frame.y.widened(scale * frame.height);
+        const double scale =
+            std::max(length(frame.x) / frame.width, length(frame.y) / frame.height);
+        widen(frame.x, scale * frame.width);
+        widen(frame.y, scale * frame.height);
     }
     return frame;
 }
@@ -289,11 +295,11 @@ SvgPlot::Frame SvgPlot::frame(double top) const {
 std::string SvgPlot::axes(const Frame& f) const {
     std::string text;
     const double x0 = left, x1 = left + f.width, y0 = f.top, y1 = f.top + f.height;
-    for (const auto& [tick, label] : labelled_ticks(f.y.low, f.y.high, 6, is_log_y_))
+    for (const auto& [tick, label] : labelled_ticks(f.y, 6, is_log_y_))
         text += fmt::format("<path class='grid' d='M{} {:.1f}H{}'/>", x0, f.py(tick), x1) +
                 text_element(x0 - 6, f.py(tick) + 4, "end", label);
     if (categories_.empty())
-        for (const auto& [tick, label] : labelled_ticks(f.x.low, f.x.high, 8, is_log_x_))
+        for (const auto& [tick, label] : labelled_ticks(f.x, 8, is_log_x_))
             text += fmt::format("<path class='grid' d='M{:.1f} {}V{}'/>", f.px(tick), y0, y1) +
                     text_element(f.px(tick), y1 + 16, "middle", label);
     for (std::size_t i = 0; i < categories_.size(); ++i)

@@ -250,7 +250,7 @@ std::string judged(const CalibrationRun& run, const ModelScore& score) {
     if (score.overfits)
         words.push_back("overfits");
     if (!score.doubt.empty())
-        words.push_back(score.doubt);
+        words.push_back("not advised");
     if (score.failed_view)
         words.push_back("cannot predict " + short_name(run.photos[*score.failed_view]));
     else if (!score.failure.empty())
@@ -512,7 +512,7 @@ std::string calibration_tables(const CalibrationRun& run) {
                        text_table(model_table(run), {"above the best", "condition"}) + "\n" +
                        text_table(parameter_table(run.calibration));
     for (const auto& [name, value] : held_parameters(run.calibration))
-        text += fmt::format("{} is held: {}\n", name, reason_held);
+        text += fmt::format("{} = {} is held: {}\n", name, value, reason_held);
     return text;
 }
 

@@ -8,6 +8,7 @@
 #include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
+#include "station/compare/comparison.css.h"
 #include "station/compare/comparison_pictures.h"
 #include "station/compare/comparison_report.h"
 
@@ -417,7 +418,7 @@ std::string comparison_html(const Comparison& comparison,
     HtmlPage page(
         "Photographs against their renderings",
         fmt::format("{}, {}", comparison.camera_file.filename().string(), comparison.marker));
-    page.add_style(comparison_style);
+    page.add_style(comparison_css);
     add_summary(page, comparison);
     page.add_heading("Photographs");
     page.add_html(contact_sheet_html(comparison));

@@ -31,9 +31,6 @@ struct NamedPicture {
 std::string viewer_html(const std::string& id, const std::vector<NamedPicture>& pictures,
                         bool starts_in_turn);
 
-// For HtmlPage::add_style(): the viewer, and the cards of photographs.
-extern const char* const comparison_style;
-
 // The colours of residual and significance maps with their ends, "-30" and "+30 gray".
 std::string colour_scale_html(double end, const std::string& unit);
 

@@ -55,8 +55,8 @@ TEST(ResultTable, TextIsAlignedByColumns) {
     EXPECT_EQ(text_table(photos()),
               "photograph  residual  half  used  blur\n"
               "                gray                px\n"
-              "a, b.png        0.33     6   yes   0.5\n"
-              "c.png              -     3    no     -\n");
+              "a, b.png        0.33     6  yes    0.5\n"
+              "c.png              -     3  no       -\n");
 }
 
 TEST(ResultTable, TextLeavesOutWhatIsForPages) {

@@ -90,12 +90,6 @@ using Undistortion = PublishedMethod::Undistortion;
 constexpr std::uint64_t cloud_seed = 20;
 constexpr std::uint64_t quasi_monte_carlo_seed = 99;  // not the reference's
 
-ReferenceOptions reference_options(int samples) {
-    ReferenceOptions options;
-    options.samples_per_scramble = samples;
-    return options;
-}
-
 // One thread while it lives.
 class OneThread {
     tbb::global_control limit_{tbb::global_control::max_allowed_parallelism, 1};
@@ -108,7 +102,7 @@ public:
         : scene_(scene),
           plan_(plan),
           truth_(integrate_truth(scene.camera, scene.scene, plan.window_side_px,
-                                 reference_options(plan.reference_samples))) {
+                                 {.samples_per_scramble = plan.reference_samples})) {
         result_.name = scene.name;
     }
 
@@ -208,27 +202,22 @@ private:
         }
     }
 
-    BenchRow* row(const std::string& method, const std::string& setting) {
-        for (BenchRow& each : result_.rows)
-            if (each.method == method && each.setting == setting)
-                return &each;
-        return nullptr;
-    }
-
     // The times of the two rows whose ratio is promised, once more and by turns.
     void time_promised_ratio() {
         constexpr int rays = 256;
-        BenchRow* ours = row("default", "0.1");
-        BenchRow* baseline = row("published", fmt::format("n{}", rays));
-        if (!ours || !baseline)
+        const auto baseline = std::ranges::find_if(result_.rows, [](const BenchRow& row) {
+            return row.method == "published" && row.setting == published_setting;
+        });
+        if (baseline == result_.rows.end())
             return;
+        BenchRow& ours = result_.rows.front();
         const PublishedMethod published(scene_.camera, rays, Undistortion::per_ray);
         const TimesByTurns times = cpu_ms_by_turns([&] { renderer_->render(scene_.scene); },
                                                    [&] { published.render(scene_.scene); });
-        ours->cpu_ms = times.one_ms;
+        ours.cpu_ms = times.one_ms;
         baseline->cpu_ms = times.other_ms;
         result_.ratio_error = times.ratio_error;
-        for (BenchRow* each : {ours, baseline})
+        for (BenchRow* each : {&ours, &*baseline})
             each->ns_per_pixel = 1e6 * each->cpu_ms / std::max(1, result_.refined_pixels);
     }
 
@@ -276,10 +265,6 @@ void append(RenderTruth& all, const RenderTruth& one) {
 
 }  // namespace
 
-BenchPlan full_plan() {
-    return {};
-}
-
 BenchPlan quick_plan() {
     BenchPlan plan;
     plan.window_side_px = 4;
@@ -319,8 +304,9 @@ BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan
     for (const Rigid& pose :
          spread_poses(scene.camera, posed.markers.front().grid, poses, cloud_seed)) {
         posed.markers.front().camera_from_marker = pose;
-        const RenderTruth here = integrate_truth(scene.camera, posed, plan.cloud_window_side_px,
-                                                 reference_options(plan.cloud_reference_samples));
+        const RenderTruth here =
+            integrate_truth(scene.camera, posed, plan.cloud_window_side_px,
+                            {.samples_per_scramble = plan.cloud_reference_samples});
         const OneThread limit;
         RenderedImage image;
         progress(++done);

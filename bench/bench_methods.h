@@ -31,7 +31,7 @@ struct TimesByTurns {
 };
 TimesByTurns cpu_ms_by_turns(const std::function<void()>& one, const std::function<void()>& other);
 
-// How much is measured.
+// How much is measured, unless quick.
 struct BenchPlan {
     int window_side_px = 6;
     int reference_samples = 16384;  // in each of 16 scrambles
@@ -43,7 +43,6 @@ struct BenchPlan {
     std::vector<int> quasi_monte_carlo{64, 256, 1024};       // samples per pixel
     double slowest_frame_ms = 8000.0;  // a sweep ends before a frame that would take longer
 };
-BenchPlan full_plan();
 BenchPlan quick_plan();
 
 struct BenchRow {

@@ -11,6 +11,7 @@
 #include "core/config/json_entry.h"
 #include "core/file/text.h"
 #include "report/json_text.h"
+#include "report/number_text.h"
 #include "report/software_versions.h"
 #include "report/svg_plot.h"
 
@@ -18,6 +19,8 @@ namespace etalon {
 namespace {
 
 using nlohmann::ordered_json;
+
+constexpr const char* bench_kind = "bench/1";
 
 // What docs/performance.md promises.
 constexpr double allowed_sigmas = 4.0;  // of the reference, beyond 0.1 gray
@@ -81,15 +84,14 @@ constexpr std::array<RowFigure, 8> row_figures{{
     {"reference_se", [](const BenchRow& row) { return row.error.reference_rms_gray; }},
 }};
 
-// How much longer than the published method's row; NaN without one.
-double ratio_to_published(const BenchScene& scene, const BenchRow& row) {
+// How much longer than this the published method takes; nothing where it was not measured.
+std::optional<double> ratio_to_published(const BenchScene& scene, const BenchRow& row) {
     const BenchRow* published = scene.row("published", published_setting);
-    return published ? published->cpu_ms / row.cpu_ms : std::nan("");
+    return published ? std::optional(published->cpu_ms / row.cpu_ms) : std::nullopt;
 }
 
-std::string ratio_words(const BenchScene& scene, const BenchRow& row) {
-    const double ratio = ratio_to_published(scene, row);
-    return std::isnan(ratio) ? "-" : fmt::format("{:.2f}", ratio);
+std::string ratio_text(const std::optional<double>& ratio) {
+    return fixed(ratio, 2, "-");
 }
 
 BenchCheck at_least(const std::string& what, double value, double limit) {
@@ -126,10 +128,10 @@ void add_error_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) 
 }
 
 void add_speed_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) {
-    if (!scene.row("published", published_setting))
+    const auto ratio = ratio_to_published(scene, scene.default_row());
+    if (!ratio)
         return;
-    checks.push_back(at_least(scene.name + ": time of published n256 over default's",
-                              ratio_to_published(scene, scene.default_row()),
+    checks.push_back(at_least(scene.name + ": time of published n256 over default's", *ratio,
                               time_ratio(scene.name)));
     checks.push_back(
         at_most(scene.name + ": baseline, ns per ray", scene.ns_per_ray, slowest_baseline_ns));
@@ -181,7 +183,7 @@ std::string bench_markdown(const BenchResult& result) {
                 "| {} | {} | {:.3g} | {:.4f} | {:.3f} | {:.3f} | {:.2g} | {:.0f} | {} |\n",
                 row.scene, row_name(row), row.cpu_ms, row.error.rms_gray, row.error.p99_gray,
                 row.error.max_gray, row.error.edge_shift_px, row.ns_per_pixel,
-                ratio_words(*scene, row));
+                ratio_text(ratio_to_published(*scene, row)));
     return text;
 }
 
@@ -260,16 +262,7 @@ std::string compiler_with_flags() {
     return fmt::format("{} {}", compiler->version, ETALON_COMPILER_FLAGS);
 }
 
-std::optional<double> known_ratio(const BenchScene& scene) {
-    const double ratio = published_over_default(scene);
-    return std::isnan(ratio) ? std::nullopt : std::optional(ratio);
-}
-
 }  // namespace
-
-double published_over_default(const BenchScene& scene) {
-    return ratio_to_published(scene, scene.default_row());
-}
 
 std::string bench_json(const BenchResult& result) {
     ordered_json json = {{"etalon", bench_kind},
@@ -277,14 +270,15 @@ std::string bench_json(const BenchResult& result) {
                          {"compiler", compiler_with_flags()},
                          {"rows", json_list(all_rows(result), row_json)}};
     for (const BenchScene& scene : result.scenes)
-        json["scenes"].push_back({{"scene", scene.name},
-                                  {"default_cpu_ms", scene.default_row().cpu_ms},
-                                  {"ratio", optional_number(known_ratio(scene))},
-                                  {"ratio_error", scene.ratio_error},
-                                  {"cache_ms", scene.cache_ms},
-                                  {"refined_pixels", scene.refined_pixels},
-                                  {"baseline_ns_per_ray", scene.ns_per_ray},
-                                  {"left_out", scene.left_out}});
+        json["scenes"].push_back(
+            {{"scene", scene.name},
+             {"default_cpu_ms", scene.default_row().cpu_ms},
+             {"ratio", optional_number(ratio_to_published(scene, scene.default_row()))},
+             {"ratio_error", scene.ratio_error},
+             {"cache_ms", scene.cache_ms},
+             {"refined_pixels", scene.refined_pixels},
+             {"baseline_ns_per_ray", scene.ns_per_ray},
+             {"left_out", scene.left_out}});
     if (result.throughput)
         json["throughput"] = throughput_json(*result.throughput);
     if (result.wide_throughput)
@@ -321,7 +315,7 @@ std::string table(const BenchResult& result) {
         for (const BenchRow& row : scene->rows)
             text += fmt::format("{:<12} {:<26} {:>9.3f} {:>8.4f} {:>8.3f} {:>8}\n", row.scene,
                                 row_name(row), row.cpu_ms, row.error.rms_gray, row.error.max_gray,
-                                ratio_words(*scene, row));
+                                ratio_text(ratio_to_published(*scene, row)));
     return text;
 }
 
@@ -371,30 +365,20 @@ std::string bench_text(const BenchResult& result) {
 
 namespace {
 
-std::string ratio_text(const std::optional<double>& ratio) {
-    return ratio ? fmt::format("{:.2f}", *ratio) : "-";
-}
-
-BenchBefore::Scene read_scene(const JsonEntry& entry) {
-    BenchBefore::Scene scene;
-    scene.name = entry.at("scene").text();
-    scene.cpu_ms = entry.at("default_cpu_ms").number(positive);
+SceneSpeed read_scene(const JsonEntry& entry) {
+    SceneSpeed scene{entry.at("scene").text(), entry.at("default_cpu_ms").number(positive)};
     if (const JsonEntry ratio = entry.at("ratio"); !ratio.is_null())
         scene.ratio = ratio.number(positive);
     scene.ratio_error = entry.at("ratio_error").number(non_negative);
     return scene;
 }
 
-SpeedChange change_of(const BenchBefore::Scene& before, const BenchScene& now, double margin) {
+bool is_slower(const SceneSpeed& before, const SceneSpeed& now, double margin) {
     constexpr double errors = 3.0;
-    SpeedChange change{now.name, before.cpu_ms, now.default_row().cpu_ms, before.ratio, {}, false};
-    const double ratio = published_over_default(now);
-    if (std::isnan(ratio) || !before.ratio)
-        return change;
-    change.ratio_now = ratio;
+    if (!now.ratio || !before.ratio)
+        return false;
     const double noise = errors * std::hypot(before.ratio_error, now.ratio_error);
-    change.is_slower = std::log(*before.ratio / ratio) > std::max(-std::log1p(-margin), noise);
-    return change;
+    return std::log(*before.ratio / *now.ratio) > std::max(-std::log1p(-margin), noise);
 }
 
 }  // namespace
@@ -413,9 +397,11 @@ std::vector<SpeedChange> speed_changes(const BenchBefore& before, const BenchRes
                                        double margin) {
     std::vector<SpeedChange> changes;
     for (const BenchScene& scene : now.scenes) {
-        const auto old = std::ranges::find(before.scenes, scene.name, &BenchBefore::Scene::name);
+        const SceneSpeed speed{scene.name, scene.default_row().cpu_ms,
+                               ratio_to_published(scene, scene.default_row()), scene.ratio_error};
+        const auto old = std::ranges::find(before.scenes, scene.name, &SceneSpeed::scene);
         if (old != before.scenes.end())
-            changes.push_back(change_of(*old, scene, margin));
+            changes.push_back({*old, speed, is_slower(*old, speed, margin)});
     }
     return changes;
 }
@@ -424,11 +410,10 @@ std::string against_text(const BenchBefore& before, const std::vector<SpeedChang
     std::string text = fmt::format("against {}\n  {}\n", before.machine, before.compiler);
     text += fmt::format("{:<14} {:>10} {:>10} {:>10} {:>10}\n", "scene", "CPU ms then", "now",
                         "ratio then", "now");
-    for (const SpeedChange& change : changes)
-        text +=
-            fmt::format("{:<14} {:>11.3f} {:>10.3f} {:>10} {:>10}{}\n", change.scene,
-                        change.cpu_ms_before, change.cpu_ms_now, ratio_text(change.ratio_before),
-                        ratio_text(change.ratio_now), change.is_slower ? "  SLOWER" : "");
+    for (const auto& [then, now, is_slower] : changes)
+        text += fmt::format("{:<14} {:>11.3f} {:>10.3f} {:>10} {:>10}{}\n", now.scene, then.cpu_ms,
+                            now.cpu_ms, ratio_text(then.ratio), ratio_text(now.ratio),
+                            is_slower ? "  SLOWER" : "");
     return text;
 }
 

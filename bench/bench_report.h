@@ -11,8 +11,6 @@
 
 namespace etalon {
 
-inline constexpr const char* bench_kind = "bench/1";
-
 struct BenchResult {
     std::vector<BenchScene> scenes;
     std::optional<BenchScene> cloud;
@@ -39,9 +37,6 @@ std::string bench_json(const BenchResult& result);
 // For a terminal of 80 columns: everything but the checks.
 std::string bench_text(const BenchResult& result);
 
-// How much longer the published method takes than the default; NaN where it was not measured.
-double published_over_default(const BenchScene& scene);
-
 // Which settings nothing else beats in both time and error; and whether `default` is among them.
 // Errors below the reference's standard error count as equal: nobody can tell them apart.
 std::string pareto_words(const BenchScene& scene);
@@ -50,25 +45,23 @@ std::string pareto_words(const BenchScene& scene);
 // are ratios to the published method, each measured by turns in its own run, so that the two runs
 // may be of different machines and days. CPU times are for reading only.
 
-// The default on one scene, before and now.
-struct SpeedChange {
+// The default on one scene.
+struct SceneSpeed {
     std::string scene;
-    double cpu_ms_before = 0.0, cpu_ms_now = 0.0;
-    std::optional<double> ratio_before,
-        ratio_now;  // nothing where there is nothing to compare with
+    double cpu_ms = 0.0;
+    std::optional<double> ratio;  // of the published method's time to it; nothing: not measured
+    double ratio_error = 0.0;     // relative standard error
+};
+
+struct SpeedChange {
+    SceneSpeed before, now;
     // The ratio fell by more than the margin, and by more than three standard errors of both.
     bool is_slower = false;
 };
 
 struct BenchBefore {
     std::string machine, compiler;
-    struct Scene {
-        std::string name;
-        double cpu_ms = 0.0;
-        std::optional<double> ratio;
-        double ratio_error = 0.0;
-    };
-    std::vector<Scene> scenes;
+    std::vector<SceneSpeed> scenes;
 };
 
 // Throws ConfigError with file, line and key for what is no bench.json of this version.

@@ -98,3 +98,15 @@ function(etalon_precompile_tests target)
             <gtest/gtest.h>)
     endif()
 endfunction()
+
+# etalon_text(FILE): a style sheet or script of pages as a constant. Of station/compare/comparison.css,
+# "station/compare/comparison.css.h" defines etalon::comparison_css.
+function(etalon_text file)
+    cmake_path(ABSOLUTE_PATH file)
+    cmake_path(RELATIVE_PATH file BASE_DIRECTORY ${PROJECT_SOURCE_DIR} OUTPUT_VARIABLE path)
+    cmake_path(GET path FILENAME name)
+    string(REPLACE . _ name ${name})
+    file(READ ${file} text)
+    configure_file(${PROJECT_SOURCE_DIR}/cmake/text.h.in ${PROJECT_BINARY_DIR}/generated/${path}.h @ONLY)
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
+endfunction()

@@ -18,25 +18,6 @@ namespace {
 
 constexpr std::size_t z = 2, angle = 7;  // places in error_measures
 
-// "0.0213 (0.0190 to 0.0240)"; a narrow table breaks it before the bracket only.
-std::string with_interval(const Estimate& estimate) {
-    const std::string value = figure_text(estimate.value);
-    if (!estimate.interval)
-        return value;
-    return fmt::format("{} ({}\u00a0to\u00a0{})", value, figure_text(estimate.interval->low),
-                       figure_text(estimate.interval->high));
-}
-
-std::string with_interval(const std::optional<Estimate>& estimate) {
-    return estimate ? with_interval(*estimate) : "-";
-}
-
-std::string with_interval(const std::optional<Proportion>& share) {
-    return share ? fmt::format("{:.2f} ({:.2f}\u00a0to\u00a0{:.2f})", 100.0 * share->value,
-                               100.0 * share->low, 100.0 * share->high)
-                 : "-";
-}
-
 // The most frequent ones by name, the rest in one line.
 void add_failures(HtmlPage& page, const StudyResults& results) {
     constexpr std::size_t max_reasons = 4;
@@ -65,20 +46,11 @@ void add_failures(HtmlPage& page, const StudyResults& results) {
 
 void add_detection(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
     page.add_heading("Detection");
-    TableRows rows;
-    for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
-        const DetectorSummary& one = summary.detectors[0][i];
-        rows.push_back({results.description.detectors[i].name, with_interval(one.own.detected),
-                        with_interval(one.own.flips),
-                        one.median_corner_px() ? figure_text(one.median_corner_px()->value) : "-",
-                        results.description.detectors[i].marker});
-    }
-    page.add_table({"detector", "detected, %", "flips, %", "median corner error, px", "marker"},
-                   rows);
+    page.add_table(detection_table(results.description, summary.detectors[0]));
     page.add_paragraph(
         "In brackets the 95 % interval. A flip is the wrong one of a planar marker's two poses. "
-        "The corner error is the RMS distance of a pose's corners from the projected truth; what "
-        "reports a pose without corners has none.");
+        "The corner error is the median over the poses of the RMS distance of the corners from the "
+        "projected truth; what reports a pose without corners has none.");
     add_failures(page, results);
 }
 
@@ -89,59 +61,11 @@ void add_sizes(HtmlPage& page, const StudyResults& results, const StudySummary& 
         "board's inner corners, a TopoTag's vertices, which span less than its square. Errors are "
         "those of the poses that the detector detects itself: where it detects few, they are the "
         "easier ones.");
-    TableRows rows;
-    for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
-        std::string name = results.description.detectors[i].name;
-        for (const SizeClass& size : summary.detectors[0][i].sizes) {
-            if (size.poses == 0)
-                continue;
-            rows.push_back({name, size_words(size), with_interval(size.median_corner_px),
-                            size.corner_quantile_px ? figure_text(*size.corner_quantile_px) : "-",
-                            with_interval(size.detected), fmt::format("{}", size.poses)});
-            name.clear();
-        }
-    }
-    page.add_table({"detector", "size, px", "median corner error, px", "95 % are below, px",
-                    "detected, %", "poses"},
-                   rows);
+    page.add_table(size_table(results.description, summary.detectors[0]));
     page.add_paragraph(fmt::format(
         "No 95 % quantile is given of fewer than {} poses. \"From 60\" and \"all\" hold the poses "
         "of the classes above them once more.",
         min_quantile_values));
-}
-
-void add_errors(HtmlPage& page, const StudyDescription& description,
-                const std::vector<DetectorSummary>& detectors,
-                const PoseStatistics DetectorSummary::*set) {
-    TableRows rows;
-    for (std::size_t i = 0; i < detectors.size(); ++i) {
-        const PoseStatistics& statistics = detectors[i].*set;
-        for (std::size_t k = 0; statistics.all && k < error_measure_count; ++k) {
-            const ErrorStatistics& s = (*statistics.all)[k];
-            rows.push_back({k == 0 ? description.detectors[i].name : "",
-                            fmt::format("{}, {}", error_measures[k].name, error_measures[k].unit),
-                            with_interval(s.mean), with_interval(s.standard_deviation),
-                            with_interval(s.mean_absolute), with_interval(s.median_absolute)});
-        }
-    }
-    page.add_table(
-        {"detector", "error", "mean", "standard deviation", "mean |error|", "median |error|"},
-        rows);
-}
-
-// The published comparison's layout: a column for each component.
-void add_short_errors(HtmlPage& page, const StudyDescription& description,
-                      const std::vector<DetectorSummary>& detectors) {
-    TableRows rows;
-    for (std::size_t i = 0; i < detectors.size(); ++i)
-        for (std::vector<std::string> row : error_table(detectors[i].common)) {
-            const bool is_first = rows.empty() || row.front() == "mean";
-            row.insert(row.begin(), is_first ? description.detectors[i].name : "");
-            rows.push_back(row);
-        }
-    page.add_table(
-        {"detector", "errors", "X, mm", "Y, mm", "Z, mm", "roll, deg", "pitch, deg", "yaw, deg"},
-        rows);
 }
 
 void add_accuracy(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
@@ -150,12 +74,13 @@ void add_accuracy(HtmlPage& page, const StudyResults& results, const StudySummar
         "On the {} poses that every detector detects, so that no detector is favoured for leaving "
         "the difficult ones out. Errors are estimated minus true pose.",
         summary.common[0]));
-    add_short_errors(page, results.description, summary.detectors[0]);
+    const std::vector<DetectorSummary>& detectors = summary.detectors[0];
+    page.add_table(short_error_table(results.description, detectors));
     page.begin_details("With 95 % intervals");
-    add_errors(page, results.description, summary.detectors[0], &DetectorSummary::common);
+    page.add_table(error_table(results.description, detectors, &DetectorSummary::common));
     page.end_details();
     page.begin_details("Each detector on all poses that it detects itself");
-    add_errors(page, results.description, summary.detectors[0], &DetectorSummary::own);
+    page.add_table(error_table(results.description, detectors, &DetectorSummary::own));
     page.end_details();
 }
 
@@ -167,26 +92,7 @@ void add_variants(HtmlPage& page, const StudyResults& results, const StudySummar
     page.add_paragraph(
         "The same study with one thing switched: an error that changes with it is made of it. Each "
         "line is over the poses that all detectors detect in that variant.");
-    TableRows rows;
-    for (std::size_t i = 0; i < description.detectors.size(); ++i)
-        for (std::size_t v = 0; v < description.variants.size(); ++v) {
-            const DetectorSummary& one = summary.detectors[v][i];
-            std::vector<std::string> row{
-                v == 0 ? description.detectors[i].name : "", description.variants[v],
-                one.own.detected ? fmt::format("{:.2f} %", 100.0 * one.own.detected->value) : "-"};
-            const auto add = [&](std::size_t measure, Estimate ErrorStatistics::*value) {
-                row.push_back(
-                    one.common.all ? figure_text(((*one.common.all)[measure].*value).value) : "-");
-            };
-            for (std::size_t k = 0; k <= z; ++k)
-                add(k, &ErrorStatistics::mean);
-            add(z, &ErrorStatistics::median_absolute);
-            add(angle, &ErrorStatistics::median_absolute);
-            rows.push_back(row);
-        }
-    page.add_table({"detector", "switched", "detected", "mean X, mm", "mean Y, mm", "mean Z, mm",
-                    "median |Z|, mm", "median angle, deg"},
-                   rows);
+    page.add_table(variant_table(description, summary));
 }
 
 void add_pairs(HtmlPage& page, const std::vector<PairMatrix>& matrices) {

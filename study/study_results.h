@@ -1,4 +1,4 @@
-// The results of a study, read back: what its statistics and its report are made from.
+// The results of a study as files, and read back: what its statistics and its report are made from.
 #pragma once
 
 #include <filesystem>
@@ -8,7 +8,8 @@
 #include <vector>
 
 #include "compare/expect/pose_statistics.h"
-#include "study/study_description.h"
+#include "report/result_rows.h"
+#include "study/study_evaluation.h"
 
 namespace etalon {
 
@@ -19,6 +20,37 @@ namespace etalon {
 //
 // and, once all of it is there, what is made of it (study/study_report.h). Layout of the files:
 // docs/study.md.
+
+// An axis that is drawn along with the poses: a disturbance or the focus distance.
+struct StudyAxis {
+    std::string name, unit;
+    friend bool operator==(const StudyAxis&, const StudyAxis&) = default;
+};
+
+// What a reader of a study's results must know of the study, and what the results follow from. Two
+// runs may be continued, or merged, where it is the same.
+struct StudyDescription {
+    struct DetectorEntry {
+        std::string name, detector, marker;
+    };
+    std::string id;
+    std::string camera;  // in words, for people
+    std::size_t poses = 0;
+    std::string volume;  // in words
+    std::vector<DetectorEntry> detectors;
+    std::vector<std::string> variants;
+    std::vector<StudyAxis> axes;
+    Shard shard;
+    std::string made_from;  // JSON: hashes of files, seeds; equal where results must be
+
+    std::size_t rows_per_pose() const { return detectors.size() * variants.size(); }
+};
+
+StudyDescription describe(const StudyFile& study, const std::filesystem::path& file,
+                          const std::vector<StudyVariant>& variants, const Shard& shard);
+
+// Of the folder's study.json. Throws ConfigError for a folder without one or with another's.
+StudyDescription read_description(const std::filesystem::path& folder);
 
 // Writes a study's results. Not thread-safe.
 class StudyRecord {
@@ -45,9 +77,6 @@ private:
 // Throws ConfigError for shards that are missing, doubled, unfinished or of different studies.
 void merge_shards(const std::vector<std::filesystem::path>& shards,
                   const std::filesystem::path& out);
-
-// The first line of results.csv, with its end.
-std::string results_header(const StudyDescription& description);
 
 // The results of a whole study, read back.
 struct StudyResults {

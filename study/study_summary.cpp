@@ -9,7 +9,6 @@
 #include "compare/expect/pose_statistics.h"
 #include "core/program/errors.h"
 #include "core/program/version.h"
-#include "report/csv.h"
 #include "report/json_text.h"
 
 namespace etalon {
@@ -90,76 +89,6 @@ constexpr std::array<NamedEstimate, 4> estimates = {
      {"median", &ErrorStatistics::median},
      {"median |error|", &ErrorStatistics::median_absolute}}};
 
-double percent(const std::optional<Proportion>& share) {
-    return share ? 100.0 * share->value : 0.0;
-}
-
-// ------------------------------------------------------------------------------------- for people
-
-std::string detection_lines(const StudyDescription& description,
-                            const std::vector<DetectorSummary>& detectors) {
-    std::string text =
-        fmt::format("{:<22}{:>10}{:>16}{:>10}{:>12}\n", "", "detected", "95 %", "flips", "corners");
-    for (std::size_t i = 0; i < detectors.size(); ++i) {
-        const DetectorSummary& one = detectors[i];
-        text += fmt::format(
-            "{:<22.21}{:>8.2f} %{:>16}{:>8.2f} %{:>12}\n", description.detectors[i].name,
-            percent(one.own.detected),
-            one.own.detected ? fmt::format("{:.2f}-{:.2f}", 100.0 * one.own.detected->low,
-                                           100.0 * one.own.detected->high)
-                             : "",
-            percent(one.own.flips),
-            one.median_corner_px() ? figure_text(one.median_corner_px()->value) + " px" : "-");
-    }
-    return text;
-}
-
-// Nothing where a statistic has no value.
-using Value = std::optional<Estimate> (*)(const ErrorStatistics&);
-constexpr std::array<std::pair<const char*, Value>, 4> statistics_of_table = {{
-    {"mean", [](const ErrorStatistics& s) { return std::optional(s.mean); }},
-    {"std", [](const ErrorStatistics& s) { return s.standard_deviation; }},
-    {"mean |error|", [](const ErrorStatistics& s) { return std::optional(s.mean_absolute); }},
-    {"median |error|", [](const ErrorStatistics& s) { return std::optional(s.median_absolute); }},
-}};
-
-std::string error_lines(const std::string& name, const PoseStatistics& statistics) {
-    if (!statistics.all)
-        return fmt::format("{:<16.15}nothing to tell\n", name);
-    std::string text;
-    for (const std::vector<std::string>& row : error_table(statistics)) {
-        text += fmt::format("{:<16.15}{:<15}", text.empty() ? name : "", row.front());
-        for (std::size_t k = 1; k < row.size(); ++k)
-            text += fmt::format("{:>8}", row[k]);
-        text += "\n";
-    }
-    return text;
-}
-
-// What an ablation is for: one line per detector and variant.
-std::string variant_lines(const StudyDescription& description, const StudySummary& summary) {
-    std::string text =
-        fmt::format("\n{:<16}{:<14}{:>9}{:>10}{:>9}{:>9}{:>10}\n", "each on its common", "",
-                    "detected", "mean X", "mean Y", "mean Z", "median");
-    text += fmt::format("{:<16}{:<14}{:>9}{:>12}{:>9}{:>9}{:>10}\n", "poses", "switched", "%", "mm",
-                        "mm", "mm", "|angle|");
-    for (std::size_t i = 0; i < description.detectors.size(); ++i)
-        for (std::size_t v = 0; v < description.variants.size(); ++v) {
-            const DetectorSummary& one = summary.detectors[v][i];
-            text +=
-                fmt::format("{:<16.15}{:<14}{:>9.2f}", v == 0 ? description.detectors[i].name : "",
-                            description.variants[v], percent(one.own.detected));
-            if (one.common.all)
-                text += fmt::format("{:>12}{:>9}{:>9}{:>10}",
-                                    figure_text((*one.common.all)[0].mean.value),
-                                    figure_text((*one.common.all)[1].mean.value),
-                                    figure_text((*one.common.all)[2].mean.value),
-                                    figure_text((*one.common.all)[7].median_absolute.value));
-            text += "\n";
-        }
-    return text;
-}
-
 // ------------------------------------------------------------------------------------------- JSON
 
 ordered_json json_of(const std::optional<Proportion>& share) {
@@ -219,7 +148,40 @@ ordered_json json_of(const SizeClass& one) {
     return json;
 }
 
-// -------------------------------------------------------------------------------------------- CSV
+// ------------------------------------------------------------------------------ tables and CSV
+
+// "0.0213 (0.0190 to 0.0240)"; a narrow table breaks it before the bracket only.
+std::optional<std::string> with_interval(const std::optional<Estimate>& estimate) {
+    if (!estimate)
+        return std::nullopt;
+    const std::string value = figure_text(estimate->value);
+    if (!estimate->interval)
+        return value;
+    return fmt::format("{} ({}\u00a0to\u00a0{})", value, figure_text(estimate->interval->low),
+                       figure_text(estimate->interval->high));
+}
+
+std::optional<std::string> percent(const std::optional<Proportion>& share) {
+    if (!share)
+        return std::nullopt;
+    return fmt::format("{:.2f} ({:.2f}\u00a0to\u00a0{:.2f})", 100.0 * share->value,
+                       100.0 * share->low, 100.0 * share->high);
+}
+
+std::optional<std::string> figure_of(const std::optional<double>& value) {
+    return value ? std::optional(figure_text(*value)) : std::nullopt;
+}
+
+std::optional<std::string> figure_of(const std::optional<Estimate>& estimate) {
+    return estimate ? std::optional(figure_text(estimate->value)) : std::nullopt;
+}
+
+using Statistic = std::optional<Estimate> (*)(const ErrorStatistics&);
+constexpr std::pair<const char*, Statistic> short_statistics[] = {
+    {"mean", [](const ErrorStatistics& s) { return std::optional(s.mean); }},
+    {"std", [](const ErrorStatistics& s) { return s.standard_deviation; }},
+    {"mean |error|", [](const ErrorStatistics& s) { return std::optional(s.mean_absolute); }},
+    {"median |error|", [](const ErrorStatistics& s) { return std::optional(s.median_absolute); }}};
 
 std::string csv_cell(const std::optional<Estimate>& estimate) {
     if (!estimate)
@@ -273,20 +235,6 @@ StudySummary summarise(const StudyResults& results) {
     return summary;
 }
 
-std::vector<std::vector<std::string>> error_table(const PoseStatistics& statistics) {
-    std::vector<std::vector<std::string>> table;
-    for (const auto& [statistic, value_of] : statistics_of_table) {
-        if (!statistics.all)
-            break;
-        std::vector<std::string>& row = table.emplace_back(1, statistic);
-        for (std::size_t k = 0; k < pose_component_count; ++k) {
-            const auto estimate = value_of((*statistics.all)[k]);
-            row.push_back(estimate ? figure_text(estimate->value) : "-");
-        }
-    }
-    return table;
-}
-
 std::string figure_text(double value) {
     const double size = std::abs(value);
     return size < 0.00005 ? "0"
@@ -296,17 +244,105 @@ std::string figure_text(double value) {
                           : fmt::format("{:.1f}", value);
 }
 
+ResultTable detection_table(const StudyDescription& description,
+                            const std::vector<DetectorSummary>& detectors) {
+    ResultTable table =
+        empty_table({"detector", "detected / %", "flips / %", "corner error / px", "marker"});
+    for (std::size_t i = 0; i < detectors.size(); ++i)
+        table.rows.push_back({description.detectors[i].name, percent(detectors[i].own.detected),
+                              percent(detectors[i].own.flips),
+                              figure_of(detectors[i].median_corner_px()),
+                              description.detectors[i].marker});
+    return table;
+}
+
+ResultTable size_table(const StudyDescription& description,
+                       const std::vector<DetectorSummary>& detectors) {
+    ResultTable table = empty_table({"detector", "size / px", "median corner error / px",
+                                     "95 % are below / px", "detected / %", "poses"});
+    for (std::size_t i = 0; i < detectors.size(); ++i) {
+        std::string name = description.detectors[i].name;
+        for (const SizeClass& size : detectors[i].sizes)
+            if (size.poses > 0)
+                table.rows.push_back({std::exchange(name, ""), size_words(size),
+                                      with_interval(size.median_corner_px),
+                                      figure_of(size.corner_quantile_px), percent(size.detected),
+                                      size.poses});
+    }
+    return table;
+}
+
+ResultTable error_table(const StudyDescription& description,
+                        const std::vector<DetectorSummary>& detectors,
+                        PoseStatistics DetectorSummary::*set) {
+    ResultTable table = empty_table(
+        {"detector", "error", "mean", "standard deviation", "mean |error|", "median |error|"});
+    for (std::size_t i = 0; i < detectors.size(); ++i) {
+        std::string name = description.detectors[i].name;
+        const auto& all = (detectors[i].*set).all;
+        for (std::size_t k = 0; all && k < error_measure_count; ++k) {
+            const ErrorStatistics& s = (*all)[k];
+            table.rows.push_back(
+                {std::exchange(name, ""),
+                 fmt::format("{}, {}", error_measures[k].name, error_measures[k].unit),
+                 with_interval(s.mean), with_interval(s.standard_deviation),
+                 with_interval(s.mean_absolute), with_interval(s.median_absolute)});
+        }
+    }
+    return table;
+}
+
+ResultTable short_error_table(const StudyDescription& description,
+                              const std::vector<DetectorSummary>& detectors) {
+    ResultTable table = empty_table({"detector", "errors"});
+    for (std::size_t k = 0; k < pose_component_count; ++k)
+        table.columns.push_back({error_measures[k].name, error_measures[k].unit});
+    for (std::size_t i = 0; i < detectors.size(); ++i) {
+        std::string name = description.detectors[i].name;
+        for (const auto& [statistic, value_of] : short_statistics) {
+            if (!detectors[i].common.all)
+                break;
+            auto& row = table.rows.emplace_back();
+            row = {std::exchange(name, ""), statistic};
+            for (std::size_t k = 0; k < pose_component_count; ++k)
+                row.push_back(figure_of(value_of((*detectors[i].common.all)[k])));
+        }
+    }
+    return table;
+}
+
+ResultTable variant_table(const StudyDescription& description, const StudySummary& summary) {
+    ResultTable table =
+        empty_table({"detector", "switched", "detected / %", "mean X / mm", "mean Y / mm",
+                     "mean Z / mm", "median |Z| / mm", "median |angle| / deg"});
+    constexpr std::size_t z = 2, angle = 7;  // places in error_measures
+    for (std::size_t i = 0; i < description.detectors.size(); ++i)
+        for (std::size_t v = 0; v < description.variants.size(); ++v) {
+            const DetectorSummary& one = summary.detectors[v][i];
+            auto& row = table.rows.emplace_back();
+            row = {v == 0 ? description.detectors[i].name : "", description.variants[v],
+                   one.own.detected ? fmt::format("{:.2f}", 100.0 * one.own.detected->value) : "-"};
+            row.resize(table.columns.size());
+            if (!one.common.all)
+                continue;
+            for (std::size_t k = 0; k <= z; ++k)
+                row[3 + k] = figure_of((*one.common.all)[k].mean);
+            row[6] = figure_of((*one.common.all)[z].median_absolute);
+            row[7] = figure_of((*one.common.all)[angle].median_absolute);
+        }
+    return table;
+}
+
 std::string summary_text(const StudyResults& results, const StudySummary& summary) {
     const StudyDescription& description = results.description;
-    std::string text = fmt::format("study {}: {} poses\n{}\n", description.id, description.poses,
-                                   detection_lines(description, summary.detectors[0]));
-    text += fmt::format("{:<31}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}\n",
-                        fmt::format("on {} poses that all detect", summary.common[0]), "X mm",
-                        "Y mm", "Z mm", "roll", "pitch", "yaw deg");
-    for (std::size_t i = 0; i < description.detectors.size(); ++i)
-        text += error_lines(description.detectors[i].name, summary.detectors[0][i].common);
+    std::string text = fmt::format(
+        "study {}: {} poses\n{}\non {} poses that all detect:\n{}", description.id,
+        description.poses,
+        text_table(detection_table(description, summary.detectors[0]), {"marker"}),
+        summary.common[0], text_table(short_error_table(description, summary.detectors[0])));
     if (description.variants.size() > 1)
-        text += variant_lines(description, summary);
+        text += "\neach variant on the poses that all detect in it:\n" +
+                text_table(variant_table(description, summary), {"median |Z|"});
     if (results.refused > 0)
         text += fmt::format("\n{} poses could not be rendered: see results.csv\n", results.refused);
     return text;

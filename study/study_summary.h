@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "compare/expect/pose_statistics.h"
+#include "report/result_table.h"
 #include "study/study_results.h"
 
 namespace etalon {
@@ -57,7 +58,22 @@ struct StudySummary {
 // 25 ms and 1 us a line of the results.
 StudySummary summarise(const StudyResults& results);
 
-// For a terminal, at most 80 columns: detection, errors on the common poses, and the variants.
+// Of the study as it is, for the page and for a terminal: detection; corner errors by the marker's
+// size; errors of every measure with their intervals on one set of poses; in short (as the
+// published comparison has them, a column each component) on the common poses; and what variants
+// change.
+ResultTable detection_table(const StudyDescription& description,
+                            const std::vector<DetectorSummary>& detectors);
+ResultTable size_table(const StudyDescription& description,
+                       const std::vector<DetectorSummary>& detectors);
+ResultTable error_table(const StudyDescription& description,
+                        const std::vector<DetectorSummary>& detectors,
+                        PoseStatistics DetectorSummary::*set);
+ResultTable short_error_table(const StudyDescription& description,
+                              const std::vector<DetectorSummary>& detectors);
+ResultTable variant_table(const StudyDescription& description, const StudySummary& summary);
+
+// Of those what fits a terminal.
 std::string summary_text(const StudyResults& results, const StudySummary& summary);
 
 // A line per variant, detector, set of poses and measure. Columns, empty where there is nothing:
@@ -72,10 +88,6 @@ std::string summary_csv(const StudyDescription& description, const StudySummary&
 
 // Everything with its intervals.
 std::string summary_json(const StudyResults& results, const StudySummary& summary);
-
-// Mean, standard deviation, mean and median |error|: a line each, with a cell for each of the six
-// components ("-" where there is none) behind the statistic's name. Empty if nothing was detected.
-std::vector<std::vector<std::string>> error_table(const PoseStatistics& statistics);
 
 // "-0.0213", "12.90": four figures; for cells of tables.
 std::string figure_text(double value);

@@ -1,11 +1,304 @@
 // Prints a table of the inner loops' speed (items are points or pixels). The whole of it takes some
 // 10 s; --benchmark_filter=REGEX picks rows, --benchmark_format=json is for programs.
-#include <benchmark/benchmark.h>
+//
+// What surrounds the kernels: the undistortion map, whole frames with their filters, the sensor.
+#include "sim/tiles/vector_targets.h"
 
+#include <benchmark/benchmark.h>
+#include <hwy/targets.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "bench/benchmark_scenes.h"
+#include "capture/frame/frame_checks.h"
+#include "capture/frame/pixel_formats.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
 #include "sim/tiles/tile_kernel.h"
+#include "sim/tiles/undistortion_map.h"
+
+namespace etalon {
+namespace {
+
+std::int64_t pixels(const CameraModel& camera) {
+    return std::int64_t{camera.width} * camera.height;
+}
+
+void build_undistortion_map(benchmark::State& state) {
+    const CameraModel camera = benchmark_scene("webcam-500").camera;
+    const Projector projector(camera);
+    constexpr int block_px = UndistortionMap::block_side * tile_px;
+    for (auto _ : state) {
+        const UndistortionMap map(projector, 0);
+        for (int y = 0; y < camera.height; y += block_px)
+            for (int x = 0; x < camera.width; x += block_px)
+                benchmark::DoNotOptimize(map.validity(x / tile_px, y / tile_px));
+    }
+    state.SetItemsProcessed(state.iterations() * pixels(camera));
+}
+BENCHMARK(build_undistortion_map)->Unit(benchmark::kMillisecond);
+
+void sample_undistortion_map(benchmark::State& state) {
+    const UndistortionMap map(Projector(benchmark_scene("webcam-500").camera), 0);
+    const int n = static_cast<int>(state.range(0));
+    std::vector<std::optional<MappedPoint>> points;
+    int tile = 0;
+    for (auto _ : state) {
+        map.sample(tile % 100, tile / 100, n, points);
+        benchmark::DoNotOptimize(points.data());
+        tile = (tile + 37) % 10000;
+    }
+    state.SetItemsProcessed(state.iterations() * n * n);
+}
+BENCHMARK(sample_undistortion_map)->Arg(4)->Arg(16)->Arg(36);
+
+// The default plan with warm caches: tiles, core filter and tails.
+void render_frame(benchmark::State& state, const std::string& name) {
+    const BenchmarkScene benchmark = benchmark_scene(name);
+    const Renderer renderer(benchmark.camera);
+    renderer.render(benchmark.scene);  // makes the filters
+    for (auto _ : state)
+        benchmark::DoNotOptimize(renderer.render(benchmark.scene).radiance.data);
+    state.SetItemsProcessed(state.iterations() * pixels(benchmark.camera));
+}
+BENCHMARK_CAPTURE(render_frame, webcam_500, "webcam-500")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+BENCHMARK_CAPTURE(render_frame, sharp_1000, "sharp-1000")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+
+// A measured curve: straight lines through 41 points.
+Transfer measured_curve() {
+    Transfer transfer{Transfer::Kind::table, {}};
+    for (int i = 0; i <= 40; ++i)
+        transfer.table.emplace_back(i / 40.0, i / 40.0 * (1.6 - 0.6 * i / 40.0));
+    return transfer;
+}
+
+// From radiance to codes: of a rendered frame, most of which is background or (Canon) none; with
+// noise, or not.
+void expose(benchmark::State& state, const std::string& name) {
+    BenchmarkScene benchmark = benchmark_scene(name);
+    Sensor& section = *benchmark.camera.sensor;
+    section.transfer = std::array{Transfer{}, Transfer{Transfer::Kind::rec709, {}},
+                                  measured_curve()}[static_cast<std::size_t>(state.range(0))];
+    section.bits = static_cast<int>(state.range(1));
+    section.gain_e_per_dn = state.range(2) ? 20.0 : 0.0;
+    const SensorModel sensor(benchmark.camera);
+    const Radiance radiance = Renderer(benchmark.camera).render(benchmark.scene).radiance;
+    const auto key = state.range(2) ? std::optional(NoiseKey{1, 2}) : std::nullopt;
+    for (auto _ : state)
+        benchmark::DoNotOptimize(sensor.expose(radiance, key));
+    state.SetItemsProcessed(state.iterations() * pixels(benchmark.camera));
+}
+BENCHMARK_CAPTURE(expose, webcam_500, "webcam-500")
+    ->ArgNames({"linear_rec709_table", "bits", "noise"})
+    ->ArgsProduct({{0, 1, 2}, {8, 12, 16}, {0, 1}})
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+BENCHMARK_CAPTURE(expose, canon_500, "canon-500")
+    ->ArgNames({"linear_rec709_table", "bits", "noise"})
+    ->ArgsProduct({{0, 1, 2}, {8, 12, 16}, {0}})
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+
+// Unpacking frames of 5 megapixels, beside a plain copy of the same bytes. Fresh memory for every
+// frame on both sides, as a camera needs it that hands its frames on.
+
+constexpr int width = 2592, height = 1944;
+
+std::vector<std::uint8_t> frame_bytes(const PixelFormat& format) {
+    std::vector<std::uint8_t> bytes(image_bytes(format, width, height, 0));
+    for (std::size_t i = 0; i < bytes.size(); ++i)
+        bytes[i] = static_cast<std::uint8_t>(i * 7 >> 3);
+    return bytes;
+}
+
+void copy(const std::vector<std::uint8_t>& bytes) {
+    const std::unique_ptr<std::uint8_t[]> copied(new std::uint8_t[bytes.size()]);
+    std::memcpy(copied.get(), bytes.data(), bytes.size());
+    benchmark::DoNotOptimize(copied.get());
+    benchmark::ClobberMemory();
+}
+
+void copy_frame(benchmark::State& state, const std::string& name) {
+    const std::vector<std::uint8_t> bytes = frame_bytes(*find_pfnc_format(name));
+    for (auto _ : state)
+        copy(bytes);
+    state.SetItemsProcessed(state.iterations() * width * height);
+}
+BENCHMARK_CAPTURE(copy_frame, Mono8, "Mono8")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(copy_frame, Mono12p, "Mono12p")->Unit(benchmark::kMillisecond);
+
+void unpack_frame(benchmark::State& state, const PixelFormat* format) {
+    const std::vector<std::uint8_t> bytes = frame_bytes(*format);
+    for (auto _ : state) {
+        CodeImage image;
+        benchmark::DoNotOptimize(unpack(*format, {bytes, width, height, 0}, image));
+    }
+    state.SetItemsProcessed(state.iterations() * width * height);
+}
+BENCHMARK_CAPTURE(unpack_frame, Mono8, find_pfnc_format("Mono8"))->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(unpack_frame, Mono16, find_pfnc_format("Mono16"))->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(unpack_frame, Mono10p, find_pfnc_format("Mono10p"))
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(unpack_frame, Mono12p, find_pfnc_format("Mono12p"))
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(unpack_frame, Mono12Packed, find_pfnc_format("Mono12Packed"))
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(unpack_frame, Y10P, find_v4l2_format("Y10P"))->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(unpack_frame, Y12P, find_v4l2_format("Y12P"))->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(unpack_frame, YUYV, find_v4l2_format("YUYV"))->Unit(benchmark::kMillisecond);
+
+// What the station does with a frame of 5 megapixels from the library's buffer to the caller's
+// image (copy, unpack, checks), beside a plain copy of the bytes that arrived: the counter
+// `x_memcpy`. Promised: at most 4 for Mono8, at most 8 for Mono12p.
+
+double seconds_of(const auto& call) {
+    const auto start = std::chrono::steady_clock::now();
+    call();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+// The median is what a frame costs; fresh memory each time, as for frames that are handed on.
+double median_seconds(const auto& call) {
+    std::vector<double> seconds(31);
+    for (double& each : seconds)
+        each = seconds_of(call);
+    std::nth_element(seconds.begin(), seconds.begin() + 15, seconds.end());
+    return seconds[15];
+}
+
+void receive_frame(benchmark::State& state, const std::string& name) {
+    const PixelFormat& format = *find_pfnc_format(name);
+    const std::vector<std::uint8_t> bytes = frame_bytes(format);
+    const auto receive = [&] {
+        CodeImage image;
+        benchmark::DoNotOptimize(unpack(format, {bytes, width, height, 0}, image));
+        if (can_exceed_full_scale(format, format.bits))
+            benchmark::DoNotOptimize(exceeds_full_scale(image));
+    };
+    for (auto _ : state)
+        receive();
+    state.counters["x_memcpy"] = median_seconds(receive) / median_seconds([&] { copy(bytes); });
+}
+BENCHMARK_CAPTURE(receive_frame, Mono8, "Mono8")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(receive_frame, Mono12, "Mono12")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(receive_frame, Mono12p, "Mono12p")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(receive_frame, Mono12Packed, "Mono12Packed")->Unit(benchmark::kMillisecond);
+
+// The kernels of methods E and C per point, on every instruction set of this machine.
+
+// A tile of the webcam scenes' kind: 4 px wide, a little turned and bent, the blur changing over
+// it.
+TileGeometry tile_with_blur(float blur_px) {
+    TileGeometry tile{};
+    tile.dx = {0.0f, 4.0f, 1e-3f, 8e-6f, 0.1f, 2e-3f};
+    tile.dy = {0.0f, -0.05f, 0.0f, 0.0f, 3.9f, 0.0f, 0.0f, 0.0f, 1e-3f};
+    tile.base = 0.1f;
+    tile.blur = blur_px;
+    tile.blur_slope_x = 0.003f;
+    tile.blur_slope_y = -0.002f;
+    tile.turn_x = 0.002f;
+    tile.turn_y = 0.001f;
+    return tile;
+}
+
+// `count` lines of each direction, `spacing_px` apart around the centre, with contrast across every
+// line and crossing.
+void add_lines(TileGeometry& tile, int count, float spacing_px) {
+    const float angle = 0.6f, cosine = std::cos(angle), sine = std::sin(angle);
+    for (int i = 0; i < count; ++i) {
+        const float offset = spacing_px * (0.5f * static_cast<float>(count - 1 - 2 * i));
+        tile.columns.push_back({offset + 0.3f, cosine, sine});
+        tile.rows.push_back({offset - 0.2f, -sine, cosine});
+    }
+    const auto lines = static_cast<std::size_t>(count);
+    tile.column_contrast.assign(lines, 0.8f);
+    tile.row_contrast.assign(lines, -0.5f);
+    tile.mixed.assign(lines * lines, 0.4f);
+}
+
+void count_points(benchmark::State& state, int n) {
+    state.SetItemsProcessed(state.iterations() * n * n);
+    state.counters["ns_per_point"] = benchmark::Counter(
+        n * n, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+
+void lens_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile) {
+    hwy::SetSupportedTargetsForTest(target);
+    constexpr int n = 16;  // k = 4
+    const TilePositions positions(n);
+    std::vector<float> values(n * n);
+    for (auto _ : state) {
+        exact_lens_samples(tile, positions, values.data());
+        benchmark::DoNotOptimize(values.data());
+        benchmark::ClobberMemory();
+    }
+    count_points(state, n);
+    hwy::SetSupportedTargetsForTest(0);
+}
+
+void area_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile,
+                  int lens_points) {
+    hwy::SetSupportedTargetsForTest(target);
+    constexpr int n = 36;  // k = 9
+    const TilePositions positions(n);
+    std::vector<UnitLensPoint> points;
+    for (int i = 0; i < lens_points; ++i) {
+        const float radius = lens_points == 1 ? 0.0f : 0.7f, angle = 0.5f * static_cast<float>(i);
+        points.push_back({radius * std::cos(angle), radius * std::sin(angle),
+                          1.0f / static_cast<float>(lens_points)});
+    }
+    std::vector<float> values(n * n);
+    for (auto _ : state) {
+        exact_area_samples(tile, positions, points, values.data());
+        benchmark::DoNotOptimize(values.data());
+        benchmark::ClobberMemory();
+    }
+    count_points(state, n);
+    hwy::SetSupportedTargetsForTest(0);
+}
+
+void add_benchmarks(std::int64_t target) {
+    const std::string end = std::string("/") + hwy::TargetName(target);
+    const auto add_lens = [&](const std::string& name, float blur_px, int lines, float spacing) {
+        TileGeometry tile = tile_with_blur(blur_px);
+        add_lines(tile, lines, spacing);
+        benchmark::RegisterBenchmark(("E/" + name + end).c_str(), lens_samples, target, tile);
+    };
+    const auto add_area = [&](const std::string& name, float blur_px, int lens_points) {
+        TileGeometry tile = tile_with_blur(blur_px);
+        add_lines(tile, 2, 2.2f);
+        benchmark::RegisterBenchmark(("C/" + name + end).c_str(), area_samples, target, tile,
+                                     lens_points);
+    };
+    // Cells of 5.4 px, as in webcam-500, and of 2.2 px: there the apertures meet all of the lines.
+    add_lens("blur_2_px/1x1_lines", 2.0f, 1, 5.4f);
+    add_lens("blur_2_px/2x2_lines", 2.0f, 2, 5.4f);
+    add_lens("blur_2_px/2x2_close_lines", 2.0f, 2, 2.2f);
+    add_lens("blur_8_px/4x4_close_lines", 8.0f, 4, 2.2f);
+    add_lens("blur_0.4_px/2x2_close_lines", 0.4f, 2, 2.2f);
+    add_area("sharp/1_lens_point", 0.0f, 1);
+    add_area("blur_0.1_px/12_lens_points", 0.1f, 12);
+}
+
+const bool added = [] {
+    for (const std::int64_t target : hwy::SupportedAndGeneratedTargets())
+        add_benchmarks(target);
+    return true;
+}();
+
+}  // namespace
+}  // namespace etalon
 
 int main(int argc, char** argv) {
     // Before the user's options, which therefore win.

@@ -7,7 +7,6 @@
 #include <numeric>
 
 #include "bench/stability/stability_case.h"
-#include "bench/stability/stability_scenes.h"
 #include "calib/camera/pixel_model.h"
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/camera_fit.h"
@@ -113,41 +112,22 @@ Views views_of(const Problem& problem) {
 
 using Real = long double;
 using RealVector = Eigen::Matrix<Real, 3, 1>;
+using RealColumn = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 using RealModel = PixelModel<Real>;
 
 struct NormalEquations {
-    explicit NormalEquations(std::size_t count)
-        : size(count), matrix(count * count), right(count) {}
+    Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic> matrix;
+    RealColumn right;
 
+    explicit NormalEquations(Eigen::Index size) {
+        matrix.setZero(size, size);
+        right.setZero(size);
+    }
     // A row of the Jacobian: its values, where they stand, and the residual.
-    void add(const std::vector<std::size_t>& columns, const std::vector<Real>& row, Real residual) {
-        for (std::size_t i = 0; i < columns.size(); ++i) {
-            right[columns[i]] += row[i] * residual;
-            for (std::size_t j = 0; j < columns.size(); ++j)
-                matrix[columns[i] * size + columns[j]] += row[i] * row[j];
-        }
+    void add(const std::vector<Eigen::Index>& columns, const RealColumn& row, Real residual) {
+        right(columns) += residual * row;
+        matrix(columns, columns) += row * row.transpose();
     }
-
-    // By elimination; the matrix is positive definite.
-    std::vector<Real> solution() const {
-        std::vector<Real> left = matrix, x = right;
-        for (std::size_t k = 0; k < size; ++k)
-            for (std::size_t i = k + 1; i < size; ++i) {
-                const Real factor = left[i * size + k] / left[k * size + k];
-                for (std::size_t j = k; factor != 0 && j < size; ++j)
-                    left[i * size + j] -= factor * left[k * size + j];
-                x[i] -= factor * x[k];
-            }
-        for (std::size_t k = size; k-- > 0;) {
-            for (std::size_t j = k + 1; j < size; ++j)
-                x[k] -= left[k * size + j] * x[j];
-            x[k] /= left[k * size + k];
-        }
-        return x;
-    }
-
-    std::size_t size;
-    std::vector<Real> matrix, right;
 };
 
 // Of a view: its target's points from their centre, and where that is.
@@ -178,12 +158,13 @@ struct RealView {
 };
 
 // The view's rows: its pixels', and of each parameter that is pulled towards zero.
-void add_view(const RealView& at, const CalibrationView& view, std::size_t first_of_pose,
+void add_view(const RealView& at, const CalibrationView& view, Eigen::Index first_of_pose,
               const RealModel& model, const std::vector<int>& free, const CameraParameters& pull,
               NormalEquations& equations) {
-    std::vector<std::size_t> columns(free.size() + 6);
-    for (std::size_t i = 0; i < columns.size(); ++i)
-        columns[i] = i < free.size() ? i : first_of_pose + i - free.size();
+    const auto lens = std::ssize(free);
+    std::vector<Eigen::Index> columns(free.size() + 6);
+    std::iota(columns.begin(), columns.begin() + lens, 0);
+    std::iota(columns.begin() + lens, columns.end(), first_of_pose);
     RealModel::OfParameters of_parameters;
     for (std::size_t p = 0; p < at.points.size(); ++p) {
         const RealVector turned = at.rotation * at.points[p];
@@ -192,18 +173,16 @@ void add_view(const RealView& at, const CalibrationView& view, std::size_t first
         for (int axis = 0; axis < 2; ++axis) {
             const RealVector of_point = seen.of.row(axis).transpose();
             const RealVector of_turn = turned.cross(of_point);
-            std::vector<Real> row;
-            for (const int parameter : free)
-                row.push_back(weight * of_parameters(axis, parameter));
-            for (const RealVector& part : {of_turn, of_point})
-                for (int k = 0; k < 3; ++k)
-                    row.push_back(weight * part[k]);
-            equations.add(columns, row, weight * (view.pixels[p][axis] - seen.pixel[axis]));
+            RealColumn row(lens + 6);
+            row << of_parameters(axis, free).transpose(), of_turn, of_point;
+            equations.add(columns, weight * row,
+                          weight * (view.pixels[p][axis] - seen.pixel[axis]));
         }
     }
-    for (std::size_t i = 0; i < free.size(); ++i)
+    for (Eigen::Index i = 0; i < lens; ++i)
         if (const Real weight = pull[free[i]]; weight > 0)
-            equations.add({i}, {weight}, -weight * model.parameters()[free[i]]);
+            equations.add({i}, RealColumn::Constant(1, weight),
+                          -weight * model.parameters()[free[i]]);
 }
 
 // Steps until one is below 1e-9 standard deviations of a pixel's noise, by the linear model.
@@ -214,24 +193,24 @@ Eigen::VectorXd long_double_solution(const Problem& problem, const Views& views,
     std::vector<int> free;
     for (const std::string& name : model.parameters)
         free.push_back(parameter_index(name));
+    const auto lens = std::ssize(free);
     RealModel::Parameters parameters = all_parameters(problem.camera).cast<Real>();
     std::vector<RealView> at;
     for (std::size_t v = 0; v < views.views.size(); ++v)
         at.emplace_back(views.views[v], views.camera_from_target[v]);
     for (int step = 0; step < most_steps; ++step) {
-        NormalEquations equations(free.size() + 6 * at.size());
-        const RealModel lens(problem.camera.projection, parameters);
+        NormalEquations equations(lens + 6 * std::ssize(at));
+        const RealModel model_now(problem.camera.projection, parameters);
         for (std::size_t v = 0; v < at.size(); ++v)
-            add_view(at[v], views.views[v], free.size() + 6 * v, lens, free, pull, equations);
-        const std::vector<Real> x = equations.solution();
-        for (std::size_t i = 0; i < free.size(); ++i)
-            parameters[free[i]] += x[i];
+            add_view(at[v], views.views[v], lens + 6 * static_cast<Eigen::Index>(v), model_now,
+                     free, pull, equations);
+        const RealColumn x = equations.matrix.ldlt().solve(equations.right);
+        parameters(free) += x.head(lens);
         for (std::size_t v = 0; v < at.size(); ++v) {
-            const Real* of_pose = &x[free.size() + 6 * v];
-            at[v].move({of_pose[0], of_pose[1], of_pose[2]}, {of_pose[3], of_pose[4], of_pose[5]});
+            const auto of_pose = x.segment<6>(lens + 6 * static_cast<Eigen::Index>(v));
+            at[v].move(of_pose.head<3>(), of_pose.tail<3>());
         }
-        const Real motion =
-            std::inner_product(x.begin(), x.end(), equations.right.begin(), Real(0));
+        const Real motion = x.dot(equations.right);
         if (motion > least || !std::isfinite(motion))
             continue;
         CameraModel camera = problem.camera;

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include "bench/stability/stability_case.h"
-#include "bench/stability/stability_scenes.h"
 #include "core/program/errors.h"
 #include "sim/sensor/sensor_model.h"
 
@@ -157,7 +156,6 @@ StabilityOutcome quantise_all_depths(const RenderFunction&) {
 
 std::vector<StabilityCase> input_cases() {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-    constexpr double infinity = std::numeric_limits<double>::infinity();
     std::vector<StabilityCase> cases;
     const std::pair<std::string, Numbers> groups[] = {
         {"camera and lens", camera_numbers},   {"pose", pose_numbers},

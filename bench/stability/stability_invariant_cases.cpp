@@ -4,7 +4,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "bench/stability/stability_case.h"
-#include "bench/stability/stability_scenes.h"
 
 namespace etalon {
 namespace {

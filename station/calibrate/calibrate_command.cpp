@@ -5,7 +5,6 @@
 
 #include <cstdio>
 #include <map>
-#include <set>
 
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
@@ -35,53 +34,48 @@ std::string target_spec(const CalibrateArguments& arguments) {
     return fmt::format("chessboard:{}@{}mm", arguments.board, exact(arguments.square_mm));
 }
 
+// Photographs of one size, and what is seen of the target in them.
 struct Observations {
     cv::Size image_size;
-    std::vector<std::string> photos;  // one per view
-    std::vector<CalibrationView> views;
-    std::vector<std::string> without_target;
-    std::string shown_as;  // the board's name where the photos show its other layout
-    OtherCameras others;   // already taken out of photos and views
+    CalibrationRun run;  // without the calibration; the target where the photos show another layout
 };
 
 // One camera's photos are those that most of a set are.
 constexpr double least_share_of_one_camera = 0.6;
 
 void add_photo(const CalibrationTarget& target, const std::string& spec, const std::string& photo,
-               const CodeImage& image, Observations& observations) {
+               const CodeImage& image, CalibrationRun& run) {
     ObservedTarget seen = observe(target, image);
     if (!seen.view) {
-        observations.without_target.push_back(photo);
+        run.without_target.push_back(photo);
         fmt::print(stderr, "{}: no {} found: not used{}{}\n", photo, spec,
                    seen.reason.empty() ? "" : "; ", seen.reason);
         return;
     }
-    observations.photos.push_back(photo);
-    observations.views.push_back(std::move(*seen.view));
+    run.photos.push_back(photo);
+    run.views.push_back(std::move(*seen.view));
     if (!seen.shown_as.empty())
-        observations.shown_as = seen.shown_as;
-}
-
-std::string pixels_of(const Observations& group) {
-    return fmt::format("{}x{} px", group.image_size.width, group.image_size.height);
+        run.target = seen.shown_as;
 }
 
 // One camera's photos have one size: those that most of them have. The others are named.
 Observations of_one_size(std::vector<Observations> groups) {
     const auto count = [](const Observations& group) {
-        return group.photos.size() + group.without_target.size();
+        return group.run.photos.size() + group.run.without_target.size();
     };
-    std::size_t all = 0;
-    for (const Observations& group : groups)
-        all += count(group);
+    const auto pixels_of = [](const Observations& group) {
+        return fmt::format("{}x{} px", group.image_size.width, group.image_size.height);
+    };
     const auto largest = std::ranges::max_element(groups, {}, count);
+    std::size_t all = 0;
     std::vector<std::string> others;
-    for (auto group = groups.begin(); group != groups.end(); ++group) {
-        if (group == largest)
+    for (const Observations& group : groups) {
+        all += count(group);
+        if (&group == &*largest)
             continue;
-        std::vector<std::string> names = group->photos;
-        names.insert(names.end(), group->without_target.begin(), group->without_target.end());
-        others.push_back(fmt::format("{}: {}", pixels_of(*group), fmt::join(names, ", ")));
+        std::vector<std::string> names = group.run.photos;
+        names.insert(names.end(), group.run.without_target.begin(), group.run.without_target.end());
+        others.push_back(fmt::format("{}: {}", pixels_of(group), fmt::join(names, ", ")));
     }
     if (!others.empty() &&
         static_cast<double>(count(*largest)) < least_share_of_one_camera * double(all))
@@ -96,12 +90,10 @@ Observations of_one_size(std::vector<Observations> groups) {
 
 Observations observe_all(const CalibrationTarget& target, const std::string& spec,
                          const std::vector<std::filesystem::path>& photos) {
+    require_distinct(photos);
     std::vector<Observations> groups;
-    std::set<std::filesystem::path> seen;
     std::map<std::string, std::string> by_content;
     for (const auto& photo : photos) {
-        if (!seen.insert(photo.lexically_normal()).second)
-            throw ConfigError({photo.string()}, "is given twice");
         const auto [first, is_new] = by_content.emplace(sha256_of_file(photo), photo.string());
         if (!is_new) {  // of a camera that was frozen: it would count as one more view
             fmt::print(stderr, "not used: {} is the same picture as {}\n", photo.string(),
@@ -112,15 +104,16 @@ Observations observe_all(const CalibrationTarget& target, const std::string& spe
         auto group = std::ranges::find(groups, image.pixels.size(), &Observations::image_size);
         if (group == groups.end())
             group = groups.insert(group, Observations{.image_size = image.pixels.size()});
-        add_photo(target, spec, photo.string(), image, *group);
+        add_photo(target, spec, photo.string(), image, group->run);
     }
     if (groups.empty())
         throw ConfigError({"PHOTOS"}, "no photograph given");
     Observations observations = of_one_size(std::move(groups));
-    if (observations.views.size() < 3)
-        throw ConfigError({"PHOTOS"}, fmt::format("the target {} was found in {} of {} photos; "
-                                                  "three are needed",
-                                                  spec, observations.views.size(), photos.size()));
+    if (observations.run.views.size() < 3)
+        throw ConfigError({"PHOTOS"},
+                          fmt::format("the target {} was found in {} of {} photos; "
+                                      "three are needed",
+                                      spec, observations.run.views.size(), photos.size()));
     return observations;
 }
 
@@ -149,43 +142,41 @@ std::string in_words(const CameraGroup& group, const CameraGroup& most,
 
 // Photos of another zoom, focus or camera are taken out and named; where it is not clear which of
 // them are the camera's, nothing is calibrated.
-void keep_one_camera(Observations& observations, bool is_telecentric) {
-    const auto groups = camera_groups(observations.views, observations.image_size, is_telecentric);
+void keep_one_camera(CalibrationRun& run, const cv::Size& image_size, bool is_telecentric) {
+    const auto groups = camera_groups(run.views, image_size, is_telecentric);
     if (groups.size() == 1)
         return;
-    OtherCameras& others = observations.others;
     for (auto group = groups.begin() + 1; group != groups.end(); ++group) {
-        others.in_words += others.in_words.empty() ? "" : "; ";
-        others.in_words += in_words(*group, groups.front(), observations.photos, is_telecentric);
+        run.others.in_words += run.others.in_words.empty() ? "" : "; ";
+        run.others.in_words += in_words(*group, groups.front(), run.photos, is_telecentric);
         for (const std::size_t view : group->views)
-            others.photos.push_back(observations.photos[view]);
+            run.others.photos.push_back(run.photos[view]);
     }
     const auto& kept = groups.front().views;
-    if (double(kept.size()) < least_share_of_one_camera * double(observations.views.size()))
-        throw NumericalError("these photos are of several cameras: " + others.in_words);
-    Observations one{observations.image_size};
+    if (double(kept.size()) < least_share_of_one_camera * double(run.views.size()))
+        throw NumericalError("these photos are of several cameras: " + run.others.in_words);
+    std::vector<std::string> photos;
+    std::vector<CalibrationView> views;
     for (const std::size_t view : kept) {
-        one.photos.push_back(observations.photos[view]);
-        one.views.push_back(std::move(observations.views[view]));
+        photos.push_back(run.photos[view]);
+        views.push_back(std::move(run.views[view]));
     }
-    observations.photos = std::move(one.photos);
-    observations.views = std::move(one.views);
+    run.photos = std::move(photos);
+    run.views = std::move(views);
 }
 
 // Says which photo a view was: errors of the calibration count views from 0.
-CameraCalibration calibrate_photos(const Observations& observations,
+CameraCalibration calibrate_photos(const CalibrationRun& run, const cv::Size& image_size,
                                    const std::optional<std::string>& model, bool fit_board) {
     try {
-        return calibrate_camera(observations.views, observations.image_size,
-                                {.model = model, .fit_board = fit_board});
+        return calibrate_camera(run.views, image_size, {.model = model, .fit_board = fit_board});
     } catch (const NumericalError& error) {
         const std::string what = error.what();
         if (what.find("view ") == std::string::npos)
             throw;
         std::string views;
-        for (std::size_t i = 0; i < observations.photos.size(); ++i)
-            views +=
-                fmt::format("{}{} {}", i > 0 ? ", " : "", i, short_name(observations.photos[i]));
+        for (std::size_t i = 0; i < run.photos.size(); ++i)
+            views += fmt::format("{}{} {}", i > 0 ? ", " : "", i, short_name(run.photos[i]));
         throw NumericalError(what + "; the views are " + views);
     }
 }
@@ -216,21 +207,16 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
     std::optional<std::string> model;
     if (arguments.model != "auto")
         model = calibration_model(arguments.model).name;
-    Observations observations = observe_all(target, spec, arguments.photos);
-    keep_one_camera(observations, names_telecentric_model(arguments));
-    observations.views =
-        with_circle_centres(target, observations.views, observations.image_size, model);
-    CameraCalibration calibration = calibrate_photos(observations, model, arguments.fit_board);
-    if (!observations.shown_as.empty())
-        fmt::print(stderr, "the board that is seen is {}: taken as that\n", observations.shown_as);
-    return {observations.shown_as.empty() ? spec : observations.shown_as,
-            arguments.out,
-            std::move(observations.photos),
-            std::move(observations.views),
-            std::move(observations.without_target),
-            std::move(calibration),
-            std::nullopt,
-            std::move(observations.others)};
+    auto [image_size, run] = observe_all(target, spec, arguments.photos);
+    keep_one_camera(run, image_size, names_telecentric_model(arguments));
+    run.views = with_circle_centres(target, run.views, image_size, model);
+    run.calibration = calibrate_photos(run, image_size, model, arguments.fit_board);
+    if (run.target.empty())
+        run.target = spec;
+    else
+        fmt::print(stderr, "the board that is seen is {}: taken as that\n", run.target);
+    run.camera_file = arguments.out;
+    return std::move(run);
 }
 
 // The views and corners that were used, with the photographs they are from.

@@ -3,17 +3,299 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <numbers>
 
 #include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
-#include "station/calibrate/calibration_plots.h"
+#include "report/svg_plot.h"
 #include "station/calibrate/calibration_report.h"
 
 namespace etalon {
 namespace {
+
+SvgPlot image_plot(const CameraModel& camera) {
+    SvgPlot plot("x / px", "y / px");
+    plot.show_image(camera.width, camera.height);
+    return plot;
+}
+
+// The longest arrow is about a twentieth of the image.
+double arrow_scale(const Arrows& arrows, const CameraModel& camera) {
+    return round_scale(camera.width / 20.0 / std::max(arrows.longest(), 1e-9));
+}
+
+std::string point_note(const CalibrationRun& run, std::size_t view, std::size_t point) {
+    const Eigen::Vector2d& r = run.calibration.views[view].residuals_px[point];
+    return fmt::format("{}: ({:.2f}, {:.2f}) px, {:.2f} px", short_name(run.photos[view]), r.x(),
+                       r.y(), r.norm());
+}
+
+// What differs between the photos' names, for labels: "left01.jpg" among its like is "01".
+std::vector<std::string> short_labels(const std::vector<std::string>& photos) {
+    std::vector<std::string> names;
+    for (const std::string& photo : photos)
+        names.push_back(std::filesystem::path(photo).stem().string());
+    std::size_t common = names.front().size();
+    for (const std::string& name : names) {
+        const auto end =
+            std::mismatch(name.begin(), name.end(), names.front().begin(), names.front().end());
+        common = std::min(common, static_cast<std::size_t>(end.first - name.begin()));
+    }
+    while (common > 0 && std::isdigit(static_cast<unsigned char>(names.front()[common - 1])))
+        --common;
+    for (std::string& name : names)
+        name = name.size() > common ? name.substr(common) : name;
+    constexpr std::size_t max_letters = 6;
+    const bool fit =
+        names.size() <= 30 && std::all_of(names.begin(), names.end(), [&](const std::string& name) {
+            return name.size() * names.size() <= max_letters * 14;
+        });
+    if (!fit)
+        for (std::size_t i = 0; i < names.size(); ++i)
+            names[i] = i % (1 + names.size() / 15) == 0 ? fmt::format("{}", i + 1) : "";
+    return names;
+}
+
+// Models that are far worse would press the others into one line.
+HtmlPage::Figure model_figure(const CameraCalibration& calibration) {
+    constexpr double far_worse = 2.0;
+    const double best = chosen_score(calibration).rms_px;
+    Series fitted, left_out, wide;
+    for (const ModelScore& score : calibration.advice.models) {
+        if (!score.fit || score.rms_px > far_worse * best)
+            continue;
+        const bool contains_others = score.fit->camera.projection.is_flat();
+        if (contains_others)
+            fitted.add(score.parameters, score.rms_px,
+                       fmt::format("{}: {:.4f} px in the fit", score.model, score.rms_px));
+        if (const auto error = score.leave_one_out_rms_px;
+            error && *error <= 2.0 * far_worse * best)
+            (contains_others ? left_out : wide)
+                .add(score.parameters, *error,
+                     fmt::format("{}: {:.4f} px left out", score.model, *error));
+    }
+    SvgPlot plot("free parameters of the camera", "error / px");
+    plot.add_curve(fitted, Color::gray, "in the fit");
+    plot.add_curve(left_out, Color::blue, "on photos left out");
+    if (!wide.empty())
+        plot.add_points(wide, Color::orange, "the same, models of wide lenses");
+    return {plot.svg(),
+            "Error of each model, those left out of the picture that are far worse. More "
+            "parameters always fit better; where the blue line turns up, they follow the photos "
+            "and not the lens."};
+}
+
+HtmlPage::Figure deviation_figure(const CameraCalibration& calibration) {
+    std::vector<std::string> names;
+    Series robust, bootstrap;
+    for (const ParameterDeviation& each : calibration.deviations) {
+        const double i = static_cast<double>(names.size());
+        names.push_back(each.name);
+        if (!(each.formal > 0.0))
+            continue;
+        robust.add(i - 0.12, each.cluster_robust / each.formal);
+        if (each.bootstrap)
+            bootstrap.add(i + 0.12, *each.bootstrap / each.formal);
+    }
+    SvgPlot plot("", "standard deviation / formal one");
+    plot.add_bars(names, std::vector<double>(names.size(), 1.0), Color::gray);
+    plot.add_points(robust, Color::blue, "cluster-robust");
+    plot.add_points(bootstrap, Color::orange, "bootstrap");
+    plot.add_level(suspicious_deviation_ratio, Color::red, "suspicious above");
+    return {plot.svg(),
+            "Standard deviations over photos against the formal one (gray), which takes all "
+            "corners for independent. Points above the line: the corners of a photo err together."};
+}
+
+HtmlPage::Figure photo_figure(const CalibrationRun& run) {
+    std::vector<double> fitted, left_out;
+    for (const CalibratedView& view : run.calibration.views) {
+        fitted.push_back(view.used() ? view.rms_px : 0.0);
+        left_out.push_back(view.left_out_rms_px.value_or(0.0));
+    }
+    const std::vector<std::string> labels = short_labels(run.photos);
+    SvgPlot plot("photo", "error / px");
+    plot.add_bars(labels, left_out, Color::orange);
+    plot.add_bars(labels, fitted, Color::blue);
+    return {plot.svg(),
+            "RMS of each photo's corners: blue in the fit, orange what is added when the camera "
+            "is calibrated without the photo. A tall orange part: this photo decides something "
+            "alone."};
+}
+
+HtmlPage::Figure coverage_figure(const CalibrationRun& run) {
+    Series used, left_out;
+    for (std::size_t v = 0; v < run.views.size(); ++v)
+        for (std::size_t i = 0; i < run.views[v].pixels.size(); ++i) {
+            const Eigen::Vector2d& q = run.views[v].pixels[i];
+            (run.calibration.views[v].left_out[i] ? left_out : used)
+                .add(q.x(), q.y(), point_note(run, v, i));
+        }
+    SvgPlot plot = image_plot(run.calibration.camera);
+    plot.add_points(used, Color::blue, "used");
+    if (!left_out.empty())
+        plot.add_points(left_out, Color::red, "left out");
+    return {plot.svg(),
+            fmt::format("Corners of all photos. Their convex hull is {:.0f} % of the image; beyond "
+                        "it the model extrapolates.",
+                        100.0 * run.calibration.uncertainty.share_among_points())};
+}
+
+HtmlPage::Figure residual_figure(const CalibrationRun& run) {
+    Arrows arrows;
+    for (std::size_t v = 0; v < run.views.size(); ++v)
+        for (std::size_t i = 0; i < run.views[v].pixels.size(); ++i)
+            if (!run.calibration.views[v].left_out[i])
+                arrows.add(run.views[v].pixels[i], run.calibration.views[v].residuals_px[i],
+                           point_note(run, v, i));
+    const double factor = arrow_scale(arrows, run.calibration.camera);
+    SvgPlot plot = image_plot(run.calibration.camera);
+    plot.add_arrows(arrows, factor, Color::blue, "photo minus model");
+    return {plot.svg(),
+            fmt::format("Residuals, enlarged {:g} times. Neighbouring arrows of different photos "
+                        "that agree are a distortion that the model does not have.",
+                        factor)};
+}
+
+HtmlPage::Figure radial_figure(const CalibrationRun& run) {
+    const Intrinsics& k = run.calibration.camera.intrinsics;
+    constexpr std::size_t rings = 10;
+    const double corner =
+        0.5 * std::hypot(run.calibration.camera.width, run.calibration.camera.height);
+    Series radial, ring_means;
+    std::array<double, rings> sums{}, counts{};
+    for (std::size_t v = 0; v < run.views.size(); ++v)
+        for (std::size_t i = 0; i < run.views[v].pixels.size(); ++i) {
+            const Eigen::Vector2d arm = run.views[v].pixels[i] - Eigen::Vector2d(k.cx, k.cy);
+            const double radius = arm.norm();
+            if (run.calibration.views[v].left_out[i] || !(radius > 0.0))
+                continue;
+            radial.add(radius, run.calibration.views[v].residuals_px[i].dot(arm) / radius,
+                       point_note(run, v, i));
+            const auto ring =
+                std::min(rings - 1, static_cast<std::size_t>(rings * radius / corner));
+            sums[ring] += radial.ys.back();
+            counts[ring] += 1.0;
+        }
+    constexpr double min_for_a_mean = 8;
+    for (std::size_t ring = 0; ring < rings; ++ring)
+        if (counts[ring] >= min_for_a_mean)
+            ring_means.add((static_cast<double>(ring) + 0.5) / rings * corner,
+                           sums[ring] / counts[ring]);
+    SvgPlot plot("distance from the principal point / px", "outward residual / px");
+    plot.add_points(radial, Color::blue, "corner");
+    plot.add_line(ring_means, Color::orange, "mean of a ring");
+    return {plot.svg(),
+            "Residuals along the radius. A mean that bends away from zero is radial distortion "
+            "that the model does not have."};
+}
+
+std::vector<HtmlPage::Figure> uncertainty_figures(const CameraCalibration& calibration) {
+    const ProjectionUncertainty& map = calibration.uncertainty;
+    HeatMap heat;
+    heat.cell_width = map.step_x_px;
+    heat.cell_height = map.step_y_px;
+    heat.image_width = calibration.camera.width;
+    heat.image_height = calibration.camera.height;
+    heat.unit = "px";
+    const auto figure = [&](double PixelUncertainty::*value, const std::string& what) {
+        heat.centres.clear();
+        heat.values.clear();
+        for (const PixelUncertainty& each : map.pixels) {
+            heat.centres.push_back(each.pixel);
+            heat.values.push_back(each.*value);
+        }
+        heat.highest = std::max(map.worst_among_points(value), 1e-12);
+        return HtmlPage::Figure{
+            heat_map_svg(heat),
+            fmt::format("{}: {:.2f} px in the mean over the image, {:.2f} px at worst among the "
+                        "corners, where the scale ends, and {:.2f} px beyond them. Do not measure "
+                        "where it is "
+                        "bright.",
+                        what, map.mean(value), map.worst_among_points(value), map.worst(value))};
+    };
+    return {figure(&PixelUncertainty::held,
+                   "One standard deviation of where a fixed ray lands, "
+                   "camera held"),
+            figure(&PixelUncertainty::rotated,
+                   fmt::format("The same after the {} that takes back most of it",
+                               best_motion(calibration.camera)))};
+}
+
+// A cell of the map is as wide as the nearest points are apart.
+HtmlPage::Figure height_figure(const BoardShape& board) {
+    Eigen::AlignedBox2d box;
+    double lowest = board.points.front().displacement_mm.z(), highest = lowest, cell = 1e300;
+    for (const ShapedPoint& point : board.points) {
+        box.extend(point.drawn_mm.head<2>());
+        lowest = std::min(lowest, point.displacement_mm.z());
+        highest = std::max(highest, point.displacement_mm.z());
+        for (const ShapedPoint& other : board.points)
+            if (other.id != point.id)
+                cell = std::min(cell, (other.drawn_mm - point.drawn_mm).norm());
+    }
+    HeatMap heat;
+    heat.cell_width = heat.cell_height = cell;
+    heat.image_width = static_cast<int>(std::ceil(box.sizes().x() + cell));
+    heat.image_height = static_cast<int>(std::ceil(box.sizes().y() + cell));
+    heat.unit = heat.axis_unit = "mm";
+    heat.highest = std::max(highest - lowest, 1e-9);
+    for (const ShapedPoint& point : board.points) {
+        heat.centres.push_back(point.drawn_mm.head<2>() - box.min() +
+                               Eigen::Vector2d::Constant(0.5 * cell));
+        heat.values.push_back(point.displacement_mm.z() - lowest);
+    }
+    return {
+        heat_map_svg(heat),
+        fmt::format(
+            "How far each point lies along z = x cross y beyond the one that lies "
+            "least far: {:.3f} mm at most. The board as drawn, x to the right, y down. A bow or a "
+            "twist is paper or a plate that bends.",
+            highest - lowest)};
+}
+
+std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
+    Arrows arrows;
+    Eigen::AlignedBox2d box;
+    for (const ShapedPoint& point : board.points) {
+        const Eigen::Vector3d &d = point.displacement_mm, &sd = point.deviation_mm;
+        arrows.add(point.drawn_mm.head<2>(), d.head<2>(),
+                   fmt::format("{}: ({:.3f}, {:.3f}, {:.3f}) +- ({:.3f}, {:.3f}, {:.3f}) mm",
+                               point.id, d.x(), d.y(), d.z(), sd.x(), sd.y(), sd.z()));
+        box.extend(point.drawn_mm.head<2>());
+    }
+    const double factor = round_scale(box.sizes().x() / 20.0 / std::max(arrows.longest(), 1e-9));
+    SvgPlot plot("x / mm", "y / mm");
+    plot.set_image_axes();
+    plot.add_arrows(arrows, factor, Color::blue, "in the plane");
+    return {height_figure(board),
+            {plot.svg(), fmt::format("How far the points lie from the drawing in its plane, "
+                                     "enlarged {:g} times. Arrows that grow outwards "
+                                     "are a print of another scale.",
+                                     factor)}};
+}
+
+HtmlPage::Figure halves_figure(const CameraCalibration& calibration) {
+    const CrossValidation& halves = *calibration.halves;
+    Arrows arrows;
+    for (std::size_t i = 0; i < halves.pixels.size(); ++i) {
+        const Eigen::Vector2d& d = halves.differences_px[i];
+        arrows.add(halves.pixels[i], d,
+                   fmt::format("({:.0f}, {:.0f}): {:.3f} px", halves.pixels[i].x(),
+                               halves.pixels[i].y(), d.norm()));
+    }
+    const double factor = arrow_scale(arrows, calibration.camera);
+    SvgPlot plot = image_plot(calibration.camera);
+    plot.add_arrows(arrows, factor, Color::green, "second half minus first");
+    return {plot.svg(),
+            fmt::format(
+                "How differently the two halves project, after the best {}; "
+                "enlarged {:g} times. Look for an edge where they part: the photos do not hold the "
+                "camera there.",
+                best_motion(calibration.camera), factor)};
+}
 
 void add_summary(HtmlPage& page, const CalibrationRun& run) {
     const CameraCalibration& calibration = run.calibration;
@@ -56,23 +338,9 @@ void add_summary(HtmlPage& page, const CalibrationRun& run) {
 void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
     page.add_heading("The camera, with its standard deviations side by side");
     const bool is_telecentric = calibration.camera.projection.kind == Projection::telecentric;
-    const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
-    TableRows rows;
-    for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
-        const ParameterDeviation& each = calibration.deviations[i];
-        rows.push_back({each.name,
-                        with_uncertainty(values[static_cast<Eigen::Index>(i)], each.stated),
-                        fmt::format("{:#.2g}", each.stated), fmt::format("{:#.2g}", each.formal),
-                        fmt::format("{:#.2g}", each.cluster_robust),
-                        each.bootstrap ? fmt::format("{:#.2g}", *each.bootstrap) : dash,
-                        fixed(each.ratio(), 2)});
-    }
-    for (const auto& [name, value] : held_parameters(calibration))
-        rows.push_back({name, fmt::format("{}", value), std::string("held: ") + reason_held, dash,
-                        dash, dash, dash});
-    page.add_table(
-        {"parameter", "value", "used", "formal", "cluster-robust", "bootstrap", "used / formal"},
-        rows);
+    page.add_table(parameter_table(calibration));
+    if (!held_parameters(calibration).empty())
+        page.add_notes({std::string("cx and cy are held: the centre ") + reason_held + "."});
     page.add_paragraph(fmt::format(
         "{}, pixel centres at integers; distortion as OpenCV's{}. Formal: from the "
         "residuals' variance and the Jacobian, as if every corner erred on its own. "
@@ -86,50 +354,9 @@ void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
     page.add_figures({deviation_figure(calibration), model_figure(calibration)});
 }
 
-std::string judged(const CalibrationRun& run, const ModelScore& score) {
-    const CameraCalibration& calibration = run.calibration;
-    std::vector<std::string> words;
-    if (&score == advised_score(calibration))
-        words.push_back("advised");
-    if (&score == &chosen_score(calibration))
-        words.push_back("taken");
-    if (score.overfits)
-        words.push_back("overfits");
-    if (!score.doubt.empty())
-        words.push_back(score.doubt);
-    if (score.failed_view)
-        words.push_back("cannot predict " + short_name(run.photos[*score.failed_view]));
-    else if (!score.failure.empty())
-        words.push_back(score.failure);
-    return fmt::format("{}", fmt::join(words, ", "));
-}
-
-// The difference of mean squares as a difference of RMS values, near the best one's.
-std::string difference(const ModelScore& score, const ModelScore& best) {
-    if (!score.leave_one_out_rms_px)
-        return dash;
-    if (&score == &best)
-        return "0 (best)";
-    const double twice = *score.leave_one_out_rms_px + *best.leave_one_out_rms_px;
-    return fmt::format("{:.4f}\u00a0±\u00a0{:.4f}", score.above_best / twice,
-                       score.above_best_error / twice);
-}
-
 void add_models(HtmlPage& page, const CalibrationRun& run) {
-    const ModelAdvice& advice = run.calibration.advice;
     page.add_heading("Which model these photos support");
-    TableRows rows;
-    for (const ModelScore& score : advice.models)
-        rows.push_back({score.model, judged(run, score), std::to_string(score.parameters),
-                        score.fit ? fixed(score.rms_px, 4) : dash,
-                        fixed(score.leave_one_out_rms_px, 4),
-                        advice.best ? difference(score, advice.models[*advice.best]) : dash,
-                        significant(score.projection_deviation_px, 3, dash),
-                        significant(score.halves_px, 3, dash),
-                        score.fit ? fmt::format("{:.1e}", score.fit->condition_number) : dash});
-    page.add_table({"model", "judged", "parameters", "fit / px", "left out / px",
-                    "above the best / px", "certain to / px", "halves / px", "condition"},
-                   rows);
+    page.add_table(model_table(run));
     page.add_paragraph(
         "Left out: every photo in turn is taken away, the camera calibrated from the others, and "
         "of "
@@ -184,43 +411,6 @@ void add_board(HtmlPage& page, const CameraCalibration& calibration) {
     page.add_figures(board_figures(*calibration.board));
 }
 
-// Angle between the board's normal and the optical axis.
-double tilt_deg(const Rigid& camera_from_target) {
-    const double cosine = std::abs((camera_from_target.rotation * Eigen::Vector3d::UnitZ()).z());
-    return std::acos(std::min(1.0, cosine)) * 180.0 / std::numbers::pi;
-}
-
-void add_photos(HtmlPage& page, const CalibrationRun& run) {
-    page.add_heading("Photos");
-    const bool is_telecentric = run.calibration.camera.projection.kind == Projection::telecentric;
-    TableRows rows;
-    for (std::size_t i = 0; i < run.photos.size(); ++i) {
-        const CalibratedView& view = run.calibration.views[i];
-        const auto left_out = std::count(view.left_out.begin(), view.left_out.end(), true);
-        const auto& pose = view.camera_from_target;
-        rows.push_back(
-            {short_name(run.photos[i]), view.used() ? "used" : "left out: does not fit the others",
-             std::to_string(view.left_out.size()), std::to_string(left_out),
-             pose ? fixed(view.rms_px, 3) : dash, fixed(view.left_out_rms_px, 3),
-             pose && !is_telecentric ? fixed(pose->translation.norm(), 0) : dash,
-             pose ? (is_telecentric ? "\u00b1" : "") + fixed(tilt_deg(*pose), 1) : dash});
-    }
-    for (const std::string& photo : run.without_target)
-        rows.push_back({short_name(photo), "target not found", "0", dash, dash, dash, dash, dash});
-    for (const std::string& photo : run.others.photos)
-        rows.push_back({short_name(photo), "not used: another zoom, focus or camera", dash, dash,
-                        dash, dash, dash, dash});
-    page.add_table({"photo", "state", "corners", "left out", "fit / px", "predicted / px",
-                    "distance / mm", "tilt / deg"},
-                   rows);
-}
-
-void add_software(HtmlPage& page) {
-    page.begin_details("Software");
-    page.add_software(software_versions());
-    page.end_details();
-}
-
 }  // namespace
 
 std::string calibration_html(const CalibrationRun& run) {
@@ -235,8 +425,11 @@ std::string calibration_html(const CalibrationRun& run) {
     add_uncertainty(page, run.calibration);
     add_halves(page, run.calibration);
     add_board(page, run.calibration);
-    add_photos(page, run);
-    add_software(page);
+    page.add_heading("Photos");
+    page.add_table(photo_table(run));
+    page.begin_details("Software");
+    page.add_software(software_versions());
+    page.end_details();
     return page.finish();
 }
 

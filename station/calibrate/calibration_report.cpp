@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "report/csv.h"
+#include "core/geometry/units.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
 
@@ -180,52 +180,163 @@ void remark_on_image(const CalibrationRun& run, std::vector<std::string>& remark
             halves->rms_px, std::max(halves->expected_formal_px, halves->expected_robust_px)));
 }
 
-// ---- tables for the terminal ----------------------------------------------------------------
+// ---- photos, models and parameters: their columns in JSON, on the page and on a terminal ------
 
-std::string photo_table(const CalibrationRun& run) {
-    std::string text = "photo                       corners  left out    fit/px  predicted/px\n";
+// A photo that was given; without a view where the target was not found or it was not used.
+struct PhotoRow {
+    std::string photo, state;
+    const CalibratedView* view = nullptr;
+};
+
+std::vector<PhotoRow> photo_rows(const CalibrationRun& run) {
+    std::vector<PhotoRow> rows;
     for (std::size_t i = 0; i < run.photos.size(); ++i) {
         const CalibratedView& view = run.calibration.views[i];
-        text += fmt::format("{:<26} {:>8} {:>9} {:>9} {:>13}\n", short_name(run.photos[i]),
-                            view.left_out.size(), count_left_out(view),
-                            view.used() ? fixed(view.rms_px, 3) : "-",
-                            fixed(view.left_out_rms_px, 3, "-"));
+        rows.push_back(
+            {run.photos[i], view.used() ? "used" : "left out: does not fit the others", &view});
     }
-    return text;
+    return rows;
 }
 
-std::string model_table(const CameraCalibration& calibration) {
-    std::string text =
-        "\nmodel                params  fit/px left out/px certain to/px halves/px\n";
-    for (const ModelScore& score : calibration.advice.models) {
-        const bool advised = &score == advised_score(calibration);
-        const bool chosen = &score == &chosen_score(calibration);
-        text += fmt::format("{:<20} {:>6} {:>7} {:>11} {:>13} {:>9}  {}\n", score.model,
-                            score.parameters, score.fit ? fixed(score.rms_px, 3) : "-",
-                            fixed(score.leave_one_out_rms_px, 3, "-"),
-                            significant(score.projection_deviation_px, 3, "-"),
-                            significant(score.halves_px, 3, "-"),
-                            advised  ? "advised"
-                            : chosen ? "taken"
-                                     : "");
-    }
-    return text;
+// Angle between the board's normal and the optical axis; a telecentric camera does not tell to
+// which side.
+std::string tilt_text(const Rigid& camera_from_target, bool is_telecentric) {
+    const double cosine = std::abs((camera_from_target.rotation * Eigen::Vector3d::UnitZ()).z());
+    return (is_telecentric ? "\u00b1" : "") +
+           fixed(std::acos(std::min(1.0, cosine)) * deg_per_rad, 1);
 }
 
-std::string deviation_table(const CameraCalibration& calibration) {
+ColumnsOf<PhotoRow> photo_columns(bool is_telecentric) {
+    const auto of_pose = [](auto value) {
+        return [value](const CalibratedView& view) {
+            return view.camera_from_target ? TableCell(value(view)) : TableCell();
+        };
+    };
+    const ColumnsOf<CalibratedView> of_view = {
+        {"used", &CalibratedView::used},
+        {"corners", [](const auto& view) { return view.left_out.size(); }, "corners"},
+        {"corners_left_out", count_left_out, "left out"},
+        {"rms_px", of_pose([](const auto& view) { return view.rms_px; }), "fit", "px", "{:.3f}"},
+        {"camera_from_target",
+         of_pose([](const auto& view) { return pose_numbers(*view.camera_from_target); })},
+        {"left_out_rms_px", &CalibratedView::left_out_rms_px, "predicted", "px", "{:.3f}"},
+        {"", of_pose([=](const auto& view) {
+             return is_telecentric ? TableCell() : view.camera_from_target->translation.norm();
+         }),
+         "distance", "mm", "{:.0f}"},
+        {"", of_pose([=](const auto& view) {
+             return tilt_text(*view.camera_from_target, is_telecentric);
+         }),
+         "tilt", "deg"}};
+    ColumnsOf<PhotoRow> columns = {
+        {"photo", &PhotoRow::photo},
+        {"", [](const PhotoRow& row) { return short_name(row.photo); }, "photo"},
+        {"", &PhotoRow::state, "state"}};
+    add_columns(columns, of_view, &PhotoRow::view);
+    return columns;
+}
+
+std::optional<std::string> unless_empty(const std::string& text) {
+    return text.empty() ? std::nullopt : std::optional(text);
+}
+
+std::string judged(const CalibrationRun& run, const ModelScore& score) {
+    const CameraCalibration& calibration = run.calibration;
+    std::vector<std::string> words;
+    if (&score == advised_score(calibration))
+        words.push_back("advised");
+    if (&score == &chosen_score(calibration))
+        words.push_back("taken");
+    if (score.overfits)
+        words.push_back("overfits");
+    if (!score.doubt.empty())
+        words.push_back("not advised");
+    if (score.failed_view)
+        words.push_back("cannot predict " + short_name(run.photos[*score.failed_view]));
+    else if (!score.failure.empty())
+        words.push_back(score.failure);
+    return fmt::format("{}", fmt::join(words, ", "));
+}
+
+// The difference of mean squares as a difference of RMS values, near the best one's.
+std::optional<std::string> difference(const ModelScore& score, const ModelAdvice& advice) {
+    if (!score.leave_one_out_rms_px || !advice.best)
+        return std::nullopt;
+    const ModelScore& best = advice.models[*advice.best];
+    if (&score == &best)
+        return "0 (best)";
+    const double twice = *score.leave_one_out_rms_px + *best.leave_one_out_rms_px;
+    return fmt::format("{:.4f}\u00a0±\u00a0{:.4f}", score.above_best / twice,
+                       score.above_best_error / twice);
+}
+
+ColumnsOf<ModelScore> model_columns(const CalibrationRun& run) {
+    const auto if_fitted = [](auto value) {
+        return [value](const ModelScore& score) {
+            return score.fit ? TableCell(value(score)) : TableCell();
+        };
+    };
+    const auto if_left_out = [](double ModelScore::*value) {
+        return [value](const ModelScore& score) {
+            return score.leave_one_out_rms_px ? TableCell(score.*value) : TableCell();
+        };
+    };
+    return {{"model", &ModelScore::model, "model"},
+            {"parameters", &ModelScore::parameters, "parameters"},
+            {"rms_px", if_fitted([](const auto& score) { return score.rms_px; }), "fit", "px",
+             "{:.4f}"},
+            {"condition_number",
+             if_fitted([](const auto& score) { return score.fit->condition_number; }), "condition",
+             "", "{:.1e}"},
+            {"leave_one_out_rms_px", &ModelScore::leave_one_out_rms_px, "left out", "px", "{:.4f}"},
+            {"above_best_px2", if_left_out(&ModelScore::above_best)},
+            {"above_best_standard_error_px2", if_left_out(&ModelScore::above_best_error)},
+            {"", [&](const ModelScore& score) { return difference(score, run.calibration.advice); },
+             "above the best", "px"},
+            {"projection_deviation_px", &ModelScore::projection_deviation_px, "certain to", "px",
+             "{:.3g}"},
+            {"halves_px", &ModelScore::halves_px, "halves", "px", "{:.3g}"},
+            {"", [&](const ModelScore& score) { return judged(run, score); }, "judged"},
+            {"doubt", [](const ModelScore& score) { return unless_empty(score.doubt); }},
+            {"failure", [](const ModelScore& score) { return unless_empty(score.failure); }},
+            {"photo_not_predicted",
+             [&](const ModelScore& score) {
+                 return score.failed_view ? TableCell(run.photos[*score.failed_view]) : TableCell();
+             }},
+            {"overfits", &ModelScore::overfits}};
+}
+
+struct ParameterRow {
+    std::string name, value;
+    const ParameterDeviation* deviation = nullptr;  // none: the parameter is held
+};
+
+std::vector<ParameterRow> parameter_rows(const CameraCalibration& calibration) {
     const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
-    std::string text =
-        "\nparameter         value     used   formal  cluster bootstrap  used/formal\n";
+    std::vector<ParameterRow> rows;
     for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
         const ParameterDeviation& each = calibration.deviations[i];
-        text += fmt::format("{:<9} {:>13} {:>8.3g} {:>8.3g} {:>8.3g} {:>9} {:>12.2f}\n", each.name,
-                            with_uncertainty(values[static_cast<Eigen::Index>(i)], each.stated),
-                            each.stated, each.formal, each.cluster_robust,
-                            significant(each.bootstrap, 3, "-"), each.ratio());
+        rows.push_back({each.name,
+                        with_uncertainty(values[static_cast<Eigen::Index>(i)], each.stated),
+                        &each});
     }
     for (const auto& [name, value] : held_parameters(calibration))
-        text += fmt::format("{:<9} {:>13} held: {}\n", name, value, reason_held);
-    return text;
+        rows.push_back({name, exact(value)});
+    return rows;
+}
+
+ColumnsOf<ParameterRow> parameter_columns() {
+    const char* two_digits = "{:#.2g}";
+    ColumnsOf<ParameterRow> columns = {{"", &ParameterRow::name, "parameter"},
+                                       {"", &ParameterRow::value, "value"}};
+    const ColumnsOf<ParameterDeviation> deviations = {
+        {"", &ParameterDeviation::stated, "used", "", two_digits},
+        {"", &ParameterDeviation::formal, "formal", "", two_digits},
+        {"", &ParameterDeviation::cluster_robust, "cluster-robust", "", two_digits},
+        {"", &ParameterDeviation::bootstrap, "bootstrap", "", two_digits},
+        {"", &ParameterDeviation::ratio, "used / formal", "", "{:.2f}"}};
+    add_columns(columns, deviations, &ParameterRow::deviation);
+    return columns;
 }
 
 // ---- JSON -----------------------------------------------------------------------------------
@@ -247,31 +358,6 @@ ordered_json parameters_json(const CameraCalibration& calibration) {
     }
     for (const auto& [name, value] : held_parameters(calibration))
         json[name] = {{"value", value}, {"held", reason_held}};
-    return json;
-}
-
-ordered_json model_json(const CalibrationRun& run, const ModelScore& score) {
-    ordered_json json = {{"model", score.model}, {"parameters", score.parameters}};
-    if (score.fit) {
-        json["rms_px"] = score.rms_px;
-        json["condition_number"] = score.fit->condition_number;
-    }
-    if (score.leave_one_out_rms_px) {
-        json["leave_one_out_rms_px"] = *score.leave_one_out_rms_px;
-        json["above_best_px2"] = score.above_best;
-        json["above_best_standard_error_px2"] = score.above_best_error;
-    }
-    if (score.projection_deviation_px)
-        json["projection_deviation_px"] = *score.projection_deviation_px;
-    if (score.halves_px)
-        json["halves_px"] = *score.halves_px;
-    if (!score.doubt.empty())
-        json["doubt"] = score.doubt;
-    if (!score.failure.empty())
-        json["failure"] = score.failure;
-    if (score.failed_view)
-        json["photo_not_predicted"] = run.photos[*score.failed_view];
-    json["overfits"] = score.overfits;
     return json;
 }
 
@@ -324,25 +410,6 @@ ordered_json board_json(const BoardShape& board) {
                                      {"displacement_mm", numbers(point.displacement_mm)},
                                      {"standard_deviation_mm", numbers(point.deviation_mm)}};
              })}};
-}
-
-ordered_json photos_json(const CalibrationRun& run) {
-    ordered_json json = ordered_json::array();
-    for (std::size_t i = 0; i < run.photos.size(); ++i) {
-        const CalibratedView& view = run.calibration.views[i];
-        ordered_json entry = {{"photo", run.photos[i]},
-                              {"used", view.used()},
-                              {"corners", view.left_out.size()},
-                              {"corners_left_out", count_left_out(view)}};
-        if (view.camera_from_target) {
-            entry["rms_px"] = view.rms_px;
-            entry["camera_from_target"] = pose_numbers(*view.camera_from_target);
-        }
-        if (view.left_out_rms_px)
-            entry["left_out_rms_px"] = *view.left_out_rms_px;
-        json.push_back(entry);
-    }
-    return json;
 }
 
 // In the order of the used photos.
@@ -423,8 +490,30 @@ std::vector<std::string> calibration_remarks(const CalibrationRun& run) {
     return remarks;
 }
 
+ResultTable photo_table(const CalibrationRun& run) {
+    std::vector<PhotoRow> rows = photo_rows(run);
+    for (const std::string& photo : run.without_target)
+        rows.push_back({photo, "target not found"});
+    for (const std::string& photo : run.others.photos)
+        rows.push_back({photo, "not used: another zoom, focus or camera"});
+    return table_of(photo_columns(is_telecentric(run)), rows);
+}
+
+ResultTable model_table(const CalibrationRun& run) {
+    return table_of(model_columns(run), run.calibration.advice.models);
+}
+
+ResultTable parameter_table(const CameraCalibration& calibration) {
+    return table_of(parameter_columns(), parameter_rows(calibration));
+}
+
 std::string calibration_tables(const CalibrationRun& run) {
-    return photo_table(run) + model_table(run.calibration) + deviation_table(run.calibration);
+    std::string text = text_table(photo_table(run), {"distance", "tilt"}) + "\n" +
+                       text_table(model_table(run), {"above the best", "condition"}) + "\n" +
+                       text_table(parameter_table(run.calibration));
+    for (const auto& [name, value] : held_parameters(run.calibration))
+        text += fmt::format("{} = {} is held: {}\n", name, value, reason_held);
+    return text;
 }
 
 std::string calibration_json(const CalibrationRun& run) {
@@ -444,8 +533,8 @@ std::string calibration_json(const CalibrationRun& run) {
     json["corners_left_out"] = calibration.points_left_out();
     json["photos_left_out"] = calibration.views.size() - photos_used(calibration);
     json["parameters"] = parameters_json(calibration);
-    json["models"] = json_list(run.calibration.advice.models,
-                               [&](const auto& score) { return model_json(run, score); });
+    json["models"] =
+        json_rows(table_of(model_columns(run), calibration.advice.models), MissingFigure::left_out);
     json["projection_uncertainty"] = uncertainty_json(calibration.uncertainty);
     if (calibration.halves)
         json["halves"] = halves_json(*calibration.halves);
@@ -455,7 +544,8 @@ std::string calibration_json(const CalibrationRun& run) {
         json["board"] = board_json(*calibration.board);
     if (run.refinement)
         json["photometric_refinement"] = refinement_json(*run.refinement);
-    json["photos"] = photos_json(run);
+    json["photos"] =
+        json_rows(table_of(photo_columns(false), photo_rows(run)), MissingFigure::left_out);
     json["photos_without_target"] = run.without_target;
     json["photos_of_other_cameras"] = run.others.photos;
     json["remarks"] = calibration_remarks(run);
@@ -474,44 +564,37 @@ std::string board_in_words(const BoardShape& board) {
 }
 
 void write_board_csv(const std::filesystem::path& path, const BoardShape& board) {
-    CsvTable table;
-    for (const ShapedPoint& point : board.points) {
-        table.number("id", point.id);
-        table.number("x_mm", point.drawn_mm.x());
-        table.number("y_mm", point.drawn_mm.y());
-        table.number("dx_mm", point.displacement_mm.x());
-        table.number("dy_mm", point.displacement_mm.y());
-        table.number("dz_mm", point.displacement_mm.z());
-        table.number("dx_sd_mm", point.deviation_mm.x());
-        table.number("dy_sd_mm", point.deviation_mm.y());
-        table.number("dz_sd_mm", point.deviation_mm.z());
-        table.end_row();
-    }
-    write_text(path, table.finish());
+    ColumnsOf<ShapedPoint> columns = {{"id", &ShapedPoint::id}};
+    const auto add = [&](const char* key, Eigen::Vector3d ShapedPoint::*vector, int axis) {
+        columns.push_back({key, [=](const ShapedPoint& point) { return (point.*vector)[axis]; }});
+    };
+    add("x_mm", &ShapedPoint::drawn_mm, 0);
+    add("y_mm", &ShapedPoint::drawn_mm, 1);
+    for (int axis = 0; const char* key : {"dx_mm", "dy_mm", "dz_mm"})
+        add(key, &ShapedPoint::displacement_mm, axis++);
+    for (int axis = 0; const char* key : {"dx_sd_mm", "dy_sd_mm", "dz_sd_mm"})
+        add(key, &ShapedPoint::deviation_mm, axis++);
+    write_text(path, csv_of(table_of(columns, board.points)));
 }
 
 void write_corners_csv(const std::filesystem::path& path, const CalibrationRun& run) {
-    CsvTable table;
-    const auto point = [&](const char* x, const char* y, const std::optional<Eigen::Vector2d>& at) {
-        table.number(x, at ? std::optional(at->x()) : std::nullopt);
-        table.number(y, at ? std::optional(at->y()) : std::nullopt);
-    };
+    std::string text = "photo,id,x_mm,y_mm,x_px,y_px,residual_x_px,residual_y_px,left_out\n";
     for (std::size_t v = 0; v < run.views.size(); ++v) {
         const CalibrationView& view = run.views[v];
         const CalibratedView& calibrated = run.calibration.views[v];
         for (std::size_t i = 0; i < view.pixels.size(); ++i) {
-            table.text("photo", run.photos[v]);
-            table.number("id", view.ids.empty() ? static_cast<double>(i) : view.ids[i]);
-            point("x_mm", "y_mm", view.points_mm[i].head<2>());
-            point("x_px", "y_px", view.pixels[i]);
-            point("residual_x_px", "residual_y_px",
-                  calibrated.camera_from_target ? std::optional(calibrated.residuals_px[i])
-                                                : std::nullopt);  // no pose, no residuals
-            table.number("left_out", calibrated.left_out[i] ? 1 : 0);
-            table.end_row();
+            std::string residual = ",";  // no pose, no residuals
+            if (calibrated.camera_from_target)
+                residual = exact(calibrated.residuals_px[i].x()) + "," +
+                           exact(calibrated.residuals_px[i].y());
+            text += fmt::format("{},{},{},{},{},{},{},{:d}\n", csv_text(run.photos[v]),
+                                view.ids.empty() ? static_cast<int>(i) : view.ids[i],
+                                exact(view.points_mm[i].x()), exact(view.points_mm[i].y()),
+                                exact(view.pixels[i].x()), exact(view.pixels[i].y()), residual,
+                                bool(calibrated.left_out[i]));
         }
     }
-    write_text(path, table.finish());
+    write_text(path, text);
 }
 
 }  // namespace etalon

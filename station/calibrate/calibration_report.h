@@ -1,5 +1,5 @@
 // What `etalon calibrate` found, in every form it is told: remarks and tables for the terminal,
-// calibration.json, corners.csv and report.html. The plots: station/calibrate/calibration_plots.h.
+// calibration.json, corners.csv and report.html.
 #pragma once
 
 #include <filesystem>
@@ -10,6 +10,7 @@
 
 #include "calib/intrinsics/calibrate.h"
 #include "compare/photometric/photometric_refinement.h"
+#include "report/result_table.h"
 
 namespace etalon {
 
@@ -58,8 +59,10 @@ const char* best_motion(const CameraModel& camera);
 // What a reader should know before trusting the result, a sentence each; empty: nothing.
 std::vector<std::string> calibration_remarks(const CalibrationRun& run);
 
-// Photos, models and standard deviations as tables, no line longer than 80 columns but for long
-// file names.
+// Photos, models and parameters with their standard deviations, for the page and for a terminal.
+ResultTable photo_table(const CalibrationRun& run);
+ResultTable model_table(const CalibrationRun& run);
+ResultTable parameter_table(const CameraCalibration& calibration);
 std::string calibration_tables(const CalibrationRun& run);
 
 std::string calibration_json(const CalibrationRun& run);

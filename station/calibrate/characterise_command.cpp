@@ -4,7 +4,6 @@
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "calib/files/camera_file.h"
 #include "compare/characterise/characterisation.h"
@@ -23,77 +22,40 @@ namespace {
 using nlohmann::ordered_json;
 using Paths = std::vector<std::filesystem::path>;
 
-// Reads each photograph once; one that is named twice would count its noise as agreement.
-class PhotoReader {
-public:
-    PhotoReader(const CharacteriseArguments& arguments, const CameraModel& camera)
-        : arguments_(arguments), camera_(camera) {}
-
-    NamedPhoto read(const std::filesystem::path& path) {
-        if (!seen_.insert(path.lexically_normal()).second)
-            throw ConfigError({path.string()}, "is given twice");
-        return {path.string(), read_photo(path, camera_, arguments_.camera)};
-    }
-    std::vector<NamedPhoto> read_all(const Paths& paths) {
-        std::vector<NamedPhoto> photos;
-        for (const auto& path : paths)
-            photos.push_back(read(path));
-        return photos;
-    }
-    std::vector<CodeImage> images(const Paths& paths) {
-        std::vector<CodeImage> images;
-        for (const auto& path : paths)
-            images.push_back(read_for_noise(path).image);
-        return images;
-    }
-    NamedPhoto read_for_noise(const std::filesystem::path& path) {
-        NamedPhoto photo = read(path);
-        if (lossy_file_.empty() && is_jpeg(path))
-            lossy_file_ = photo.name;
-        return photo;
-    }
-    const std::string& lossy_file() const { return lossy_file_; }
-
-private:
-    const CharacteriseArguments& arguments_;
-    const CameraModel& camera_;
-    std::set<std::filesystem::path> seen_;
-    std::string lossy_file_;
-};
-
-// CSV `file,exposure_us`; files are seen from the CSV's folder.
-std::vector<ExposedPhoto> read_exposures(const std::filesystem::path& path, PhotoReader& reader) {
-    std::vector<ExposedPhoto> photos;
-    for (const CsvRow& row : read_csv(path, {"file,exposure_us"}).rows) {
-        const double exposure_us = row.number(1, units::us.positive());
-        const NamedPhoto photo = reader.read_for_noise(path.parent_path() / row.cells[0]);
-        photos.push_back({photo.image, exposure_us, photo.name});
-    }
-    return photos;
-}
-
 CharacteriseInput read_input(const CharacteriseArguments& arguments) {
-    Paths all = arguments.photos;
-    for (const Paths* more : {&arguments.repeats, &arguments.flats, &arguments.darks})
-        all.insert(all.end(), more->begin(), more->end());
-    if (all.empty() && arguments.exposures.empty())
+    Paths exposed;
+    std::vector<double> exposures_us;
+    if (!arguments.exposures.empty())  // files are seen from the CSV's folder
+        for (const CsvRow& row : read_csv(arguments.exposures, {"file,exposure_us"}).rows) {
+            exposures_us.push_back(row.number(1, units::us.positive()));
+            exposed.push_back(arguments.exposures.parent_path() / row.cells[0]);
+        }
+    const auto joined = [](std::initializer_list<const Paths*> lists) {
+        Paths all;
+        for (const Paths* list : lists)
+            all.insert(all.end(), list->begin(), list->end());
+        return all;
+    };
+    const Paths of_noise = joined({&arguments.repeats, &arguments.darks, &exposed});
+    const Paths all = joined({&arguments.photos, &arguments.flats, &of_noise});
+    if (all.empty())
         throw ConfigError({"PHOTOS"}, "no photograph given");
     CharacteriseInput input{.camera = read_camera_for(arguments.camera, all),
-                            .target = parse_calibration_target(arguments.target, "--target"),
-                            .photos = {},
-                            .flats = {},
-                            .repeats = {},
-                            .darks = {},
-                            .exposures = {},
-                            .lossy_file = {}};
-    PhotoReader reader(arguments, input.camera);
-    input.photos = reader.read_all(arguments.photos);
-    input.flats = reader.read_all(arguments.flats);
-    input.repeats = reader.images(arguments.repeats);
-    input.darks = reader.images(arguments.darks);
-    if (!arguments.exposures.empty())
-        input.exposures = read_exposures(arguments.exposures, reader);
-    input.lossy_file = reader.lossy_file();
+                            .target = parse_calibration_target(arguments.target, "--target")};
+    require_distinct(all);
+    const auto read = [&](const std::filesystem::path& path) {
+        return read_photo(path, input.camera, arguments.camera);
+    };
+    for (const auto& path : arguments.photos)
+        input.photos.push_back({path.string(), read(path)});
+    for (const auto& path : arguments.flats)
+        input.flats.push_back({path.string(), read(path)});
+    std::ranges::transform(arguments.repeats, std::back_inserter(input.repeats), read);
+    std::ranges::transform(arguments.darks, std::back_inserter(input.darks), read);
+    for (std::size_t i = 0; i < exposed.size(); ++i)
+        input.exposures.push_back({read(exposed[i]), exposures_us[i], exposed[i].string()});
+    if (const auto lossy = std::ranges::find_if(of_noise, is_jpeg); lossy != of_noise.end())
+        input.lossy_file = lossy->string();
     return input;
 }
 
@@ -234,15 +196,6 @@ void print_json(const CharacteriseArguments& arguments, const Characterisation& 
     std::puts(text_of(json).c_str());
 }
 
-void require_target_and_output(const CharacteriseArguments& arguments) {
-    if (arguments.camera.empty())
-        throw ConfigError({"--camera"}, "is required, unless with --edge");
-    if (arguments.target.empty())
-        throw ConfigError({"--target"}, "is required, unless with --edge");
-    if (arguments.out.empty())
-        throw ConfigError({"--out"}, "is required, unless with --edge");
-}
-
 }  // namespace
 
 int run_characterise(const CharacteriseArguments& given) {
@@ -251,7 +204,11 @@ int run_characterise(const CharacteriseArguments& given) {
     arguments.photos = files.paths();
     if (!arguments.edge.empty())
         return run_edge(arguments);
-    require_target_and_output(arguments);
+    for (const auto& [option, is_missing] : {std::pair("--camera", arguments.camera.empty()),
+                                             {"--target", arguments.target.empty()},
+                                             {"--out", arguments.out.empty()}})
+        if (is_missing)
+            throw ConfigError({option}, "is required, unless with --edge");
     const CharacteriseInput input = read_input(arguments);
     const Characterisation result = characterise(input);
     for (const std::string& remark : result.remarks)

@@ -10,9 +10,7 @@
 
 #include "compare/pose/pose_bias.h"
 #include "core/config/strict_reader.h"
-#include "core/file/text.h"
 #include "core/statistics/distributions.h"
-#include "report/csv.h"
 
 namespace etalon {
 namespace {
@@ -86,6 +84,19 @@ void pair_photos(const ComparisonSummary& earlier, const ComparisonSummary& now,
 
 // ---- differences ----------------------------------------------------------------------------
 
+struct SummaryFigure {
+    const char *key, *name, *unit;  // the key is of files
+    std::optional<double> PhotoSummary::*value;
+};
+constexpr SummaryFigure summary_figures[] = {
+    {"residual_gray", "residual", "gray", &PhotoSummary::residual_gray},
+    {"refined_residual_gray", "residual, refined pose", "gray",
+     &PhotoSummary::refined_residual_gray},
+    {"edge_shift_px", "edge shift", "px", &PhotoSummary::edge_shift_px},
+    {"refined_edge_shift_px", "edge shift, refined pose", "px",
+     &PhotoSummary::refined_edge_shift_px},
+    {"psf_sigma_px", "fitted blur", "px", &PhotoSummary::psf_sigma_px}};
+
 struct Samples {
     std::string quantity, unit;
     std::vector<double> earlier, now;  // by pair
@@ -146,7 +157,7 @@ PairedChange paired_change(const Samples& samples, std::size_t quantities) {
 
 std::vector<PairedChange> paired_changes(const std::vector<PhotoPair>& pairs) {
     std::vector<Samples> all;
-    for (const SummaryFigure& figure : summary_figures())
+    for (const SummaryFigure& figure : summary_figures)
         all.push_back(samples_of(figure, pairs));
     for (const auto& [what, pose] : {std::pair("pose", &PhotoSummary::camera_from_marker),
                                      std::pair("refined pose", &PhotoSummary::refined_from_marker)})
@@ -157,32 +168,6 @@ std::vector<PairedChange> paired_changes(const std::vector<PhotoPair>& pairs) {
     for (const Samples& samples : all)
         changes.push_back(paired_change(samples, all.size()));
     return changes;
-}
-
-// ---- words ----------------------------------------------------------------------------------
-
-std::string text_line(const PairedChange& change) {
-    const std::string interval =
-        change.half_width ? fmt::format("+- {:.4f}", *change.half_width) : "(one pair)";
-    return fmt::format("  {:<26} {:+10.4f} {:<12} {}{}\n", change.quantity, change.mean, interval,
-                       change.unit, change.changed() ? "  changed" : "");
-}
-
-std::string cells(const std::optional<double>& earlier, const std::optional<double>& now) {
-    const auto cell = [](const std::optional<double>& value) {
-        return value ? exact(*value) : std::string();
-    };
-    return "," + cell(earlier) + "," + cell(now) + "," +
-           (earlier && now ? exact(*now - *earlier) : std::string());
-}
-
-std::string pose_cells(const std::optional<Rigid>& earlier, const std::optional<Rigid>& now) {
-    if (!earlier || !now)
-        return std::string(6, ',');
-    std::string text;
-    for (const double value : pose_change(*earlier, *now))
-        text += "," + exact(value);
-    return text;
 }
 
 }  // namespace
@@ -216,19 +201,6 @@ void require_same_camera(const ComparisonSummary& earlier, const ComparisonSumma
     require_equal("the marker", earlier.marker, now.marker);
 }
 
-const std::array<SummaryFigure, 5>& summary_figures() {
-    static const std::array<SummaryFigure, 5> figures{{
-        {"residual_gray", "residual", "gray", &PhotoSummary::residual_gray},
-        {"refined_residual_gray", "residual, refined pose", "gray",
-         &PhotoSummary::refined_residual_gray},
-        {"edge_shift_px", "edge shift", "px", &PhotoSummary::edge_shift_px},
-        {"refined_edge_shift_px", "edge shift, refined pose", "px",
-         &PhotoSummary::refined_edge_shift_px},
-        {"psf_sigma_px", "fitted blur", "px", &PhotoSummary::psf_sigma_px},
-    }};
-    return figures;
-}
-
 Vector6d pose_change(const Rigid& earlier, const Rigid& now) {
     const PoseError change = pose_error(now, earlier);
     Vector6d numbers;
@@ -246,6 +218,25 @@ BaselineChange compare_with_baseline(const ComparisonSummary& earlier, const Com
     return change;
 }
 
+ResultTable change_table(const BaselineChange& change) {
+    const ColumnsOf<PairedChange> columns = {
+        {"quantity", &PairedChange::quantity, "quantity"},
+        {"unit", &PairedChange::unit, "unit"},
+        {"",
+         [](const PairedChange& one) {
+             return one.changed()    ? "changed"
+                    : one.half_width ? "not significant"
+                                     : "one pair says nothing";
+         },
+         "outcome"},
+        {"pairs", &PairedChange::pairs, "pairs"},
+        {"earlier", &PairedChange::earlier, "then", "", "{:.4f}"},
+        {"now", &PairedChange::now, "now", "", "{:.4f}"},
+        {"change", &PairedChange::mean, "change", "", "{:+.4f}"},
+        {"half_width", &PairedChange::half_width, "±", "", "{:.4f}"}};
+    return table_of(columns, change.quantities);
+}
+
 std::string baseline_text(const BaselineChange& change) {
     std::string text =
         fmt::format("since {}: {} photos paired\n", change.folder.string(), change.pairs.size());
@@ -254,27 +245,39 @@ std::string baseline_text(const BaselineChange& change) {
           std::pair("not paired, two of a name", &change.ambiguous)})
         if (!names->empty())
             text += fmt::format("  {}: {}\n", what, fmt::join(*names, ", "));
-    for (const PairedChange& quantity : change.quantities)
-        text += text_line(quantity);
-    return text;
+    return text + text_table(change_table(change), {"then", "now", "pairs"});
 }
 
 std::string baseline_csv(const BaselineChange& change) {
-    std::string text = "photo,outcome_earlier,outcome_now";
-    for (const SummaryFigure& figure : summary_figures())
-        text += fmt::format(",{0}_earlier,{0}_now,{0}_change", figure.key);
-    for (const char* pose : {"pose", "refined_pose"})
-        text +=
-            fmt::format(",{0}_x_mm,{0}_y_mm,{0}_z_mm,{0}_rx_mrad,{0}_ry_mrad,{0}_rz_mrad", pose);
-    text += "\n";
-    for (const auto& [earlier, now] : change.pairs) {
-        text += csv_text(now.name) + "," + csv_text(earlier.outcome) + "," + csv_text(now.outcome);
-        for (const SummaryFigure& figure : summary_figures())
-            text += cells(earlier.*figure.value, now.*figure.value);
-        text += pose_cells(earlier.camera_from_marker, now.camera_from_marker) +
-                pose_cells(earlier.refined_from_marker, now.refined_from_marker) + "\n";
+    ColumnsOf<PhotoPair> columns = {
+        {"photo", [](const PhotoPair& pair) { return pair.now.name; }},
+        {"outcome_earlier", [](const PhotoPair& pair) { return pair.earlier.outcome; }},
+        {"outcome_now", [](const PhotoPair& pair) { return pair.now.outcome; }}};
+    for (const auto& [key, name, unit, value] : summary_figures) {
+        const std::string start = key;
+        const auto figure = value;
+        columns.push_back(
+            {start + "_earlier", [=](const PhotoPair& pair) { return pair.earlier.*figure; }});
+        columns.push_back(
+            {start + "_now", [=](const PhotoPair& pair) { return pair.now.*figure; }});
+        columns.push_back({start + "_change", [=](const PhotoPair& pair) -> TableCell {
+                               const auto &before = pair.earlier.*figure, &after = pair.now.*figure;
+                               return before && after ? TableCell(*after - *before) : TableCell();
+                           }});
     }
-    return text;
+    for (const auto& [prefix, pose] : {std::pair("pose_", &PhotoSummary::camera_from_marker),
+                                       {"refined_pose_", &PhotoSummary::refined_from_marker}})
+        for (int i = 0;
+             const char* end : {"x_mm", "y_mm", "z_mm", "rx_mrad", "ry_mrad", "rz_mrad"}) {
+            const auto of = pose;
+            columns.push_back({std::string(prefix) + end, [=](const PhotoPair& pair) -> TableCell {
+                                   const auto &before = pair.earlier.*of, &after = pair.now.*of;
+                                   return before && after ? pose_change(*before, *after)[i]
+                                                          : TableCell();
+                               }});
+            ++i;
+        }
+    return csv_of(table_of(columns, change.pairs));
 }
 
 }  // namespace etalon

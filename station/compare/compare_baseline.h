@@ -8,7 +8,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
 #include <optional>
@@ -16,6 +15,7 @@
 #include <vector>
 
 #include "core/geometry/rigid.h"
+#include "report/result_table.h"
 
 namespace etalon {
 
@@ -74,18 +74,13 @@ inline constexpr double baseline_confidence = 0.95;  // of all intervals togethe
 BaselineChange compare_with_baseline(const ComparisonSummary& earlier, const ComparisonSummary& now,
                                      const std::filesystem::path& folder);
 
-// The figures that are compared, in the order of tables, and the six of a pose's change: mm along
-// the camera's axes and mrad about the marker's.
-struct SummaryFigure {
-    const char* key;  // of files
-    const char* name;
-    const char* unit;
-    std::optional<double> PhotoSummary::*value;
-};
-const std::array<SummaryFigure, 5>& summary_figures();
+// Of a pose: mm along the camera's axes and mrad about the marker's.
 Vector6d pose_change(const Rigid& earlier, const Rigid& now);
 
-// For a terminal of 80 columns, one line a quantity; baseline.csv, one row a pair.
+// One row a quantity.
+ResultTable change_table(const BaselineChange& change);
+
+// For a terminal; baseline.csv, one row a pair.
 std::string baseline_text(const BaselineChange& change);
 std::string baseline_csv(const BaselineChange& change);
 

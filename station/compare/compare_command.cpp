@@ -2,7 +2,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <limits>
+#include <opencv2/imgproc.hpp>
 #include <ranges>
 
 #include "compare/make_detector.h"
@@ -12,8 +15,6 @@
 #include "station/compare/commands.h"
 #include "station/compare/comparison_pictures.h"
 #include "station/compare/comparison_report.h"
-#include "station/compare/edge_plots.h"
-#include "station/compare/photo_comparer.h"
 #include "station/shell/command.h"
 #include "station/shell/photo_files.h"
 
@@ -139,6 +140,112 @@ FoundPoses find_poses(const CompareArguments& arguments, const Job& job,
     return all;
 }
 
+void add_scored(const PixelDifference& difference, const Projector& projector,
+                const Rigid& camera_from_marker, ResidualProfile& radius, ResidualProfile& depth) {
+    const cv::Mat& use = difference.use;
+    const cv::Rect box = cv::boundingRect(use);
+    const PlaneSight sight(projector, camera_from_marker, box);
+    const Eigen::Vector2d centre(0.5 * (use.cols - 1), 0.5 * (use.rows - 1));
+    for (int y = box.y; y < box.br().y; ++y)
+        for (int x = box.x; x < box.br().x; ++x) {
+            if (use.at<uchar>(y, x) != pixel_scored)
+                continue;
+            const double residual = difference.residual.at<float>(y, x);
+            radius.add((Eigen::Vector2d(x, y) - centre).norm(), residual);
+            if (const auto met = sight.at(x, y))
+                depth.add(met->z(), residual);
+        }
+}
+
+ComparedFit without_images(const PhotoFit& matched) {
+    const PixelDifference& difference = matched.difference;
+    ComparedFit fit;
+    fit.camera_from_marker = matched.state.camera_from_marker;
+    fit.model = difference.model;
+    fit.fitted = difference.fitted;
+    fit.scored = difference.scored;
+    fit.noise_source = difference.noise_source;
+    fit.noise_gray = difference.noise_gray;
+    fit.parameters = matched.parameters;
+    return fit;
+}
+
+void add_edges(const CodeImage& image, const CellGrid& marker, const PhotometricCamera& camera,
+               const PhotoFit& matched, ComparedFit& fit) {
+    const PhotoOfMarker photo{gray_of(image), marker, matched.difference.use, pixel_fitted};
+    fit.edges = edge_shifts(photo, camera, matched.state).edges;
+    fit.edge_summary = edge_summary(edges_of(fit.edges, pixel_scored));
+}
+
+// Sharp edges and blurred ones alike: the widest blur decides how far beside an edge is looked.
+DefocusProfile defocus_of(const CodeImage& image, const Marker& marker, const ComparedArea& area,
+                          const PhotometricCamera& camera, const ComparedFit& fit) {
+    const RenderedImage rendering =
+        camera.renderer().render({{{marker.grid, fit.camera_from_marker}}, 1.0});
+    EdgeSelection selection;
+    const double beside = selection.half_width_px - selection.clearance_px;
+    selection.clearance_px =
+        std::max(selection.clearance_px, 1.5 + rendering.plan.max_blur_radius_px);
+    selection.half_width_px = selection.clearance_px + beside;
+    return defocus_profile(image, rendering.radiance, camera.projector(), marker,
+                           fit.camera_from_marker, area, fit.edges, selection);
+}
+
+// Depths of the compared area at the poses under test, mm; (0, 1) where there are none.
+std::pair<double, double> depth_range(const std::vector<ComparedPhoto>& photos,
+                                      const ComparedArea& area) {
+    double low = std::numeric_limits<double>::infinity(), high = 0.0;
+    for (const ComparedPhoto& photo : photos)
+        for (const double x : {area.low_mm.x(), area.high_mm.x()})
+            for (const double y : {area.low_mm.y(), area.high_mm.y()}) {
+                if (!photo.failure.empty())
+                    continue;
+                const double z = (photo.under_test * Eigen::Vector3d(x, y, 0)).z();
+                low = std::min(low, z);
+                high = std::max(high, z);
+            }
+    return low <= high ? std::pair(low, high) : std::pair(0.0, 1.0);
+}
+
+ResidualProfiles empty_profiles(const Comparison& comparison, const ComparedArea& area) {
+    constexpr int steps = 12;
+    const double corner =
+        0.5 * std::hypot(comparison.camera.width - 1, comparison.camera.height - 1);
+    const auto [near_mm, far_mm] = depth_range(comparison.photos, area);
+    const ResidualProfile radius(0.0, corner, steps), depth(near_mm, far_mm, steps);
+    return {radius, radius, depth, depth};
+}
+
+// Fills in `photo`, whose pose under test is known, and adds to the profiles. Picture files go to
+// `folder`, named by `number` (from 1) and the photograph.
+void match(const CodeImage& image, const Job& job,
+           const std::shared_ptr<const PhotometricCamera>& camera,
+           const std::filesystem::path& folder, std::size_t number, ComparedPhoto& photo,
+           ResidualProfiles& profiles) {
+    const Projector& projector = camera->projector();
+    photo.findings = examine_marker(image, job.marker, job.area, projector, photo.under_test);
+    if (is_refused(photo.findings)) {
+        photo.pictures = pictures_of_photo(image, photo.photo);
+        return;
+    }
+    const PhotoMatch match =
+        match_photo(image, job.marker.grid, job.area, camera, photo.under_test);
+    photo.calibrated = without_images(match.calibrated);
+    photo.refined = without_images(match.refined);
+    photo.photometric = match.pose;
+    add_edges(image, job.marker.grid, *camera, match.calibrated, *photo.calibrated);
+    add_edges(image, job.marker.grid, *camera, match.refined, *photo.refined);
+    if (camera->model().lens)
+        photo.defocus = defocus_of(image, job.marker, job.area, *camera, *photo.refined);
+    photo.findings = examine_match(image, job.marker, job.area, *camera, match);
+    photo.pictures = make_pictures(folder, number, photo.photo, match.calibrated.difference,
+                                   match.refined.difference);
+    add_scored(match.calibrated.difference, projector, photo.under_test, profiles.radius,
+               profiles.depth);
+    add_scored(match.refined.difference, projector, match.refined.state.camera_from_marker,
+               profiles.refined_radius, profiles.refined_depth);
+}
+
 [[noreturn]] void fail_without_photos(const Comparison& comparison) {
     const ComparedPhoto& first = comparison.photos.front();
     throw NumericalError(fmt::format("none of {} photographs could be compared ({}: {})",
@@ -153,9 +260,9 @@ void print_progress(const std::string& place, const ComparedPhoto& photo) {
         fmt::print(stderr, "{}: {}\n", file, photo.reason());
         return;
     }
-    std::string line = fmt::format("{:.1f} gray", photo.calibrated->scored.rms_gray);
-    if (photo.refined)
-        line += fmt::format(", {:.1f} at the refined pose", photo.refined->scored.rms_gray);
+    std::string line =
+        fmt::format("{:.1f} gray, {:.1f} at the refined pose", photo.calibrated->scored.rms_gray,
+                    photo.refined->scored.rms_gray);
     for (const Finding& finding : photo.findings)
         line += ", " + finding.name;
     fmt::print(stderr, "{}: {}\n", file, line);
@@ -174,23 +281,31 @@ std::optional<BoardShifts> shifts_of_board(const Comparison& comparison, const P
 void compare_all(const CompareArguments& arguments, const Job& job, Comparison& comparison) {
     if (!comparison.has_poses())
         fail_without_photos(comparison);
-    const PhotoComparer comparer(job.marker, job.area, job.camera,
-                                 depth_range(comparison.photos, job.area));
+    const auto camera = std::make_shared<const PhotometricCamera>(job.camera);
+    comparison.profiles = empty_profiles(comparison, job.area);
     make_folder(arguments.out);
-    comparison.profiles = comparer.empty_profiles();
     for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
         ComparedPhoto& photo = comparison.photos[i];
-        if (photo.failure.empty())
-            comparison.profiles.add(
-                comparer.compare(read_photo(photo.photo, job.camera, arguments.camera),
-                                 arguments.out, i + 1, photo));
+        if (photo.failure.empty()) {
+            const CodeImage image = read_photo(photo.photo, job.camera, arguments.camera);
+            ResidualProfiles profiles = empty_profiles(comparison, job.area);
+            const auto matched = attempted(
+                [&] { match(image, job, camera, arguments.out, i + 1, photo, profiles); });
+            if (!matched)
+                photo.failure = matched.cause;
+            if (photo.has_figures())
+                comparison.profiles.add(profiles);
+            else  // the pictures may show why; numbers would only be taken for some
+                photo.drop_figures();
+        }
         print_progress(fmt::format("{} of {}", i + 1, comparison.photos.size()), photo);
     }
     if (comparison.compared() == 0)
         fail_without_photos(comparison);
     const auto last =
         std::ranges::find_if(std::views::reverse(comparison.photos), &ComparedPhoto::has_figures);
-    comparison.render_plan = comparer.rendering(last->under_test);
+    const Scene scene{{{job.marker.grid, last->under_test}}, 1.0};
+    comparison.render_plan = camera->renderer().render(scene).plan.describe();
     comparison.board = shifts_of_board(comparison, Projector(job.camera), job.area);
 }
 
@@ -225,8 +340,7 @@ void write_files(const std::filesystem::path& folder, const Comparison& comparis
 // Beside the figure that others parse: what it is made of.
 void print_more(const Comparison& comparison) {
     fmt::print("matched {} of {} photos\n", comparison.matched(), comparison.photos.size());
-    if (const auto refined = comparison.refined_mean_rms_gray())
-        fmt::print("residual at the refined poses {:.1f} gray\n", *refined);
+    fmt::print("residual at the refined poses {:.1f} gray\n", comparison.refined_mean_rms_gray());
     if (const auto edges = comparison.edge_summaries())
         fmt::print("edge shift {:.3f} px, {:.3f} px at the refined poses\n",
                    edges->first.shift.rms_px, edges->second.shift.rms_px);

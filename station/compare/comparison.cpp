@@ -32,6 +32,12 @@ void summarise_fit(const std::optional<ComparedFit>& fit, std::optional<Rigid>& 
 
 }  // namespace
 
+void ComparedPhoto::drop_figures() {
+    calibrated = refined = std::nullopt;
+    photometric = std::nullopt;
+    defocus = std::nullopt;
+}
+
 const char* ComparedPhoto::outcome() const {
     if (!has_figures())
         return "refused";
@@ -86,31 +92,24 @@ void ResidualProfiles::add(const ResidualProfiles& other) {
 }
 
 bool Comparison::has_poses() const {
-    return std::any_of(photos.begin(), photos.end(),
-                       [](const ComparedPhoto& photo) { return photo.failure.empty(); });
+    return std::ranges::any_of(photos, &std::string::empty, &ComparedPhoto::failure);
 }
 
 std::size_t Comparison::compared() const {
-    return static_cast<std::size_t>(
-        std::count_if(photos.begin(), photos.end(),
-                      [](const ComparedPhoto& photo) { return photo.has_figures(); }));
+    return static_cast<std::size_t>(std::ranges::count_if(photos, &ComparedPhoto::has_figures));
 }
 
 std::size_t Comparison::matched() const {
-    return static_cast<std::size_t>(
-        std::count_if(photos.begin(), photos.end(), [](const ComparedPhoto& photo) {
-            return photo.has_figures() && is_matched(photo.findings);
-        }));
+    return static_cast<std::size_t>(std::ranges::count_if(photos, [](const auto& photo) {
+        return photo.has_figures() && is_matched(photo.findings);
+    }));
 }
 
 double Comparison::mean_rms_gray() const {
     return mean_over(*this, [](const auto& photo) { return photo.calibrated->scored.rms_gray; });
 }
 
-std::optional<double> Comparison::refined_mean_rms_gray() const {
-    for (const ComparedPhoto& photo : photos)
-        if (photo.has_figures() && !photo.refined)
-            return std::nullopt;
+double Comparison::refined_mean_rms_gray() const {
     return mean_over(*this, [](const auto& photo) { return photo.refined->scored.rms_gray; });
 }
 
@@ -118,7 +117,7 @@ std::vector<EdgeShift> Comparison::edges(std::optional<ComparedFit> ComparedPhot
                                          bool only_scored) const {
     std::vector<EdgeShift> all;
     for (const ComparedPhoto& photo : photos) {
-        if (!photo.has_figures() || !(photo.*fit))
+        if (!photo.has_figures())
             continue;
         const std::vector<EdgeShift>& edges = (photo.*fit)->edges;
         std::copy_if(edges.begin(), edges.end(), std::back_inserter(all),
@@ -144,14 +143,14 @@ std::optional<std::pair<EdgeSummary, EdgeSummary>> Comparison::edge_summaries() 
 std::vector<std::string> blind_spots(const Comparison& comparison) {
     std::vector<std::string> spots;
     const CameraModel& camera = comparison.camera;
-    if (!comparison.detector.empty())
+    if (!comparison.detector.empty()) {
         spots.push_back(
             "The size of the marker: one printed 1 % larger, 1 % farther away, gives the same "
             "photographs. Only a stage or a ruler tells them apart.");
-    if (!comparison.detector.empty())
         spots.push_back(
             "Errors of the calibration that a pose can imitate: each pose was found in its own "
             "photograph with the same calibration. A run with a stage (etalon qualify) sees them.");
+    }
     if (!camera.sensor || camera.sensor->gain_e_per_dn == 0.0)
         spots.push_back(
             "Noise: the camera's file states none. Significance is against the residuals' own "
@@ -161,8 +160,7 @@ std::vector<std::string> blind_spots(const Comparison& comparison) {
             "The lens's blur: the camera's file has no lens section. A Gaussian's widths are "
             "fitted to "
             "each photograph, so that a wrong focus shows as a width and not as a residual.");
-    if (std::any_of(comparison.photos.begin(), comparison.photos.end(),
-                    [](const ComparedPhoto& photo) { return photo.is_jpeg; }))
+    if (std::ranges::any_of(comparison.photos, &ComparedPhoto::is_jpeg))
         spots.push_back(
             "What JPEG did to the photographs: it is part of the residual, and its blocks make "
             "neighbouring pixels depend on each other. Stated uncertainties take them as "
@@ -199,11 +197,8 @@ std::string scored_region(const Comparison& comparison) {
 }
 
 ComparisonSummary summary_of(const Comparison& comparison) {
-    ComparisonSummary summary{comparison.camera.serial,
-                              comparison.camera.width,
-                              comparison.camera.height,
-                              comparison.marker,
-                              {}};
+    const CameraModel& camera = comparison.camera;
+    ComparisonSummary summary{camera.serial, camera.width, camera.height, comparison.marker, {}};
     for (const ComparedPhoto& photo : comparison.photos) {
         PhotoSummary entry;
         entry.name = photo.photo.filename().string();

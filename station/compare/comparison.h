@@ -44,6 +44,7 @@ struct ComparedPhoto {
     std::string failure;                   // why no figures are possible; empty otherwise
     std::optional<PoseEstimate> estimate;  // nothing when the pose was given
     Rigid under_test;                      // camera_from_marker; without a failure
+    // At the pose under test, and at the one fitted to the pixels; all three or none.
     std::optional<ComparedFit> calibrated, refined;
     std::optional<PhotometricPose> photometric;  // of `refined`
     // At the refined pose; of a camera with a lens section.
@@ -52,6 +53,7 @@ struct ComparedPhoto {
     PhotoPictures pictures;
 
     bool has_figures() const { return calibrated && failure.empty() && !is_refused(findings); }
+    void drop_figures();
     const char* outcome() const;  // "matched", "not matched", "refused"
     std::string reason() const;   // why it was refused, or what was found; empty when matched
 };
@@ -95,9 +97,8 @@ struct Comparison {
     bool has_poses() const;        // of any photograph
     std::size_t compared() const;  // photographs with figures
     std::size_t matched() const;   // of them those without findings
-    double mean_rms_gray() const;  // of the scored half, at the poses under test
-    // The same at the photometric poses; nothing unless every compared photograph has one.
-    std::optional<double> refined_mean_rms_gray() const;
+    // Of the scored half, at the poses under test and at the photometric ones.
+    double mean_rms_gray() const, refined_mean_rms_gray() const;
     double mean_psf_sigma_px() const;  // fitted, at the poses under test
     // Of all compared photographs that have this fit: of the scored half, or of both.
     std::vector<EdgeShift> edges(std::optional<ComparedFit> ComparedPhoto::*fit,

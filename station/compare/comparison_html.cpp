@@ -8,12 +8,218 @@
 #include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
-#include "station/compare/comparison_cards.h"
+#include "station/compare/comparison.css.h"
 #include "station/compare/comparison_pictures.h"
 #include "station/compare/comparison_report.h"
 
 namespace etalon {
 namespace {
+
+// Size of the change from the pose under test to the photometric pose, with the standard deviation
+// of that pose in the change's direction.
+struct PoseChange {
+    double translation_mm = 0.0, translation_deviation_mm = 0.0;
+    double rotation_mrad = 0.0, rotation_deviation_mrad = 0.0;
+};
+
+std::optional<PoseChange> pose_change_of(const ComparedPhoto& photo) {
+    if (!photo.calibrated)
+        return std::nullopt;
+    const Vector6d change =
+        left_difference(photo.calibrated->camera_from_marker, photo.refined->camera_from_marker);
+    const Matrix6d& covariance = photo.photometric->covariance;
+    const auto deviation = [](const Eigen::Vector3d& along, const Eigen::Matrix3d& of) {
+        const double length = along.norm();
+        const Eigen::Vector3d unit =
+            length > 0.0 ? Eigen::Vector3d(along / length) : Eigen::Vector3d::UnitZ();
+        return std::sqrt(unit.dot(of * unit));
+    };
+    const Eigen::Vector3d rotation = change.head<3>(), translation = change.tail<3>();
+    return PoseChange{
+        translation.norm(), deviation(translation, covariance.bottomRightCorner<3, 3>()),
+        1e3 * rotation.norm(), 1e3 * deviation(rotation, covariance.topLeftCorner<3, 3>())};
+}
+
+// A picture that fills the card's width when it is chosen.
+std::string zoomable(const std::string& content) {
+    return "<label class=\"zoom\"><input type=\"checkbox\" aria-label=\"large\">" + content +
+           "</label>";
+}
+
+std::string outcome_tag(const ComparedPhoto& photo) {
+    const char* css = !photo.has_figures() ? " no" : is_matched(photo.findings) ? " ok" : "";
+    return fmt::format("<span class=\"tag{}\">{}</span>", css, photo.outcome());
+}
+
+std::string findings_html(const ComparedPhoto& photo) {
+    if (photo.failure.empty() && photo.findings.empty())
+        return "";
+    std::string text = "<ul class=\"findings\">";
+    if (!photo.failure.empty())
+        text += "<li>" + escape_html(photo.failure) + "</li>";
+    for (const Finding& finding : photo.findings)
+        text +=
+            fmt::format("<li><strong>{}</strong>: {} <small>({:.3g}{}, limit {:.3g})</small></li>",
+                        escape_html(finding.name), escape_html(finding.sentence), finding.value,
+                        escape_html(finding.unit.empty() ? "" : " " + finding.unit), finding.limit);
+    return text + "</ul>";
+}
+
+std::string figures_line(const ComparedPhoto& photo) {
+    const ComparedFit& fit = *photo.calibrated;
+    const PoseChange change = *pose_change_of(photo);
+    return fmt::format(
+        "<p>Residual {:.2f} gray → {:.2f} at the refined pose; 99 % within {:.0f} gray. Pose "
+        "change {:.2g} mm (σ {:.1g}), {:.2g} mrad (σ {:.1g}).</p>",
+        fit.scored.rms_gray, photo.refined->scored.rms_gray, fit.scored.p99_gray,
+        change.translation_mm, change.translation_deviation_mm, change.rotation_mrad,
+        change.rotation_deviation_mrad);
+}
+
+// The residual along edges, taken apart; squares add up, a minus is a part that cancels others.
+std::string edges_line(const ComparedPhoto& photo) {
+    if (photo.refined->edge_summary.edges == 0)
+        return "";
+    const EdgeSummary &before = photo.calibrated->edge_summary,
+                      &after = photo.refined->edge_summary;
+    const EdgeParts& parts = after.parts;
+    return fmt::format(
+        "<p>Edge shift {:.3f} px (σ {:.1g}) → {:.3f} px (σ {:.1g}) at the refined pose, {} edges. "
+        "Along them {:.1f} gray: shift {:.1f}, blur {:.1f}, photometric {:.1f}, rest {:.1f}.</p>",
+        before.shift.rms_px, before.shift.rms_deviation_px, after.shift.rms_px,
+        after.shift.rms_deviation_px, after.edges, parts.residual_gray, parts.shift_gray,
+        parts.blur_gray, parts.photometric_gray, parts.rest_gray);
+}
+
+std::string minimum_in_words(const WidthMinimum& minimum) {
+    return minimum.is_determined
+               ? fmt::format("sharpest at {:.2f} mm (σ {:.2f})", minimum.focus_distance_mm,
+                             minimum.standard_uncertainty_mm)
+               : "without a sharpest depth: " + minimum.undetermined;
+}
+
+std::string defocus_line(const ComparedPhoto& photo) {
+    if (!photo.defocus)
+        return "";
+    return fmt::format("<p>Photograph {}; rendering {}.</p>",
+                       escape_html(minimum_in_words(photo.defocus->photo)),
+                       escape_html(minimum_in_words(photo.defocus->rendering)));
+}
+
+// A parameter at the pose under test and at the refined one.
+struct ParameterRow {
+    const MatchParameter *here, *refined;
+};
+
+std::string parameters_html(const ComparedPhoto& photo) {
+    const std::vector<MatchParameter>& parameters = photo.calibrated->parameters;
+    if (parameters.empty())
+        return "";
+    std::vector<ParameterRow> rows;
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        rows.push_back({&parameters[i], &photo.refined->parameters.at(i)});
+    ColumnsOf<MatchParameter> figures = {
+        {"", &MatchParameter::value, "pose under test", "", "{:.4g}"},
+        {"", &MatchParameter::deviation, "σ", "", "{:.2g}"}};
+    ColumnsOf<ParameterRow> columns = {
+        {"", [](const ParameterRow& row) { return row.here->name; }, "parameter"}};
+    add_columns(columns, figures, &ParameterRow::here);
+    figures[0].heading = "refined pose";
+    add_columns(columns, figures, &ParameterRow::refined);
+    columns.push_back({"", [](const ParameterRow& row) { return row.here->unit; }, "unit"});
+    columns.push_back({"", [](const ParameterRow& row) { return name(row.here->source); }, "from"});
+    const ResultTable table = table_of(columns, rows);
+    return "<details><summary>Photometric parameters</summary>" +
+           table_html(headings_of(table), texts_of(table)) + "</details>";
+}
+
+std::string significance_caption(const ComparedFit& fit) {
+    const std::string scale = colour_scale_html(significance_map_scale, "σ");
+    if (fit.noise_source == NoiseSource::camera)
+        return scale + fmt::format(
+                           "Significance: residual over the camera's noise (RMS {:.2f} "
+                           "gray){}. Noise alone looks even.",
+                           fit.noise_gray,
+                           fit.scored.significant ? fmt::format("; {:.1f} % of the pixels over 3 σ",
+                                                                100.0 * *fit.scored.significant)
+                                                  : "");
+    return scale + fmt::format(
+                       "Significance against this photograph's own scatter, {:.2f} gray: "
+                       "the camera's noise is not known. Noise alone looks even.",
+                       fit.noise_gray);
+}
+
+std::string pictures_html(const ComparedPhoto& photo, std::size_t number, bool starts_in_turn,
+                          double magnification) {
+    const PhotoPictures& pictures = photo.pictures;
+    const std::vector<NamedPicture> shown = {{"photograph", pictures.photo},
+                                             {"rendering", pictures.rendering},
+                                             {"refined pose", pictures.refined_rendering}};
+    std::string text =
+        "<div class=\"pictures\"><figure class=\"wide\">" +
+        viewer_html(fmt::format("view-{}", number), shown, starts_in_turn) +
+        "<figcaption>In turn: what moves or changes is the difference. Press to hold "
+        "the photograph. Pale in the rendering: the photograph, where nothing is rendered."
+        "</figcaption></figure>";
+    text += figure_html(zoomable(pictures.overlay),
+                        fmt::format("Red: the photograph is brighter, cyan: the rendering is; "
+                                    "differences × {:.0f}. A coloured rim is an edge out of "
+                                    "place.",
+                                    overlay_gain));
+    const std::string scale = colour_scale_html(residual_map_scale_gray, "gray");
+    text += figure_html(zoomable(pictures.residual),
+                        scale +
+                            "Residual at the pose under test. Stripes along edges are pose or "
+                            "blur, patches are light.");
+    text += figure_html(zoomable(pictures.refined_residual),
+                        scale + "Residual at the refined pose. What is left is not the pose's.");
+    if (photo.refined && !photo.refined->edges.empty())
+        text +=
+            figure_html(zoomable(edge_map_svg(photo.refined->edges, pictures.part, magnification)),
+                        fmt::format("Edge shifts at the refined pose × {:.0f}; red: over 3 σ. "
+                                    "Neighbours that agree are distortion or the print.",
+                                    magnification));
+    if (photo.refined)
+        text += figure_html(zoomable(pictures.significance), significance_caption(*photo.refined));
+    return text + "</div>";
+}
+
+// The part of the report that belongs to one photograph, which is numbered from 1: what was found,
+// photograph and rendering in one place, the maps, every fitted parameter. The viewer of one card
+// starts moving, that with `starts_in_turn`.
+std::string card_html(const Comparison& comparison, std::size_t number, bool starts_in_turn) {
+    const ComparedPhoto& photo = comparison.photos[number - 1];
+    std::string text =
+        fmt::format("<article class=\"photo\" id=\"photo-{}\"><h3>{} {}</h3>", number,
+                    escape_html(photo.photo.filename().string()), outcome_tag(photo));
+    text += findings_html(photo);
+    if (photo.calibrated)
+        text += figures_line(photo) + edges_line(photo) + defocus_line(photo);
+    if (!photo.pictures.overlay.empty())
+        text += pictures_html(photo, number, starts_in_turn, arrow_magnification(comparison));
+    else if (!photo.pictures.photo.empty())
+        text += "<div class=\"pictures\">" +
+                figure_html(zoomable(photo.pictures.photo), "The photograph as it is.") + "</div>";
+    if (photo.calibrated)
+        text += parameters_html(photo);
+    return text + "</article>\n";
+}
+
+// All photographs, small, each a link to its card.
+std::string contact_sheet_html(const Comparison& comparison) {
+    std::string text = "<div class=\"sheet\">";
+    for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
+        const ComparedPhoto& photo = comparison.photos[i];
+        if (photo.pictures.thumbnail.empty())
+            continue;
+        const std::string figure =
+            photo.calibrated ? fmt::format("{:.1f} gray ", photo.calibrated->scored.rms_gray) : "";
+        text += fmt::format("<a href=\"#photo-{}\">{}<p>{}<br>{}{}</p></a>", i + 1,
+                            photo.pictures.thumbnail, escape_html(photo.photo.filename().string()),
+                            figure, outcome_tag(photo));
+    }
+    return text + "</div>\n";
+}
 
 std::string verdict_sentence(const Comparison& comparison) {
     const std::size_t compared = comparison.compared(), matched = comparison.matched();
@@ -54,10 +260,10 @@ void add_summary(HtmlPage& page, const Comparison& comparison) {
                      verdict_sentence(comparison),
                      {{"Found", found_by_name(comparison)},
                       {"Not seen by this comparison", blind_spots(comparison)}});
-    Facts facts = {{"photographs that match",
-                    fmt::format("{} of {}", comparison.matched(), comparison.photos.size())}};
-    if (const auto refined = comparison.refined_mean_rms_gray())
-        facts.emplace_back("at the refined poses", fmt::format("{:.1f} gray", *refined));
+    Facts facts = {
+        {"photographs that match",
+         fmt::format("{} of {}", comparison.matched(), comparison.photos.size())},
+        {"at the refined poses", fmt::format("{:.1f} gray", comparison.refined_mean_rms_gray())}};
     if (const auto edges = comparison.edge_summaries())
         facts.emplace_back("edge shift, refined",
                            fmt::format("{:.3f} → {:.3f} px", edges->first.shift.rms_px,
@@ -95,39 +301,38 @@ void add_method(HtmlPage& page, const Comparison& comparison) {
                        ".");
 }
 
-std::string edge_shift(const std::optional<ComparedFit>& fit) {
-    return fit && fit->edge_summary.edges > 0 ? fixed(fit->edge_summary.shift.rms_px, 3) : dash;
-}
-
-std::vector<std::string> table_row(const ComparedPhoto& photo) {
-    std::vector<std::string> row = {photo.photo.filename().string(), photo.outcome()};
-    if (!photo.calibrated) {
-        row.insert(row.end(), 7, dash);
-        return row;
-    }
-    const ComparedFit& fit = *photo.calibrated;
-    row.push_back(fixed(fit.scored.rms_gray, 2));
-    row.push_back(photo.refined ? fixed(photo.refined->scored.rms_gray, 2) : dash);
-    row.push_back(edge_shift(photo.calibrated));
-    row.push_back(edge_shift(photo.refined));
-    row.push_back(fixed(fit.model.psf_sigma_px, 2));
-    const auto change = pose_change_of(photo);
-    row.push_back(change ? fixed(change->translation_mm, 3) : dash);
-    row.push_back(change ? fixed(change->rotation_mrad, 2) : dash);
-    std::vector<std::string> names;
-    for (const Finding& finding : photo.findings)
-        names.push_back(finding.name);
-    row.push_back(fmt::format("{}", fmt::join(names, ", ")));
-    return row;
-}
-
-void add_photo_table(HtmlPage& page, const Comparison& comparison) {
-    TableRows rows;
-    for (const ComparedPhoto& photo : comparison.photos)
-        rows.push_back(table_row(photo));
-    page.add_table({"photograph", "outcome", "residual gray", "refined", "edge shift px", "refined",
-                    "blur σ px", "pose mm", "pose mrad", "findings"},
-                   rows);
+void add_photo_table(HtmlPage& page, const std::vector<ComparedPhoto>& photos) {
+    ColumnsOf<ComparedFit> fit = {
+        {"", [](const ComparedFit& f) { return f.scored.rms_gray; }, "residual", "gray", "{:.2f}"},
+        {"",
+         [](const ComparedFit& f) {
+             return f.edge_summary.edges > 0 ? TableCell(f.edge_summary.shift.rms_px) : TableCell();
+         },
+         "edge shift", "px", "{:.3f}"}};
+    const ColumnsOf<PoseChange> change = {
+        {"", &PoseChange::translation_mm, "pose change", "mm", "{:.3f}"},
+        {"", &PoseChange::rotation_mrad, "pose change", "mrad", "{:.2f}"}};
+    ColumnsOf<ComparedPhoto> columns = {
+        {"", [](const ComparedPhoto& photo) { return photo.photo.filename().string(); },
+         "photograph"},
+        {"", &ComparedPhoto::outcome, "outcome"}};
+    add_columns(columns, fit, &ComparedPhoto::calibrated);
+    for (Column<ComparedFit>& column : fit)
+        column.heading = "refined " + column.heading;
+    add_columns(columns, fit, &ComparedPhoto::refined);
+    const ColumnsOf<ComparedFit> blur = {
+        {"", [](const ComparedFit& f) { return f.model.psf_sigma_px; }, "blur σ", "px", "{:.2f}"}};
+    add_columns(columns, blur, &ComparedPhoto::calibrated);
+    add_columns(columns, change, pose_change_of);
+    columns.push_back({"",
+                       [](const ComparedPhoto& photo) {
+                           std::vector<std::string> names;
+                           for (const Finding& finding : photo.findings)
+                               names.push_back(finding.name);
+                           return fmt::format("{}", fmt::join(names, ", "));
+                       },
+                       "findings"});
+    page.add_table(table_of(columns, photos));
 }
 
 void add_baseline(HtmlPage& page, const BaselineChange& change) {
@@ -147,16 +352,7 @@ void add_baseline(HtmlPage& page, const BaselineChange& change) {
     add_names("Only in this comparison: ", change.only_now);
     add_names("Only in the baseline: ", change.only_earlier);
     add_names("Not paired, because a name occurs twice: ", change.ambiguous);
-    TableRows rows;
-    for (const PairedChange& quantity : change.quantities)
-        rows.push_back({quantity.quantity,
-                        quantity.changed()    ? "changed"
-                        : quantity.half_width ? "not significant"
-                                              : "one pair says nothing",
-                        std::to_string(quantity.pairs), fixed(quantity.earlier, 4),
-                        fixed(quantity.now, 4), fmt::format("{:+.4f}", quantity.mean),
-                        fixed(quantity.half_width, 4), quantity.unit});
-    page.add_table({"quantity", "outcome", "pairs", "then", "now", "change", "±", "unit"}, rows);
+    page.add_table(change_table(change));
 }
 
 void add_plots(HtmlPage& page, const std::vector<ComparisonPlot>& plots) {
@@ -222,11 +418,11 @@ std::string comparison_html(const Comparison& comparison,
     HtmlPage page(
         "Photographs against their renderings",
         fmt::format("{}, {}", comparison.camera_file.filename().string(), comparison.marker));
-    page.add_style(comparison_style);
+    page.add_style(comparison_css);
     add_summary(page, comparison);
     page.add_heading("Photographs");
     page.add_html(contact_sheet_html(comparison));
-    add_photo_table(page, comparison);
+    add_photo_table(page, comparison.photos);
     if (comparison.baseline)
         add_baseline(page, *comparison.baseline);
     add_plots(page, plots);

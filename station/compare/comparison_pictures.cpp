@@ -10,59 +10,9 @@
 
 namespace etalon {
 
-// Side by side without a choice, so that print and readers without styles see both.
-const char* const comparison_style = R"css(
-.viewer{border:0;margin:0;padding:0;min-width:0}
-.viewer input{position:absolute;opacity:0}
-.viewer label{display:inline-block;padding:2px 10px;margin:0 4px 6px 0;font-size:.85rem;
-border:1px solid var(--line);border-radius:99px;cursor:pointer;color:var(--soft)}
-.viewer input:checked+label{background:var(--text);color:var(--paper);border-color:var(--text)}
-.viewer input:focus-visible+label{outline:2px solid var(--soft);outline-offset:2px}
-.viewer .stage{display:grid;gap:6px;grid-template-columns:1fr 1fr;touch-action:manipulation;
-user-select:none}
-.viewer .stage>div{position:relative}.viewer .stage img{-webkit-user-drag:none}
-.viewer .stage span{position:absolute;left:6px;top:6px;padding:0 7px;border-radius:3px;
-background:#000a;color:#fff;font-size:.75rem}
-.viewer .stage>div:nth-child(n+3){display:none}
-.viewer .one:checked~.stage{grid-template-columns:1fr}
-.viewer .one:checked~.stage>div{grid-area:1/1;display:block}
-.viewer .m1:checked~.stage>div:nth-child(1),.viewer .m2:checked~.stage>div:nth-child(2),
-.viewer .m3:checked~.stage>div:nth-child(3){z-index:2}
-.viewer .turn:checked~.stage>div:nth-child(1){z-index:2;animation:turn 1.2s steps(1) infinite}
-.viewer .turn:checked~.stage>div:nth-child(2){z-index:1}
-.viewer .turn:checked~.stage:active>div:nth-child(1){animation:none}
-@keyframes turn{0%{opacity:1}50%{opacity:0}100%{opacity:1}}
-@media(prefers-reduced-motion:reduce){.viewer .turn:checked~.stage>div:nth-child(1){animation:none;
-opacity:0}.viewer .turn:checked~.stage:active>div:nth-child(1){opacity:1}}
-@media print{.viewer label{display:none}}
-.photo{background:var(--card);border:1px solid var(--line);border-radius:8px;padding:14px;
-margin:0 0 20px;scroll-margin-top:8px}
-.photo h3{margin:0 0 .2em;font-size:1.05rem}.photo h3 small{font-weight:400;color:var(--soft)}
-.photo figure{border:0;padding:0;background:none;min-width:0}
-.photo .pictures{display:grid;gap:12px;grid-template-columns:repeat(3,1fr);margin:10px 0}
-.photo .pictures .wide{grid-column:span 2;grid-row:span 2}
-@media(max-width:720px){.photo .pictures{grid-template-columns:1fr 1fr}
-.photo .pictures .wide{grid-column:1/-1}}
-.zoom{cursor:zoom-in;display:block}.zoom input{position:absolute;opacity:0}
-.zoom input:focus-visible~*{outline:2px solid var(--soft)}
-.photo figure:has(.zoom input:checked){grid-column:1/-1}.zoom:has(input:checked){cursor:zoom-out}
-.tag{display:inline-block;padding:0 9px;border-radius:99px;font-size:.8rem;font-weight:600;
-border:1px solid currentColor;color:var(--unsure)}.tag.ok{color:var(--good)}
-.tag.no{color:var(--bad)}
-ul.findings{margin:.4em 0;padding-left:1.2em}
-.sheet{display:grid;gap:10px;grid-template-columns:repeat(auto-fill,minmax(150px,1fr));margin:1em 0}
-.sheet a{color:inherit;text-decoration:none;background:var(--card);border:1px solid var(--line);
-border-radius:6px;overflow:hidden;font-size:.82rem}.sheet a:hover{border-color:var(--soft)}
-.sheet img{width:100%;height:auto;aspect-ratio:4/3;object-fit:cover;display:block}.sheet p{margin:0;padding:5px 8px}
-.scale{display:flex;gap:8px;align-items:center;font-size:.8rem;color:var(--soft)}
-.scale i{flex:1;height:10px;border:1px solid var(--line);
-background:linear-gradient(90deg,rgb(0,145,170),#fff,rgb(205,25,30))}
-)css";
-
 namespace {
 
 constexpr int jpeg_quality = 85;
-constexpr int room_px = 24;  // around the marker
 
 cv::Mat eight_bit(const cv::Mat& gray) {
     cv::Mat picture;
@@ -96,26 +46,28 @@ std::string thumbnail(const cv::Mat& picture, const std::string& alt) {
     return embedded_jpeg(small, jpeg_quality, alt);
 }
 
-}  // namespace
-
-cv::Rect surroundings(const cv::Mat& use, int room) {
+// The part of the image around the compared pixels, with room beside it.
+cv::Rect surroundings(const cv::Mat& use) {
+    constexpr int room = 24;
     cv::Rect box = cv::boundingRect(use);
     box -= cv::Point(room, room);
     box += cv::Size(2 * room, 2 * room);
     return box & cv::Rect({0, 0}, use.size());
 }
 
+}  // namespace
+
 PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t number,
                             const std::filesystem::path& photo, const PixelDifference& calibrated,
-                            const PixelDifference* refined) {
+                            const PixelDifference& refined) {
     const cv::Mat gray = calibrated.predicted + calibrated.residual;
     const cv::Mat rendering = rendering_picture(calibrated, gray);
     const cv::Mat overlay =
         red_cyan_overlay(gray, calibrated.predicted, calibrated.use, overlay_gain);
     const cv::Mat residual =
         residual_map(calibrated.residual, calibrated.use, residual_map_scale_gray);
-    const PixelDifference& best = refined ? *refined : calibrated;
-    const cv::Mat significance = residual_map(best.significance, best.use, significance_map_scale);
+    const cv::Mat significance =
+        residual_map(refined.significance, refined.use, significance_map_scale);
 
     PhotoPictures pictures;
     const std::string stem = fmt::format("{:02}-{}", number, photo.stem().string());
@@ -128,12 +80,10 @@ PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t num
     pictures.residual_file = file("residual", residual);
     pictures.significance_file = file("significance", significance);
     pictures.rendering_file = file("rendering", rendering);
-
-    if (refined)
-        pictures.edges_file = stem + "-edges.svg";
+    pictures.edges_file = stem + "-edges.svg";
 
     const std::string name = photo.filename().string();
-    const cv::Rect part = surroundings(calibrated.use, room_px);
+    const cv::Rect part = surroundings(calibrated.use);
     pictures.part = part;
     pictures.photo = element(eight_bit(gray), part, "photograph " + name);
     pictures.rendering = element(rendering, part, "rendering of " + name);
@@ -141,13 +91,11 @@ PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t num
     pictures.residual = element(residual, part, "residual map of " + name);
     pictures.significance = element(significance, part, "significance map of " + name);
     pictures.thumbnail = thumbnail(overlay(part), "overlay of " + name);
-    if (refined) {
-        pictures.refined_rendering = element(rendering_picture(*refined, gray), part,
-                                             "rendering at the refined pose of " + name);
-        pictures.refined_residual =
-            element(residual_map(refined->residual, refined->use, residual_map_scale_gray), part,
-                    "residual map at the refined pose of " + name);
-    }
+    pictures.refined_rendering =
+        element(rendering_picture(refined, gray), part, "rendering at the refined pose of " + name);
+    pictures.refined_residual =
+        element(residual_map(refined.residual, refined.use, residual_map_scale_gray), part,
+                "residual map at the refined pose of " + name);
     return pictures;
 }
 

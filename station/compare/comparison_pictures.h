@@ -14,16 +14,13 @@ inline constexpr double residual_map_scale_gray = 30.0;  // full colour of the r
 inline constexpr double significance_map_scale = 6.0;    // standard deviations, full colour
 
 // Writes the picture files of the photograph with this number (from 1) into `folder` and makes the
-// elements for the report. `refined` may be missing.
+// elements for the report.
 PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t number,
                             const std::filesystem::path& photo, const PixelDifference& calibrated,
-                            const PixelDifference* refined);
+                            const PixelDifference& refined);
 
 // Of a photograph that was not compared: the whole of it, for the report only.
 PhotoPictures pictures_of_photo(const CodeImage& image, const std::filesystem::path& photo);
-
-// The part of the image around the compared pixels, with `room` px beside it.
-cv::Rect surroundings(const cv::Mat& use, int room);
 
 // One place for several pictures of the same size: side by side, in turn, or one of them, by radio
 // buttons; pressing holds the first one. Nothing moves for readers who want less motion, and no
@@ -33,9 +30,6 @@ struct NamedPicture {
 };
 std::string viewer_html(const std::string& id, const std::vector<NamedPicture>& pictures,
                         bool starts_in_turn);
-
-// For HtmlPage::add_style(): the viewer, and the cards of photographs.
-extern const char* const comparison_style;
 
 // The colours of residual and significance maps with their ends, "-30" and "+30 gray".
 std::string colour_scale_html(double end, const std::string& unit);

@@ -6,7 +6,6 @@
 
 #include "report/svg_plot.h"
 #include "station/compare/comparison_report.h"
-#include "station/compare/edge_plots.h"
 
 namespace etalon {
 namespace {
@@ -30,15 +29,13 @@ ComparisonPlot residual_by_photo(const Comparison& comparison) {
             continue;
         names.push_back(photo.photo.stem().string());
         under_test.push_back(photo.calibrated->scored.rms_gray);
-        if (photo.refined)
-            refined.add(static_cast<double>(names.size() - 1), photo.refined->scored.rms_gray,
-                        fmt::format("{}: {:.3g} gray at the refined pose", names.back(),
-                                    photo.refined->scored.rms_gray));
+        const double rms_gray = photo.refined->scored.rms_gray;
+        refined.add(static_cast<double>(names.size() - 1), rms_gray,
+                    fmt::format("{}: {:.3g} gray at the refined pose", names.back(), rms_gray));
     }
     SvgPlot plot("photograph", "residual RMS / gray");
     plot.add_bars(bar_names(names), under_test, Color::blue);
-    if (!refined.empty())
-        plot.add_points(refined, Color::orange, "at the refined pose");
+    plot.add_points(refined, Color::orange, "at the refined pose");
     plot.add_level(comparison.mean_rms_gray(), Color::blue,
                    fmt::format("mean {:.1f}", comparison.mean_rms_gray()));
     return {"residual-by-photo.svg", plot.svg(),
@@ -92,6 +89,211 @@ ComparisonPlot baseline_plot(const BaselineChange& change) {
     return {"baseline-residual.svg", plot.svg(),
             "Residual now minus residual then, photograph by photograph, at the poses under test. "
             "Bars of one sign are a change of the camera, a single one of its photograph."};
+}
+
+constexpr int bins = 8;
+
+// A line with a head at its end, in the drawing's coordinates.
+std::string arrow(const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+    const Eigen::Vector2d way = to - from;
+    const double length = way.norm();
+    std::string path =
+        fmt::format("M{:.1f} {:.1f}L{:.1f} {:.1f}", from.x(), from.y(), to.x(), to.y());
+    if (length > 2.0) {
+        const Eigen::Vector2d along = way / length * std::min(4.0, 0.5 * length);
+        const Eigen::Vector2d across(-0.5 * along.y(), 0.5 * along.x());
+        const Eigen::Vector2d left = to - along + across, right = to - along - across;
+        path += fmt::format("M{:.1f} {:.1f}L{:.1f} {:.1f}L{:.1f} {:.1f}", left.x(), left.y(),
+                            to.x(), to.y(), right.x(), right.y());
+    }
+    return path;
+}
+
+std::string note(const EdgeShift& edge) {
+    return fmt::format("<title>({:.0f}, {:.0f}): {:+.3f} px, σ {:.3f} px</title>",
+                       edge.middle_px.x(), edge.middle_px.y(), edge.shift_px,
+                       edge.shift_deviation_px);
+}
+
+std::string edge_svg(const EdgeShift& edge, const Eigen::Vector2d& origin, double magnification) {
+    const Eigen::Vector2d middle = edge.middle_px - origin;
+    const Eigen::Vector2d half =
+        0.5 * edge.length_px * Eigen::Vector2d(-edge.normal.y(), edge.normal.x());
+    const Eigen::Vector2d from = middle - half, to = middle + half;
+    std::string text =
+        fmt::format("<path class='axis' stroke-width='1' d='M{:.1f} {:.1f}L{:.1f} {:.1f}'/>",
+                    from.x(), from.y(), to.x(), to.y());
+    if (edge.is_beyond_range)
+        return text + fmt::format(
+                          "<g class='red'><circle class='stroke' stroke-width='1.5' "
+                          "cx='{:.1f}' cy='{:.1f}' r='4'/></g>",
+                          middle.x(), middle.y());
+    const bool is_significant = std::abs(edge.shift_px) > 3.0 * edge.shift_deviation_px;
+    return text +
+           fmt::format("<g class='{}'><path class='stroke' stroke-width='1.6' d='{}'/>{}</g>",
+                       is_significant ? "red" : "blue",
+                       arrow(middle, middle + magnification * edge.shift_px * edge.normal),
+                       note(edge));
+}
+
+// A bar of a round number of pixels at its drawn length.
+std::string scale_bar(double magnification, const cv::Rect& part) {
+    const double length_px = 20.0 / magnification;
+    const double x = 8.0, y = part.height - 8.0;
+    return fmt::format(
+        "<g class='red'><path class='stroke' stroke-width='2' d='M{:.1f} {:.1f}h20'/></g>"
+        "<text x='{:.1f}' y='{:.1f}'>{:.2g} px</text>",
+        x, y, x + 25.0, y + 4.0, length_px);
+}
+
+// 1, 2 or 5 times a power of ten that draws this RMS about `drawn` long.
+double round_magnification(double rms, double drawn) {
+    if (!(rms > 0.0))
+        return 100.0;
+    return round_scale(std::min(1e4, drawn / rms));
+}
+
+double field_magnification(const std::vector<ShiftVector>& field, double drawn) {
+    double squares = 0.0;
+    for (const ShiftVector& vector : field)
+        squares += vector.shift_px.squaredNorm();
+    const double count = static_cast<double>(std::max<std::size_t>(field.size(), 1));
+    return round_magnification(std::sqrt(squares / count), drawn);
+}
+
+ComparisonPlot field_plot(const std::vector<ShiftVector>& field, const CameraModel& camera,
+                          double magnification, const std::string& file, const std::string& where) {
+    Arrows arrows;
+    for (const ShiftVector& vector : field)
+        arrows.add(vector.position_px, vector.shift_px,
+                   fmt::format("({:.0f}, {:.0f}): {:+.3f}, {:+.3f} px (σ {:.3f}, {:.3f}), {} edges",
+                               vector.position_px.x(), vector.position_px.y(), vector.shift_px.x(),
+                               vector.shift_px.y(), std::sqrt(vector.covariance_px2(0, 0)),
+                               std::sqrt(vector.covariance_px2(1, 1)), vector.edges));
+    SvgPlot plot("x / px", "y / px");
+    plot.show_image(camera.width, camera.height);
+    plot.add_arrows(arrows, magnification, Color::blue,
+                    fmt::format("photograph minus rendering × {:.0f}", magnification));
+    return {file, plot.svg(),
+            fmt::format("Where edges lie in the photographs against the renderings, {}, mean over "
+                        "all photographs, drawn {:.0f} times as large. A pattern that all "
+                        "photographs share is the camera's.",
+                        where, magnification)};
+}
+
+Series shifts_of(const std::vector<EdgeBin>& binned) {
+    Series series;
+    for (const EdgeBin& bin : binned) {
+        const auto& shift = bin.summary.shift;
+        if (bin.summary.edges >= 4)
+            series.add(0.5 * (bin.low + bin.high), shift.rms_px,
+                       std::max(0.0, shift.rms_px - shift.rms_deviation_px),  // a root mean square
+                       shift.rms_px + shift.rms_deviation_px,
+                       fmt::format("{:.3f} px, σ {:.3f}, {} edges", shift.rms_px,
+                                   shift.rms_deviation_px, bin.summary.edges));
+    }
+    return series;
+}
+
+// Adds the series; returns where its band ends.
+double draw(SvgPlot& plot, const Series& series, Color ink, const std::string& name) {
+    plot.add_band(series, ink, "");
+    plot.add_curve(series, ink, name);
+    return series.empty() ? 0.0 : *std::max_element(series.highs.begin(), series.highs.end());
+}
+
+ComparisonPlot shift_plot(const std::vector<EdgeBin>& before, const std::vector<EdgeBin>& after,
+                          const char* label, const std::string& file, const std::string& caption) {
+    SvgPlot plot(label, "edge shift RMS / px");
+    const double under_test = draw(plot, shifts_of(before), Color::blue, "pose under test");
+    const double refined = draw(plot, shifts_of(after), Color::orange, "refined pose");
+    plot.set_y_range(0.0, 1.05 * std::max({under_test, refined, 1e-3}));
+    return {file, plot.svg(), caption};
+}
+
+// One line and its points for each photograph; the legend once.
+ComparisonPlot width_plot(const Comparison& comparison) {
+    SvgPlot plot("depth / mm", "width of edges, variance / px²");
+    bool is_named = false;
+    for (const ComparedPhoto& photo : comparison.photos) {
+        if (!photo.defocus)
+            continue;
+        Series photographed, rendered;
+        for (const DepthBin& bin : photo.defocus->bins) {
+            if (bin.edges < 2)
+                continue;
+            rendered.add(bin.depth_mm, bin.rendered_px2);
+            photographed.add(
+                bin.depth_mm, bin.measured_px2,
+                fmt::format("{}: {:.1f} mm, {:.3f} px² (σ {:.3f}) against {:.3f}",
+                            photo.photo.filename().string(), bin.depth_mm, bin.measured_px2,
+                            bin.measured_deviation_px2, bin.rendered_px2));
+        }
+        plot.add_line(rendered, Color::gray, is_named ? "" : "rendering");
+        plot.add_points(photographed, Color::blue, is_named ? "" : "photograph");
+        is_named = true;
+    }
+    return {"edge-width-by-depth.svg", plot.svg(),
+            "Width of edges by depth, at the refined poses: what the lens section promises, and "
+            "what the photographs have. Widths that part on one side only have another focus "
+            "distance; that part on both, another f-number or another sharpness."};
+}
+
+}  // namespace
+
+double arrow_magnification(const Comparison& comparison) {
+    constexpr double drawn_px = 12.0;
+    double squares = 0.0, count = 0.0;
+    for (const EdgeShift& edge : comparison.edges(&ComparedPhoto::calibrated, false))
+        if (!edge.is_beyond_range) {
+            squares += edge.shift_px * edge.shift_px;
+            count += 1.0;
+        }
+    return round_magnification(count > 0.0 ? std::sqrt(squares / count) : 0.0, drawn_px);
+}
+
+std::string edge_map_svg(std::span<const EdgeShift> edges, const cv::Rect& part,
+                         double magnification) {
+    std::string text =
+        fmt::format("<svg class='plot' viewBox='0 0 {} {}' role='img' aria-label='edge shifts'>",
+                    part.width, part.height);
+    for (const EdgeShift& edge : edges)
+        text += edge_svg(edge, Eigen::Vector2d(part.x, part.y), magnification);
+    return text + scale_bar(magnification, part) + "</svg>";
+}
+
+namespace {
+
+// Of all photographs together; none where no edges were measured.
+std::vector<ComparisonPlot> edge_plots(const Comparison& comparison) {
+    const std::vector<EdgeShift> before = comparison.edges(&ComparedPhoto::calibrated, false);
+    const std::vector<EdgeShift> after = comparison.edges(&ComparedPhoto::refined, false);
+    if (before.empty() || after.empty())
+        return {};
+    const CameraModel& camera = comparison.camera;
+    const cv::Size image(camera.width, camera.height);
+    const double spacing = std::max(camera.width, camera.height) / 12.0;
+    const std::vector<ShiftVector> field = shift_field(before, image, spacing);
+    const double magnification = field_magnification(field, 0.4 * spacing);
+    std::vector<ComparisonPlot> plots;
+    plots.push_back(field_plot(field, camera, magnification, "edge-shift-field.svg",
+                               "at the poses under test"));
+    plots.push_back(field_plot(shift_field(after, image, spacing), camera, magnification,
+                               "edge-shift-field-refined.svg", "at the refined poses"));
+    plots.push_back(
+        shift_plot(edges_by_radius(before, image, bins), edges_by_radius(after, image, bins),
+                   "distance from the image's centre / px", "edge-shift-by-radius.svg",
+                   "Edge shift by distance from the image's centre, noise taken out; "
+                   "bands: one standard deviation. What grows outwards and stays at the "
+                   "refined poses is distortion."));
+    plots.push_back(
+        shift_plot(edges_by_depth(before, bins), edges_by_depth(after, bins), "depth / mm",
+                   "edge-shift-by-depth.svg",
+                   "Edge shift by depth, noise taken out. What the refined poses take away "
+                   "was the poses' error."));
+    if (camera.lens)
+        plots.push_back(width_plot(comparison));
+    return plots;
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 // them are written photo by photo (station/compare/comparison_pictures.h).
 #pragma once
 
+#include <opencv2/core.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -25,6 +27,15 @@ struct ComparisonPlot {
 };
 // Those for which this comparison has figures.
 std::vector<ComparisonPlot> comparison_plots(const Comparison& comparison);
+
+// How many times larger than measured shifts are drawn, for all photographs the same: 1, 2 or 5
+// times a power of ten that makes their RMS about 12 px.
+double arrow_magnification(const Comparison& comparison);
+
+// Edges as thin lines and their shifts as arrows, from the rendering's edge to the photograph's:
+// those over three standard deviations in colour. `part` is the part of the image that is shown.
+std::string edge_map_svg(std::span<const EdgeShift> edges, const cv::Rect& part,
+                         double magnification);
 
 std::string comparison_html(const Comparison& comparison, const std::vector<ComparisonPlot>& plots);
 

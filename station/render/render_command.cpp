@@ -11,7 +11,6 @@
 #include "sim/marker/marker_print.h"
 #include "station/render/commands.h"
 #include "station/render/image_set.h"
-#include "station/render/render_plan_text.h"
 #include "station/render/render_set.h"
 #include "station/render/render_view.h"
 #include "station/shell/command.h"
@@ -81,12 +80,7 @@ void print_json(const RenderArguments& arguments, const CameraModel& camera,
         json["bits"] = camera.sensor ? camera.sensor->bits : 8;
     if (arguments.noise_seed)
         json["noise_seed"] = *arguments.noise_seed;
-    if (view.plan) {
-        json["plan"] = ordered_json::parse(plan_json(*view.plan));
-        json["pixels_without_ray"] = view.pixels_without_ray;
-    } else {
-        json["largest_standard_error_gray"] = view.standard_error_gray;
-    }
+    add_method(view, json);
     fmt::print("{}\n", text_of(json));
 }
 

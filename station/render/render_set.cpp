@@ -16,7 +16,6 @@
 #include "report/result_rows.h"
 #include "sim/scene/pose_file.h"
 #include "station/render/image_set.h"
-#include "station/render/render_plan_text.h"
 #include "station/render/render_view.h"
 
 namespace etalon {
@@ -217,20 +216,11 @@ private:
             renderer_.write(set_.folder() / file, view, static_cast<std::uint32_t>(i));
             line["file"] = file;
             line["sha256"] = sha256_of_file(set_.folder() / file);
-            describe(view, line);
+            add_method(view, line);
             return {i, line.dump(), ""};
         } catch (const NumericalError& error) {
             line["refused"] = error.what();
             return {i, line.dump(), error.what()};
-        }
-    }
-
-    static void describe(const View& view, ordered_json& line) {
-        if (view.plan) {
-            line["pixels_without_ray"] = view.pixels_without_ray;
-            line["plan"] = ordered_json::parse(plan_json(*view.plan));
-        } else {
-            line["largest_standard_error_gray"] = view.standard_error_gray;
         }
     }
 

@@ -3,15 +3,20 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
+#include "report/json_text.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {
+
+using nlohmann::ordered_json;
+
 namespace {
 
 RenderMethod method_of(const std::string& word) {
@@ -232,6 +237,129 @@ void ViewRenderer::write(const std::filesystem::path& path, const View& view,
     if (noise_seed_)
         noise = NoiseKey{*noise_seed_, index};
     write_image(path, sensor_->expose(view.radiance, noise));
+}
+
+// ---- what was done, in words and as JSON
+
+namespace {
+
+const char* short_name(RenderMethod method) {
+    const auto at =
+        std::ranges::find(method_words, method, &std::pair<const char*, RenderMethod>::second);
+    if (at != method_words.end())
+        return at->first;
+    if (method == RenderMethod::wedge_table)
+        return "wedge table";
+    return method == RenderMethod::edge_table ? "edge table" : "wave";
+}
+
+// A row of the table: its name, and text broken into as many lines as it needs.
+std::string row(const std::string& name, const std::string& text) {
+    return wrapped_text(fmt::format("  {:<14}", name), text, 80);
+}
+
+std::string row(const std::string& name, std::size_t count, const std::string& text) {
+    return wrapped_text(fmt::format("  {:<14}{:>8} ", name, count), text, 80);
+}
+
+// Of several markers: the tiles that were sampled alike together, of each omission the one that
+// counts most.
+std::vector<TileUse> added_up(const std::vector<TileUse>& used) {
+    std::vector<TileUse> sums;
+    for (const TileUse& use : used) {
+        const auto alike = std::find_if(sums.begin(), sums.end(), [&](const TileUse& sum) {
+            return sum.method == use.method && sum.lens_points == use.lens_points &&
+                   sum.points_per_pixel_side == use.points_per_pixel_side;
+        });
+        if (alike == sums.end())
+            sums.push_back(use);
+        else
+            alike->tiles += use.tiles;
+    }
+    return sums;
+}
+
+std::vector<LeftOut> largest_of_each(const std::vector<LeftOut>& left_out) {
+    std::vector<LeftOut> largest;
+    for (const LeftOut& left : left_out) {
+        const auto same = std::ranges::find(largest, left.what, &LeftOut::what);
+        if (same == largest.end())
+            largest.push_back(left);
+        else if (same->gray < left.gray)
+            *same = left;
+    }
+    return largest;
+}
+
+std::string words(const TileUse& use) {
+    if (use.method == RenderMethod::edge_table)
+        return "by the table of edges";
+    if (use.method == RenderMethod::wedge_table)
+        return "by the table of edges and corners";
+    const std::string lens = use.method == RenderMethod::exact_area
+                                 ? fmt::format(", lens points {}", use.lens_points)
+                                 : "";
+    return fmt::format("by {}, k = {}{}", short_name(use.method), use.points_per_pixel_side, lens);
+}
+
+ordered_json plan_json(const RenderPlan& plan) {
+    const auto use_json = [](const TileUse& use) -> ordered_json {
+        return {{"method", short_name(use.method)},
+                {"k", use.points_per_pixel_side},
+                {"lens_points", use.lens_points},
+                {"tiles", use.tiles}};
+    };
+    const auto left_json = [](const LeftOut& left) -> ordered_json {
+        return {{"what", name_of(left.what)}, {"why", left.why}, {"gray", left.gray}};
+    };
+    return {{"summary", plan.describe()},
+            {"tolerance_gray", plan.tolerance_gray},
+            {"sampling_gray", plan.sampling_gray},
+            {"border_gray", plan.border_gray},
+            {"blur_radius_px", {plan.min_blur_radius_px, plan.max_blur_radius_px}},
+            {"tail_reach_px", plan.tail_reach_px},
+            {"tiles", json_list(added_up(plan.used), use_json)},
+            {"uniform_tiles", plan.uniform_tiles},
+            {"left_out", json_list(largest_of_each(plan.left_out), left_json)},
+            {"instructions", plan.instructions}};
+}
+
+}  // namespace
+
+std::string plan_table(const RenderPlan& plan) {
+    std::string text = fmt::format("plan, for at most {:.3g} gray\n", plan.tolerance_gray);
+    text += row("blur radius", fmt::format("{:.3g} to {:.3g} px", plan.min_blur_radius_px,
+                                           plan.max_blur_radius_px));
+    text += row("samples", plan.method == RenderMethod::wedge_table
+                               ? fmt::format("none: a table, {:.2g} gray", plan.sampling_gray)
+                               : fmt::format("{0} x {0} a pixel: {1:.2g} gray",
+                                             plan.points_per_pixel_side, plan.sampling_gray));
+    if (plan.border_gray > 0.0)
+        text += row(
+            "", fmt::format("{:.2g} gray more at the distortion model's end", plan.border_gray));
+    text +=
+        row("diffraction",
+            plan.tail_reach_px > 0.0 ? fmt::format("to {:.0f} px", plan.tail_reach_px) : "no tail");
+    std::string name = "tiles";
+    for (const TileUse& use : added_up(plan.used))
+        text += row(std::exchange(name, ""), use.tiles, words(use));
+    text += row(name, plan.uniform_tiles, "uniform: one number each");
+    name = "left out";
+    for (const LeftOut& left : largest_of_each(plan.left_out))
+        if (left.what != NeglectedEffect::uniform_tiles)  // told above
+            text +=
+                row(std::exchange(name, ""),
+                    fmt::format("{}: {} ({:.2g} gray)", name_of(left.what), left.why, left.gray));
+    return text;
+}
+
+void add_method(const View& view, ordered_json& json) {
+    if (view.plan) {
+        json["pixels_without_ray"] = view.pixels_without_ray;
+        json["plan"] = plan_json(*view.plan);
+    } else {
+        json["largest_standard_error_gray"] = view.standard_error_gray;
+    }
 }
 
 }  // namespace etalon

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -77,5 +78,13 @@ private:
     std::optional<SensorModel> sensor_;  // none where radiance is written
     std::optional<Renderer> renderer_;   // none for the reference integrator
 };
+
+// A render's plan for people, what was left out and by which bound: lines of at most 80 columns,
+// the last one ended too.
+std::string plan_table(const RenderPlan& plan);
+
+// The same for programs: "plan" and "pixels_without_ray", or of the reference integrator
+// "largest_standard_error_gray".
+void add_method(const View& view, nlohmann::ordered_json& json);
 
 }  // namespace etalon

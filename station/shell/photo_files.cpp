@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <glob.h>
 
+#include <set>
 #include <system_error>
 
 #include "core/file/text.h"
@@ -93,6 +94,13 @@ void PhotoFiles::add_film(const std::string& name) {
         throw ConfigError({of.file}, "is not a film that can be read");
     if (paths_.size() == before)
         throw ConfigError({of.file}, "holds no frame that can be read");
+}
+
+void require_distinct(const std::vector<std::filesystem::path>& photos) {
+    std::set<std::filesystem::path> seen;
+    for (const std::filesystem::path& photo : photos)
+        if (!seen.insert(photo.lexically_normal()).second)
+            throw ConfigError({photo.string()}, "is given twice");
 }
 
 }  // namespace etalon

@@ -28,4 +28,7 @@ private:
     std::filesystem::path frames_;  // folder of the films' frames; empty without
 };
 
+// Throws ConfigError for a photograph that is given twice: it would count as two that agree.
+void require_distinct(const std::vector<std::filesystem::path>& photos);
+
 }  // namespace etalon

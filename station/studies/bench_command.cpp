@@ -29,7 +29,7 @@ std::vector<BenchmarkScene> chosen_scenes(const std::vector<std::string>& names)
 }
 
 BenchPlan plan_of(const BenchArguments& arguments) {
-    BenchPlan plan = arguments.quick ? quick_plan() : full_plan();
+    BenchPlan plan = arguments.quick ? quick_plan() : BenchPlan{};
     if (const int samples = arguments.reference_samples; samples > 0) {
         if (samples < 64 || samples > 1 << 24 || (samples & (samples - 1)) != 0)
             throw ConfigError({"--reference-samples"},

@@ -13,6 +13,7 @@
 #include "sim/marker/stag_codes.h"
 #include "study/study_report.h"
 #include "study/study_run.h"
+#include "tests/error_text.h"
 #include "tests/pages.h"
 #include "tests/temporary_folder.h"
 
@@ -20,7 +21,6 @@ namespace etalon {
 namespace {
 
 using testing::HasSubstr;
-using testing::IsEmpty;
 
 constexpr const char* camera_text = R"(etalon: camera/1
 serial: "S7"
@@ -79,17 +79,8 @@ protected:
     StudyResults results(const std::string& out) { return read_results(folder_ / out); }
     std::string csv(const std::string& out) { return read_text(folder_ / out / "results.csv"); }
 
-    template <class Action>
-    static std::string complaint(Action action) {
-        try {
-            action();
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "";
-    }
     std::string error_of_file() {
-        return complaint([&] { read_study(folder_ / "study.yaml"); });
+        return config_error_of([&] { read_study(folder_ / "study.yaml"); });
     }
 
     TemporaryFolder folder_;
@@ -111,7 +102,7 @@ TEST_F(StudyTest, IsNotWrittenByTwoAtOnce) {
     const StudyOptics optics(study, study_variants(study, {}));
     const auto description = describe(study, folder_ / "study.yaml", optics.variants(), {});
     const StudyRecord first(folder_ / "out", description);
-    EXPECT_EQ(complaint([&] { StudyRecord(folder_ / "out", description); }),
+    EXPECT_EQ(config_error_of([&] { StudyRecord(folder_ / "out", description); }),
               (folder_ / "out").string() + ": is in use: another etalon is writing to this folder");
 }
 
@@ -188,7 +179,7 @@ TEST_F(StudyTest, IsNotMergedFromShardsThatDoNotFit) {
     for (const std::size_t i : {1, 2})
         ASSERT_TRUE(run("part-" + std::to_string(i), {i, 2}));
     const auto refusal = [&](const std::vector<std::filesystem::path>& shards) {
-        return complaint([&] { merge_shards(shards, folder_ / "merged"); });
+        return config_error_of([&] { merge_shards(shards, folder_ / "merged"); });
     };
     const std::filesystem::path one = folder_ / "part-1", two = folder_ / "part-2";
     EXPECT_THAT(refusal({one}), HasSubstr("shard 2/2 is missing"));
@@ -255,9 +246,9 @@ TEST_F(StudyTest, NamesTheMarkersFileThatHasChanged) {
 
     write_text(table, words + "# and a word\n");
     const std::string differs = "'made_from.marker_files_sha256." + table + "' differs";
-    EXPECT_THAT(complaint([&] { begin("part-1", {1, 2}); }), HasSubstr(differs));
+    EXPECT_THAT(config_error_of([&] { begin("part-1", {1, 2}); }), HasSubstr(differs));
     begin("part-2", {2, 2});
-    EXPECT_THAT(complaint([&] {
+    EXPECT_THAT(config_error_of([&] {
                     merge_shards({folder_ / "part-1", folder_ / "part-2"}, folder_ / "merged");
                 }),
                 HasSubstr(differs));
@@ -392,9 +383,9 @@ TEST_F(StudyTest, RefusesResultsThatAreNotWhatWasWritten) {
     const std::string text = csv("out");
     const auto refusal = [&](const std::string& changed) {
         write_text(folder_ / "out" / "results.csv", changed);
-        return complaint([&] { results("out"); });
+        return config_error_of([&] { results("out"); });
     };
-    EXPECT_THAT(refusal(text), IsEmpty());
+    EXPECT_EQ(refusal(text), "no error");
     EXPECT_THAT(refusal(text.substr(0, text.size() - 9)), HasSubstr("not finished"));
     EXPECT_THAT(refusal(text + "13,as is,apriltag\n"), HasSubstr("one too many"));
     std::string odd = text;
@@ -429,7 +420,7 @@ TEST_F(StudyTest, NamesTheLineOfWhatCannotBe) {
         EXPECT_THAT(error_of_file(), HasSubstr(c.says)) << c.by;
     }
     write_text(folder_ / "study.yaml", study_text);
-    EXPECT_EQ(error_of_file(), "");
+    EXPECT_EQ(error_of_file(), "no error");
 }
 
 }  // namespace

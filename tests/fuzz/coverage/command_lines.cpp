@@ -4,7 +4,7 @@
 #include "sim/marker/marker.h"
 #include "sim/scene/pose_file.h"
 #include "station/commands.h"
-#include "study/study_description.h"
+#include "study/study_results.h"
 #include "tests/fuzz/coverage/fuzz_input.h"
 
 namespace etalon::test {

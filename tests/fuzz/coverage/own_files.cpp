@@ -79,9 +79,10 @@ void read_study_file(const Path& path) {
 void read_comparison_file(const Path& path) {
     std::filesystem::rename(path, input_folder() / "comparison.json");
     for (const PhotoSummary& photo : read_comparison(input_folder()).photos)
-        for (const SummaryFigure& figure : summary_figures())
-            if (const auto& value = photo.*figure.value)
-                require_finite(*value);
+        for (const auto& value :
+             {photo.residual_gray, photo.refined_residual_gray, photo.edge_shift_px,
+              photo.refined_edge_shift_px, photo.psf_sigma_px})
+            require_finite(value.value_or(0.0));
 }
 
 struct Kind {

@@ -5,7 +5,7 @@
 #include "station/history/run_history.h"
 #include "station/planning/operating_characteristic.h"
 #include "station/render/image_set.h"
-#include "study/study_description.h"
+#include "study/study_results.h"
 #include "tests/fuzz/coverage/fuzz_input.h"
 
 namespace etalon::test {

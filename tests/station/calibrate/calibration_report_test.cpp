@@ -11,6 +11,7 @@
 #include "core/program/errors.h"
 #include "station/calibrate/commands.h"
 #include "tests/calib/intrinsics/bent_boards.h"
+#include "tests/error_text.h"
 #include "tests/pages.h"
 #include "tests/temporary_folder.h"
 
@@ -132,12 +133,7 @@ TEST(CalibrationWords, AValueHasTwoDigitsOfItsDeviation) {
 }
 
 std::string message_of(const CalibrateArguments& arguments) {
-    try {
-        run_calibrate(arguments);
-    } catch (const Error& error) {
-        return error.what();
-    }
-    return "no error";
+    return text_of_error<Error>([&] { run_calibrate(arguments); });
 }
 
 TEST(CalibrateCommand, RefusesWhatItCannotUse) {

@@ -82,7 +82,7 @@ TEST(TelecentricCommand, HoldsTheCentreAndSaysSo) {
                                       "calibrate --model telecentric --json --target "
                                       "chessboard:9x6@1.8mm '*.png' --out camera.yml");
     ASSERT_EQ(done.exit_code, 0) << done.err;
-    EXPECT_THAT(done.err, HasSubstr("cx                199.5 held: has no effect"));
+    EXPECT_THAT(done.err, HasSubstr("cx = 199.5 is held: has no effect"));
     const Json parameters = Json::parse(done.out)["parameters"];
     EXPECT_EQ(parameters["cx"]["value"], 199.5);
     EXPECT_EQ(parameters["cy"]["held"], "has no effect without distortion");

@@ -9,6 +9,7 @@
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -97,20 +98,15 @@ TEST(CompareBaseline, ReportsAPoseInMillimetresOfTheCameraAndMilliradiansOfTheMa
 
 TEST(CompareBaseline, RefusesAnotherCameraByName) {
     const ComparisonSummary now = comparison({});
-    const auto message = [&](ComparisonSummary earlier) -> std::string {
-        try {
-            require_same_camera(earlier, now);
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "";
+    const auto message = [&](const ComparisonSummary& earlier) {
+        return config_error_of([&] { require_same_camera(earlier, now); });
     };
-    EXPECT_EQ(message(now), "");
+    EXPECT_EQ(message(now), "no error");
     ComparisonSummary other = now;
     other.serial = "SN-5";
     EXPECT_THAT(message(other), testing::AllOf(HasSubstr("SN-5"), HasSubstr("SN-7")));
     other.serial = "";
-    EXPECT_EQ(message(other), "") << "not known is not another one";
+    EXPECT_EQ(message(other), "no error") << "not known is not another one";
     other = now;
     other.height = 470;
     EXPECT_THAT(message(other), HasSubstr("640 x 470 px"));
@@ -144,18 +140,13 @@ protected:
     }
     std::string message_of(const std::string& file) {
         write_text(folder_ / "comparison.json", file);
-        try {
-            read_comparison(folder_.path());
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "";
+        return config_error_of([&] { read_comparison(folder_.path()); });
     }
     TemporaryFolder folder_;
 };
 
 TEST_F(BaselineFile, ReadsWhatIsCompared) {
-    ASSERT_EQ(message_of(good_file), "");
+    ASSERT_EQ(message_of(good_file), "no error");
     const ComparisonSummary summary = read_comparison(folder_.path());
     EXPECT_EQ(summary.serial, "SN-7");
     EXPECT_EQ(summary.height, 480);
@@ -195,10 +186,9 @@ TEST_F(BaselineFile, NamesFileAndKeyOfWhatItCannotTrust) {
         EXPECT_THAT(message, HasSubstr("comparison.json")) << each.replacement;
     }
     EXPECT_THAT(message_with("\"marker\"", "\"serial\": \"x\", \"marker\""), HasSubstr("serial"));
-    EXPECT_NE(message_of(""), "");
-    EXPECT_NE(message_of("{\"etalon\": \"comparison/1\""), "");
-    EXPECT_NE(message_of("[1, 2, 3]"), "");
-    EXPECT_NE(message_of(std::string("\0\1\2", 3)), "");
+    for (const std::string& broken : {std::string(), std::string("{\"etalon\": \"comparison/1\""),
+                                      std::string("[1, 2, 3]"), std::string("\0\1\2", 3)})
+        EXPECT_NE(message_of(broken), "no error") << broken;
 }
 
 TEST_F(BaselineFile, NamesAFolderWithoutAComparison) {

@@ -16,6 +16,7 @@
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 #include "station/compare/commands.h"
+#include "tests/error_text.h"
 #include "tests/pages.h"
 #include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"
@@ -67,13 +68,9 @@ protected:
         return result;
     }
     std::string message_of(const CompareArguments& wrong) const {
-        try {
-            run_compare(wrong);
-        } catch (const Error& error) {
-            EXPECT_FALSE(fs::exists(wrong.out)) << "nothing half-written";
-            return error.what();
-        }
-        return "no error";
+        const std::string text = text_of_error<Error>([&] { run_compare(wrong); });
+        EXPECT_FALSE(fs::exists(wrong.out)) << "nothing half-written";
+        return text;
     }
 
     CameraModel camera_;

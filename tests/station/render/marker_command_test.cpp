@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/image/image.h"
-#include "core/program/errors.h"
 #include "station/render/commands.h"
+#include "tests/error_text.h"
 #include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"
 
@@ -20,12 +20,7 @@ std::filesystem::path temporary(const std::string& name) {
 }
 
 std::string complaint(const MarkerArguments& arguments) {
-    try {
-        run_marker(arguments);
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no complaint";
+    return config_error_of([&] { run_marker(arguments); });
 }
 
 TEST(MarkerCommand, WritesEachFormatByItsExtension) {

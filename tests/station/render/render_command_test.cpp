@@ -6,8 +6,8 @@
 
 #include "core/file/text.h"
 #include "core/image/image.h"
-#include "core/program/errors.h"
 #include "station/render/commands.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -40,12 +40,7 @@ protected:
         return read_image(arguments_.out);
     }
     std::string complaint() const {
-        std::string words = "no complaint";
-        try {
-            run_render(arguments_);
-        } catch (const ConfigError& error) {
-            words = error.what();
-        }
+        const std::string words = config_error_of([&] { run_render(arguments_); });
         EXPECT_EQ(words.find('\n'), std::string::npos);
         EXPECT_FALSE(std::filesystem::exists(arguments_.out));
         return words;

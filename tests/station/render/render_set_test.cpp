@@ -13,6 +13,7 @@
 #include "core/image/image.h"
 #include "core/program/errors.h"
 #include "station/render/image_set.h"
+#include "tests/error_text.h"
 #include "tests/file_size_limit.h"
 #include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"
@@ -56,12 +57,7 @@ protected:
         return render_set(arguments_, std::move(stop), progress);
     }
     std::string complaint() const {
-        try {
-            render();
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "no complaint";
+        return config_error_of([&] { render(); });
     }
     std::filesystem::path image(int i) const {
         return arguments_.out / fmt::format("pose-{:06}.png", i);
@@ -160,12 +156,7 @@ protected:
         }
     }
     std::string refusal(const std::vector<std::filesystem::path>& shards) const {
-        try {
-            merge_image_sets(shards, folder_ / "merged");
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "merged";
+        return config_error_of([&] { merge_image_sets(shards, folder_ / "merged"); });
     }
     std::filesystem::path one() const { return folder_ / "part-1"; }
     std::filesystem::path two() const { return folder_ / "part-2"; }
@@ -190,7 +181,7 @@ TEST_F(ShardedSet, MergedIsTheSetOfOnePiece) {
         ++files;
     }
     EXPECT_EQ(files, 4u + 3u);
-    EXPECT_EQ(refusal({one(), two()}), "merged");  // again into the same folder
+    EXPECT_EQ(refusal({one(), two()}), "no error");  // again into the same folder
 }
 
 TEST_F(ShardedSet, IsNotMergedFromShardsThatDoNotFit) {

@@ -1,12 +1,12 @@
-// Lenses that see more than a plane: there and back over the image, and where their formulas are
-// stiff: on the axis, at and beyond 90 degrees, at their fold, near and far, opposite the axis.
+// Projection and undistortion: there and back over the whole image, and of lenses that see more
+// than a plane where their formulas are stiff: on the axis, at and beyond 90 degrees, at their
+// fold, near and far, opposite the axis.
 #include <fmt/format.h>
 
 #include <numbers>
 
 #include "bench/benchmark_scenes.h"
 #include "bench/stability/stability_case.h"
-#include "bench/stability/stability_scenes.h"
 #include "calib/camera/lens_projection.h"
 #include "calib/camera/projector.h"
 
@@ -64,26 +64,31 @@ Eigen::Vector3d ray_at(double angle) {
     return {0.8 * std::sin(angle), 0.6 * std::sin(angle), std::cos(angle)};
 }
 
-// Every pixel of a grid that has a ray; relative to the distance from the principal point plus 1.
-StabilityOutcome there_and_back_wide(const CameraModel& camera) {
+// Pixels of a grid over the image to rays and back; relative to the distance from the principal
+// point plus a pixel. What sees more than a plane must have rays from behind.
+StabilityOutcome there_and_back(const CameraModel& camera) {
     constexpr int columns = 41, rows = 31;
     constexpr double bound = 1e-12;
     const Projector projector(camera);
     const Eigen::Vector2d centre(camera.intrinsics.cx, camera.intrinsics.cy);
     double worst = 0.0, widest = 1.0;
+    int valid = 0;
     for (int n = 0; n < columns * rows; ++n) {
         const Eigen::Vector2d pixel((camera.width - 1.0) * (n % columns) / (columns - 1),
                                     (camera.height - 1.0) * (n / columns) / (rows - 1));
         const auto ray = projector.ray(pixel);
         if (!ray)
             continue;
+        ++valid;
         widest = std::min(widest, ray->z());
         const auto back = projector.project(*ray);
         const double off = back ? (*back - pixel).norm() : infinity;
         worst = std::max(worst, off / ((pixel - centre).norm() + 1.0));
     }
-    return {widest < 0.0 && worst <= bound, worst, bound,
-            fmt::format("rays out to {:.1f} degrees", std::acos(widest) * 180.0 / pi)};
+    const bool is_wide = !camera.projection.is_flat();
+    return {valid > 0 && worst <= bound && (widest < 0.0 || !is_wide), worst, bound,
+            fmt::format("{} of {} pixels have a ray, out to {:.1f} degrees", valid, columns * rows,
+                        std::acos(widest) * 180.0 / pi)};
 }
 
 // The ray that comes back, in radians, from the axis on to beyond a right angle.
@@ -163,13 +168,69 @@ std::vector<StabilityCase> wide_lens_cases() {
                 {fmt::format("{}{}", what, lens.name), expectation,
                  [=, camera = lens.camera](const RenderFunction&) { return check(camera); }});
         };
-        add("wide: ", "round trip, relative", there_and_back_wide);
+        add("wide: ", "round trip, relative", there_and_back);
         add("angles: ", "round trip, rad", angles_come_back);
         add("near, far: ", "same pixel, relative", distance_does_not_matter);
     }
     cases.push_back({"wide: no image", "number accepted", nonsense_has_no_image});
     cases.push_back({"wide: zeros are ideal", "closed form, relative", zeros_are_the_ideal_lens});
     return cases;
+}
+
+// Projection and undistortion of lenses that see a plane.
+
+namespace {
+
+StabilityCase round_trip(const std::string& name, const CameraModel& camera) {
+    return {"projection: " + name, "round trip, relative",
+            [=](const RenderFunction&) { return there_and_back(camera); }};
+}
+
+CameraModel wide_camera(const Distortion& distortion) {
+    CameraModel camera;
+    camera.width = 640;
+    camera.height = 480;
+    camera.intrinsics = {500.0, 520.0, 318.3, 243.9};
+    camera.distortion = distortion;
+    return camera;
+}
+
+CameraModel focal_length(double focal_px) {
+    CameraModel camera = wide_camera({.k1 = -0.1});
+    camera.intrinsics.fx = camera.intrinsics.fy = focal_px;
+    return camera;
+}
+
+// Points that no camera sees, and numbers that are none: nothing comes back.
+StabilityOutcome no_ray_for_nonsense(const RenderFunction&) {
+    const Projector projector(wide_camera({.k1 = -0.2}));
+    int accepted = 0;
+    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), infinity, -infinity})
+        for (int i = 0; i < 3; ++i) {
+            Eigen::Vector3d point(10.0, 20.0, 500.0);
+            point[i] = bad;
+            const bool vanishes = i == 2 && bad > 0.0;  // a point at infinity on the axis
+            accepted += projector.project(point).has_value() && !vanishes;
+            if (i < 2)
+                accepted += projector.unproject(point.head<2>()).has_value();
+        }
+    accepted += projector.project({1.0, 2.0, 0.0}).has_value();
+    accepted += projector.project({1.0, 2.0, -500.0}).has_value();
+    return {accepted == 0, double(accepted), 0.0, "points and pixels without a meaning"};
+}
+
+}  // namespace
+
+std::vector<StabilityCase> projection_cases() {
+    return {round_trip("webcam", benchmark_scene("webcam-500").camera),
+            round_trip("k3 = -40", benchmark_scene("canon-500").camera),
+            round_trip("fold", wide_camera({.k1 = -1.5})),
+            round_trip("pole", wide_camera({.k4 = -2.0})),
+            round_trip("pole and fold", wide_camera({.k1 = -4.2, .k4 = -4.0})),
+            round_trip("all 14 numbers", wide_camera(every_distortion())),
+            round_trip("focal length 5 px", focal_length(5.0)),
+            round_trip("focal length 5e5 px", focal_length(500000.0)),
+            {"projection: nan and infinity", "number accepted", no_ray_for_nonsense}};
 }
 
 // Renders through lenses that see more than a plane: the scenes of the bench, and what is hard of

@@ -1,19 +1,13 @@
-// The CSV files that commands write: tables by columns, and text in their cells.
+// The CSV files that commands write, row by row. A result whose columns are described once:
+// report/result_table.h.
 #pragma once
 
 #include <optional>
 #include <string>
-#include <string_view>
 
-#include "core/geometry/rigid.h"
+#include "report/result_table.h"
 
 namespace etalon {
-
-// Text with commas, quotes or line ends is quoted (RFC 4180, section 2).
-std::string csv_text(const std::string& text);
-
-// What csv_text() was given.
-std::string text_of_csv(std::string_view field);
 
 // A table by columns, so that a cell cannot lose its heading: the first row's make the header.
 class CsvTable {

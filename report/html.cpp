@@ -214,6 +214,10 @@ void HtmlPage::add_table(const std::vector<std::string>& header, const TableRows
         end_details();
 }
 
+void HtmlPage::add_table(const ResultTable& table) {
+    add_table(headings_of(table), texts_of(table));
+}
+
 std::string table_html(const std::vector<std::string>& header, const TableRows& rows) {
     const std::vector<bool> numeric = numeric_columns(header.size(), rows);
     const bool is_stacked = header.size() > 3;

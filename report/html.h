@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "report/result_table.h"
 #include "report/software_versions.h"
 
 namespace etalon {
@@ -44,6 +45,7 @@ public:
     // an outcome in the second column stays beside the name. Cells are text. A table of more than
     // 100 rows is folded away until the reader opens it, as are more than 20 notes.
     void add_table(const std::vector<std::string>& header, const TableRows& rows);
+    void add_table(const ResultTable& table);
     // The versions of what made the page or its record.
     void add_software(const std::vector<SoftwareVersion>& software);
 

@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "report/number_text.h"
 
 namespace etalon {
 namespace {
@@ -29,7 +28,10 @@ std::string csv_cell(const TableCell& cell, const std::string& format) {
                                                 : fmt::format(fmt::runtime(format), number);
                                  },
                                  [](std::int64_t count) { return std::to_string(count); },
-                                 [](bool flag) { return std::string(flag ? "1" : "0"); }},
+                                 [](bool flag) { return std::string(flag ? "1" : "0"); },
+                                 [](const std::vector<double>& numbers) {
+                                     return fmt::format("{}", fmt::join(numbers, " "));
+                                 }},
                       cell.value);
 }
 
@@ -75,7 +77,7 @@ TextColumn text_column(const ResultTable& table, std::size_t i) {
     const ColumnHead& head = table.columns[i];
     TextColumn column{{head.heading, head.unit}};
     for (const std::vector<TableCell>& row : table.rows) {
-        column.lines.push_back(cell_text(row[i], head));
+        column.lines.push_back(cell_text(row[i], head, "-"));
         column.is_text |= std::holds_alternative<std::string>(row[i].value);
     }
     for (const std::string& line : column.lines)
@@ -160,16 +162,19 @@ ordered_json json_object(const ResultTable& table, MissingFigure missing) {
     return row_json(table, table.rows.at(0), missing);
 }
 
-std::string cell_text(const TableCell& cell, const ColumnHead& column) {
-    return std::visit(Overloaded{[](std::monostate) { return std::string(dash); },
+std::string cell_text(const TableCell& cell, const ColumnHead& column, const char* missing) {
+    return std::visit(Overloaded{[&](std::monostate) { return std::string(missing); },
                                  [](const std::string& text) { return text; },
                                  [&](double number) {
                                      return std::isfinite(number)
                                                 ? fmt::format(fmt::runtime(column.format), number)
-                                                : dash;
+                                                : missing;
                                  },
                                  [](std::int64_t count) { return std::to_string(count); },
-                                 [](bool flag) { return std::string(flag ? "yes" : "no"); }},
+                                 [](bool flag) { return std::string(flag ? "yes" : "no"); },
+                                 [](const std::vector<double>& numbers) {
+                                     return fmt::format("{:.4g}", fmt::join(numbers, " "));
+                                 }},
                       cell.value);
 }
 
@@ -190,10 +195,11 @@ std::vector<std::vector<std::string>> texts_of(const ResultTable& table) {
     return texts;
 }
 
-std::string text_table(const ResultTable& table) {
+std::string text_table(const ResultTable& table, const std::vector<std::string>& without) {
     std::vector<TextColumn> columns;
     for (const std::size_t i : shown_columns(table))
-        columns.push_back(text_column(table, i));
+        if (std::ranges::find(without, table.columns[i].heading) == without.end())
+            columns.push_back(text_column(table, i));
     fit_into_terminal(columns);
     const bool has_units = std::ranges::any_of(
         columns, [](const TextColumn& column) { return !column.lines[1].empty(); });

@@ -23,12 +23,14 @@
 #include <vector>
 
 #include "core/geometry/rigid.h"
+#include "report/number_text.h"
 
 namespace etalon {
 
-// Text, a number, a count, yes or no; or nothing where there is no such figure.
+// Text, a number, a count, yes or no, numbers (in JSON); or nothing where there is no such figure.
 struct TableCell {
-    std::variant<std::monostate, std::string, double, std::int64_t, bool> value;
+    std::variant<std::monostate, std::string, double, std::int64_t, bool, std::vector<double>>
+        value;
 
     TableCell() = default;
     TableCell(std::nullopt_t) {}
@@ -36,6 +38,7 @@ struct TableCell {
     TableCell(std::string_view text) : value(std::string(text)) {}
     TableCell(const char* text) : value(std::string(text)) {}
     TableCell(bool flag) : value(flag) {}
+    TableCell(std::vector<double> numbers) : value(std::move(numbers)) {}
     template <class Number>
     requires std::is_floating_point_v<Number> TableCell(Number number)
         : value(static_cast<double>(number)) {}
@@ -129,18 +132,23 @@ nlohmann::ordered_json json_rows(const ResultTable& table,
 // Of the first row.
 nlohmann::ordered_json json_object(const ResultTable& table,
                                    MissingFigure missing = MissingFigure::null);
+template <class Row, class Json = nlohmann::ordered_json>
+Json json_object(const ColumnsOf<Row>& columns, const Row& row,
+                 MissingFigure missing = MissingFigure::null) {
+    return json_object(table_of_one(columns, row), missing);
+}
 
 // ---- people: the columns with a heading -----------------------------------------------------
 
-// A cell as people read it; a dash where there is nothing or no finite number.
-std::string cell_text(const TableCell& cell, const ColumnHead& column);
+// A cell as people read it. `missing`: where there is nothing or no finite number.
+std::string cell_text(const TableCell& cell, const ColumnHead& column, const char* missing = dash);
 
 // "fit / px"
 std::vector<std::string> headings_of(const ResultTable& table);
 std::vector<std::vector<std::string>> texts_of(const ResultTable& table);
 
-// For a terminal: headings, units below them, rows. Numbers are aligned right. Texts are cut where
-// a line would be longer than 80 columns.
-std::string text_table(const ResultTable& table);
+// For a terminal: headings, units below them, rows. Numbers are aligned right. The widest text is
+// cut where lines would be longer than 80 columns. `without`: headings that are for pages only.
+std::string text_table(const ResultTable& table, const std::vector<std::string>& without = {});
 
 }  // namespace etalon

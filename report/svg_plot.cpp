@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 
 #include "core/file/text.h"
 
@@ -15,21 +15,16 @@ namespace {
 
 constexpr double left = 62, right = 14, bottom = 44;  // margins, px; the upper one is the legend's
 
-// By ink: the class of the page's style sheet (report/html.cpp), and the colour of a file without a
-// page.
-struct InkStyle {
-    const char *css_class, *colour;
-};
-constexpr std::array<InkStyle, 7> ink_styles{{{"blue", "#0072b2"},
-                                              {"orange", "#e69f00"},
-                                              {"green", "#009e73"},
-                                              {"red", "#d55e00"},
-                                              {"purple", "#aa4f8b"},
-                                              {"sky", "#3f9fd8"},
-                                              {"gray", "#8a949b"}}};
+using Kind = PlotLayer::Kind;
 
-const char* css_class(Color ink) {
-    return ink_styles.at(static_cast<std::size_t>(ink)).css_class;
+// By color: the class of the page's style sheet (report/html.cpp), and the colour of a file without
+// a page.
+constexpr std::pair<const char*, const char*> color_styles[] = {
+    {"blue", "#0072b2"},   {"orange", "#e69f00"}, {"green", "#009e73"}, {"red", "#d55e00"},
+    {"purple", "#aa4f8b"}, {"sky", "#3f9fd8"},    {"gray", "#8a949b"}};
+
+const char* css_class(Color color) {
+    return color_styles[static_cast<std::size_t>(color)].first;
 }
 
 // The step of 1, 2 or 5 times a power of ten that gives at most `most` ticks.
@@ -60,21 +55,21 @@ std::vector<double> log_ticks(double low, double high, int most) {
     return values;
 }
 
-std::vector<double> ticks(double low, double high, int most, bool logarithmic) {
-    return logarithmic ? log_ticks(low, high, most) : axis_ticks(low, high, most);
-}
-
-std::string tick_label(double tick, bool logarithmic) {
-    return fmt::format("{:.4g}", logarithmic ? std::pow(10.0, tick) : tick);
+// Places on the axis with their labels.
+std::vector<std::pair<double, std::string>> labelled_ticks(double low, double high, int most,
+                                                           bool is_log) {
+    std::vector<std::pair<double, std::string>> ticks;
+    for (const double tick : is_log ? log_ticks(low, high, most) : axis_ticks(low, high, most))
+        ticks.emplace_back(tick, fmt::format("{:.4g}", is_log ? std::pow(10.0, tick) : tick));
+    return ticks;
 }
 
 // Along an axis: the values, or their logarithms.
-std::vector<double> placed(std::span<const double> values, bool logarithmic) {
-    std::vector<double> result(values.begin(), values.end());
-    if (logarithmic)
-        for (double& value : result)
+std::vector<double> placed(std::vector<double> values, bool is_log) {
+    if (is_log)
+        for (double& value : values)
             value = std::log10(value);
-    return result;
+    return values;
 }
 
 // Of more marks than this, all that a picture can tell is drawn: of those in the same square of the
@@ -82,8 +77,7 @@ std::vector<double> placed(std::span<const double> values, bool logarithmic) {
 constexpr std::size_t max_marks = 400;
 constexpr double point_square_px = 6.0, arrow_square_px = 16.0;
 
-template <class Layer>
-std::vector<std::size_t> finite_marks(const Layer& layer) {
+std::vector<std::size_t> finite_marks(const PlotLayer& layer) {
     std::vector<std::size_t> finite;
     for (std::size_t i = 0; i < layer.xs.size(); ++i)
         if (std::isfinite(layer.xs[i]) && std::isfinite(layer.ys[i]))
@@ -91,27 +85,48 @@ std::vector<std::size_t> finite_marks(const Layer& layer) {
     return finite;
 }
 
-// Of each square of `side` px the one with the largest score, the first of several; in their order.
-template <class Place, class Score>
-std::vector<std::size_t> one_a_square(const std::vector<std::size_t>& all, double side, Place place,
-                                      Score score) {
-    std::map<std::pair<double, double>, std::size_t> best;
-    for (const std::size_t i : all) {
-        const Eigen::Vector2d at = place(i);
-        const auto [there, is_new] =
-            best.try_emplace({std::floor(at.x() / side), std::floor(at.y() / side)}, i);
-        if (!is_new && score(i) > score(there->second))
-            there->second = i;
-    }
-    std::vector<std::size_t> kept;
-    for (const auto& [square, i] : best)
-        kept.push_back(i);
-    std::ranges::sort(kept);
-    return kept;
-}
+// The range of the data along an axis.
+struct Extent {
+    double low = std::numeric_limits<double>::infinity();
+    double high = -std::numeric_limits<double>::infinity();
 
-std::string title(const std::string& note) {
-    return note.empty() ? "" : "<title>" + escape_html(note) + "</title>";
+    void include(double value) {
+        if (!std::isfinite(value))
+            return;
+        low = std::min(low, value);
+        high = std::max(high, value);
+    }
+    // Never empty, and a little larger than the data.
+    Extent padded() const {
+        if (!(low <= high))
+            return {0.0, 1.0};
+        const double room = high > low ? 0.05 * (high - low) : std::max(1e-9, 0.1 * std::abs(low));
+        return {low - room, high + room};
+    }
+    // To this size about its middle.
+    Extent widened(double size) const {
+        const double middle = 0.5 * (low + high);
+        return {middle - 0.5 * size, middle + 0.5 * size};
+    }
+};
+
+void include(const PlotLayer& layer, Extent& x, Extent& y) {
+    for (std::size_t i = 0; i < layer.ys.size(); ++i) {
+        y.include(layer.ys[i]);
+        if (i < layer.xs.size())
+            x.include(layer.xs[i]);
+        if (layer.kind == Kind::band)
+            y.include(layer.us[i]);
+        if (layer.kind == Kind::arrows) {
+            x.include(layer.xs[i] + layer.us[i]);
+            y.include(layer.ys[i] + layer.vs[i]);
+        }
+    }
+    if (layer.kind == Kind::bars) {
+        y.include(0.0);
+        x.include(-0.6);
+        x.include(static_cast<double>(layer.xs.size()) - 0.4);
+    }
 }
 
 // The style sheet of reports (report/html.cpp) in its light colours, for a file without a page.
@@ -119,10 +134,15 @@ std::string stand_alone_style() {
     std::string style =
         "<style>.plot{font:12px 'DejaVu Sans',Arial,sans-serif}.plot text{fill:#222}"
         ".plot .grid{stroke:#ddd}.plot .axis{stroke:#888;fill:none}.plot .area{opacity:.2}";
-    for (const auto& [name, colour] : ink_styles)
+    for (const auto& [name, colour] : color_styles)
         style += fmt::format(
             ".{0} .mark,.{0} .area{{fill:{1}}}.{0} .stroke{{stroke:{1};fill:none}}", name, colour);
     return style + "</style><rect width='100%' height='100%' fill='#fff'/>";
+}
+
+std::string text_element(double x, double y, const char* anchor, const std::string& text) {
+    return fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='{}'>{}</text>", x, y, anchor,
+                       escape_html(text));
 }
 
 }  // namespace
@@ -168,25 +188,6 @@ double Arrows::longest() const {
     return longest;
 }
 
-struct SvgPlot::Extent {
-    double low = std::numeric_limits<double>::infinity();
-    double high = -std::numeric_limits<double>::infinity();
-
-    void include(double value) {
-        if (!std::isfinite(value))
-            return;
-        low = std::min(low, value);
-        high = std::max(high, value);
-    }
-    // Never empty, and a little larger than the data.
-    Extent padded() const {
-        if (!(low <= high))
-            return {0.0, 1.0};
-        const double room = high > low ? 0.05 * (high - low) : std::max(1e-9, 0.1 * std::abs(low));
-        return {low - room, high + room};
-    }
-};
-
 struct SvgPlot::Frame {
     Extent x, y;
     double top, width, height;  // of the inner area, px
@@ -197,7 +198,11 @@ struct SvgPlot::Frame {
         const double along = (value - y.low) / (y.high - y.low);
         return top + height * (y_down ? along : 1.0 - along);
     }
-    void equalise_scales();
+
+    std::string mark(const PlotLayer& layer, std::size_t i) const;
+    std::string marks(const PlotLayer& layer) const;
+    std::string path(const PlotLayer& layer) const;
+    std::string level(const PlotLayer& layer) const;
 };
 
 SvgPlot::SvgPlot(std::string x_label, std::string y_label, int width, int height)
@@ -208,77 +213,44 @@ void SvgPlot::set_size(int width, int height) {
     height_ = height;
 }
 
-void SvgPlot::set_image_axes() {
-    image_axes_ = true;
-}
-
-void SvgPlot::set_log_axes() {
-    log_x_ = log_y_ = true;
-}
-
-void SvgPlot::set_log_y_axis() {
-    log_y_ = true;
-}
-
-void SvgPlot::set_y_range(double low, double high) {
-    y_range_ = {low, high};
-}
-
-void SvgPlot::add_points(std::span<const double> xs, std::span<const double> ys, Color ink,
-                         const std::string& name, const std::vector<std::string>& notes) {
-    layers_.push_back(
-        {Layer::Kind::points, placed(xs, log_x_), placed(ys, log_y_), {}, {}, ink, name, notes});
-}
-
-void SvgPlot::add_line(std::span<const double> xs, std::span<const double> ys, Color ink,
-                       const std::string& name) {
-    layers_.push_back(
-        {Layer::Kind::line, placed(xs, log_x_), placed(ys, log_y_), {}, {}, ink, name, {}});
-}
-
-void SvgPlot::add_band(std::span<const double> xs, std::span<const double> lows,
-                       std::span<const double> highs, Color ink, const std::string& name) {
-    layers_.push_back({Layer::Kind::band,
-                       placed(xs, log_x_),
-                       placed(lows, log_y_),
-                       placed(highs, log_y_),
-                       {},
-                       ink,
+void SvgPlot::add_points(const Series& series, Color color, const std::string& name) {
+    layers_.push_back({Kind::points,
+                       color,
                        name,
-                       {}});
+                       placed(series.xs, is_log_x_),
+                       placed(series.ys, is_log_y_),
+                       {},
+                       {},
+                       series.notes});
 }
 
-void SvgPlot::add_bars(const std::vector<std::string>& categories, std::span<const double> values,
-                       Color ink) {
+void SvgPlot::add_line(const Series& series, Color color, const std::string& name) {
+    layers_.push_back(
+        {Kind::line, color, name, placed(series.xs, is_log_x_), placed(series.ys, is_log_y_)});
+}
+
+void SvgPlot::add_band(const Series& series, Color color, const std::string& name) {
+    layers_.push_back({Kind::band, color, name, placed(series.xs, is_log_x_),
+                       placed(series.lows, is_log_y_), placed(series.highs, is_log_y_)});
+}
+
+void SvgPlot::add_curve(const Series& series, Color color, const std::string& name) {
+    add_line(series, color, "");
+    add_points(series, color, name);
+}
+
+void SvgPlot::add_bars(const std::vector<std::string>& categories,
+                       const std::vector<double>& values, Color color) {
     categories_ = categories;
     std::vector<double> places(values.size());
-    for (std::size_t i = 0; i < places.size(); ++i)
-        places[i] = static_cast<double>(i);
-    layers_.push_back(
-        {Layer::Kind::bars, places, {values.begin(), values.end()}, {}, {}, ink, "", categories});
+    std::iota(places.begin(), places.end(), 0.0);
+    layers_.push_back({Kind::bars, color, "", places, values, {}, {}, categories});
 }
 
-void SvgPlot::add_points(const Series& series, Color ink, const std::string& name) {
-    add_points(series.xs, series.ys, ink, name, series.notes);
-}
-
-void SvgPlot::add_line(const Series& series, Color ink, const std::string& name) {
-    add_line(series.xs, series.ys, ink, name);
-}
-
-void SvgPlot::add_curve(const Series& series, Color ink, const std::string& name) {
-    add_line(series, ink, "");
-    add_points(series, ink, name);
-}
-
-void SvgPlot::add_band(const Series& series, Color ink, const std::string& name) {
-    add_band(series.xs, series.lows, series.highs, ink, name);
-}
-
-void SvgPlot::add_arrows(const Arrows& arrows, double magnification, Color ink,
+void SvgPlot::add_arrows(const Arrows& arrows, double magnification, Color color,
                          const std::string& name) {
-    Layer layer{Layer::Kind::arrows, arrows.xs, arrows.ys, arrows.dxs,
-                arrows.dys,          ink,       name,      arrows.notes};
+    PlotLayer layer{Kind::arrows, color,      name,       arrows.xs,
+                    arrows.ys,    arrows.dxs, arrows.dys, arrows.notes};
     for (std::vector<double>* components : {&layer.us, &layer.vs})
         for (double& component : *components)
             component *= magnification;
@@ -286,221 +258,183 @@ void SvgPlot::add_arrows(const Arrows& arrows, double magnification, Color ink,
 }
 
 void SvgPlot::show_image(int width, int height) {
-    image_axes_ = true;
-    const double x = width - 0.5, y = height - 0.5;
-    add_line(std::array{-0.5, x, x, -0.5, -0.5}, std::array{-0.5, -0.5, y, y, -0.5}, Color::gray,
-             "");
+    set_image_axes();
+    Series border;
+    for (const auto& [x, y] : {std::pair(0, 0), {width, 0}, {width, height}, {0, height}, {0, 0}})
+        border.add(x - 0.5, y - 0.5);
+    add_line(border, Color::gray, "");
 }
 
-void SvgPlot::add_level(double y, Color ink, const std::string& label) {
-    layers_.push_back({Layer::Kind::level, {}, placed({&y, 1}, log_y_), {}, {}, ink, label, {}});
+void SvgPlot::add_level(double y, Color color, const std::string& label) {
+    layers_.push_back({Kind::level, color, label, {}, placed({y}, is_log_y_)});
 }
 
-void SvgPlot::Layer::include_in(Extent& x, Extent& y) const {
-    for (std::size_t i = 0; i < ys.size(); ++i) {
-        y.include(ys[i]);
-        if (i < xs.size())
-            x.include(xs[i]);
-        if (kind == Kind::band)
-            y.include(us[i]);
-        if (kind == Kind::arrows) {
-            x.include(xs[i] + us[i]);
-            y.include(ys[i] + vs[i]);
-        }
-    }
-    if (kind == Kind::bars) {
-        y.include(0.0);
-        x.include(-0.6);
-        x.include(static_cast<double>(xs.size()) - 0.4);
-    }
-}
-
-// Widens the extent that has room to spare until both scales are equal.
-void SvgPlot::Frame::equalise_scales() {
-    const double scale = std::max((x.high - x.low) / width, (y.high - y.low) / height);
-    const auto widen = [scale](Extent& extent, double pixels) {
-        const double middle = 0.5 * (extent.low + extent.high);
-        extent = {middle - 0.5 * scale * pixels, middle + 0.5 * scale * pixels};
-    };
-    widen(x, width);
-    widen(y, height);
-}
-
-SvgPlot::Frame SvgPlot::frame() const {
+SvgPlot::Frame SvgPlot::frame(double top) const {
     Extent x, y;
-    for (const Layer& layer : layers_)
-        layer.include_in(x, y);
-    const double top = 26.0 + 16.0 * (legend_places().rows - 1);
+    for (const PlotLayer& layer : layers_)
+        include(layer, x, y);
     Frame frame{x.padded(), y.padded(), top, width_ - left - right, height_ - top - bottom,
-                image_axes_};
+                is_image_};
     if (y_range_)
         frame.y = {y_range_->first, y_range_->second};
-    if (image_axes_)
-        frame.equalise_scales();
+    if (is_image_) {
+        const double scale = std::max((frame.x.high - frame.x.low) / frame.width,
+                                      (frame.y.high - frame.y.low) / frame.height);
+        frame.x = frame.x.widened(scale * frame.width);
+        frame.y = frame.y.widened(scale * frame.height);
+    }
     return frame;
 }
 
 std::string SvgPlot::axes(const Frame& f) const {
     std::string text;
     const double x0 = left, x1 = left + f.width, y0 = f.top, y1 = f.top + f.height;
-    for (const double tick : ticks(f.y.low, f.y.high, 6, log_y_)) {
-        const double y = f.py(tick);
-        text += fmt::format("<line class='grid' x1='{}' x2='{}' y1='{:.1f}' y2='{:.1f}'/>", x0, x1,
-                            y, y);
-        text += fmt::format("<text x='{}' y='{:.1f}' text-anchor='end'>{}</text>", x0 - 6, y + 4,
-                            tick_label(tick, log_y_));
-    }
-    if (categories_.empty()) {
-        for (const double tick : ticks(f.x.low, f.x.high, 8, log_x_)) {
-            const double x = f.px(tick);
-            text += fmt::format("<line class='grid' y1='{}' y2='{}' x1='{:.1f}' x2='{:.1f}'/>", y0,
-                                y1, x, x);
-            text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>", x,
-                                y1 + 16, tick_label(tick, log_x_));
-        }
-    }
+    for (const auto& [tick, label] : labelled_ticks(f.y.low, f.y.high, 6, is_log_y_))
+        text += fmt::format("<path class='grid' d='M{} {:.1f}H{}'/>", x0, f.py(tick), x1) +
+                text_element(x0 - 6, f.py(tick) + 4, "end", label);
+    if (categories_.empty())
+        for (const auto& [tick, label] : labelled_ticks(f.x.low, f.x.high, 8, is_log_x_))
+            text += fmt::format("<path class='grid' d='M{:.1f} {}V{}'/>", f.px(tick), y0, y1) +
+                    text_element(f.px(tick), y1 + 16, "middle", label);
     for (std::size_t i = 0; i < categories_.size(); ++i)
-        text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>",
-                            f.px(static_cast<double>(i)), y1 + 16, escape_html(categories_[i]));
+        text += text_element(f.px(static_cast<double>(i)), y1 + 16, "middle", categories_[i]);
     text += fmt::format("<rect class='axis' x='{}' y='{}' width='{}' height='{}'/>", x0, y0,
                         f.width, f.height);
-    text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>", 0.5 * (x0 + x1),
-                        height_ - 8, escape_html(x_label_));
-    text += fmt::format(
-        "<text transform='translate(14 {:.1f}) rotate(-90)' text-anchor='middle'>{}</text>",
-        0.5 * (y0 + y1), escape_html(y_label_));
-    return text;
+    text += text_element(0.5 * (x0 + x1), height_ - 8, "middle", x_label_);
+    return text + fmt::format(
+                      "<text transform='translate(14 {:.1f}) rotate(-90)' "
+                      "text-anchor='middle'>{}</text>",
+                      0.5 * (y0 + y1), escape_html(y_label_));
 }
 
-std::string SvgPlot::mark(const Layer& layer, std::size_t i, const Frame& f) const {
-    const double x = f.px(layer.xs[i]), y = f.py(layer.ys[i]);
-    const std::string note = title(i < layer.notes.size() ? layer.notes[i] : std::string());
-    if (layer.kind == Layer::Kind::points)
-        return fmt::format("<circle class='mark' cx='{:.1f}' cy='{:.1f}' r='3'>{}</circle>", x, y,
-                           note);
-    if (layer.kind == Layer::Kind::bars) {
-        const double zero = f.py(0.0), half = 0.36 * (f.px(1.0) - f.px(0.0));
+std::string SvgPlot::Frame::mark(const PlotLayer& layer, std::size_t i) const {
+    const double x = px(layer.xs[i]), y_px = py(layer.ys[i]);
+    std::string note;
+    if (i < layer.notes.size() && !layer.notes[i].empty())
+        note = "<title>" + escape_html(layer.notes[i]) + "</title>";
+    if (layer.kind == Kind::points)
+        return fmt::format("<circle class='mark' cx='{:.1f}' cy='{:.1f}' r='3'>{}</circle>", x,
+                           y_px, note);
+    if (layer.kind == Kind::bars) {
+        const double zero = py(0.0), half = 0.36 * (px(1.0) - px(0.0));
         return fmt::format(
             "<rect class='mark' x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}'>{}</rect>",
-            x - half, std::min(y, zero), 2 * half, std::abs(zero - y), note);
+            x - half, std::min(y_px, zero), 2 * half, std::abs(zero - y_px), note);
     }
     return fmt::format(
-        "<g><path class='stroke' stroke-width='1.5' d='M{:.1f} {:.1f}L{:.1f} {:.1f}'/>"
-        "<circle class='mark' cx='{:.1f}' cy='{:.1f}' r='2.5'/>{}</g>",
-        x, y, f.px(layer.xs[i] + layer.us[i]), f.py(layer.ys[i] + layer.vs[i]), x, y, note);
+        "<g><path class='stroke' stroke-width='1.5' d='M{0:.1f} {1:.1f}L{2:.1f} {3:.1f}'/>"
+        "<circle class='mark' cx='{0:.1f}' cy='{1:.1f}' r='2.5'/>{4}</g>",
+        x, y_px, px(layer.xs[i] + layer.us[i]), py(layer.ys[i] + layer.vs[i]), note);
 }
 
-std::string SvgPlot::marks(const Layer& layer, const Frame& f) const {
+std::string SvgPlot::Frame::marks(const PlotLayer& layer) const {
     std::vector<std::size_t> shown = finite_marks(layer);
-    const bool is_arrows = layer.kind == Layer::Kind::arrows;
-    const double square = is_arrows ? arrow_square_px : point_square_px;
-    if (shown.size() > max_marks && layer.kind != Layer::Kind::bars)
-        shown = one_a_square(
-            shown, square,
-            [&](std::size_t i) { return Eigen::Vector2d(f.px(layer.xs[i]), f.py(layer.ys[i])); },
-            [&](std::size_t i) { return is_arrows ? std::hypot(layer.us[i], layer.vs[i]) : 0.0; });
+    if (shown.size() > max_marks && layer.kind != Kind::bars) {
+        const bool is_arrows = layer.kind == Kind::arrows;
+        const double side = is_arrows ? arrow_square_px : point_square_px;
+        const auto length = [&](std::size_t i) { return std::hypot(layer.us[i], layer.vs[i]); };
+        std::map<std::pair<double, double>, std::size_t> best;  // of each square
+        for (const std::size_t i : shown) {
+            const auto [there, is_new] = best.try_emplace(
+                {std::floor(px(layer.xs[i]) / side), std::floor(py(layer.ys[i]) / side)}, i);
+            if (!is_new && is_arrows && length(i) > length(there->second))
+                there->second = i;
+        }
+        shown.clear();
+        for (const auto& [square, i] : best)
+            shown.push_back(i);
+        std::ranges::sort(shown);
+    }
     std::string text;
     for (const std::size_t i : shown)
-        text += mark(layer, i, f);
+        text += mark(layer, i);
     return text;
 }
 
 // What a layer of too many marks says of itself.
 std::string SvgPlot::thinning() const {
-    const auto is_thinned = [](const Layer& layer) {
-        return (layer.kind == Layer::Kind::points || layer.kind == Layer::Kind::arrows) &&
-               finite_marks(layer).size() > max_marks;
-    };
-    const auto thinned = std::ranges::find_if(layers_, is_thinned);
-    if (thinned == layers_.end())
-        return "";
-    const bool is_arrows = thinned->kind == Layer::Kind::arrows;
-    return fmt::format(
-        "<text x='{}' y='17' font-size='10' text-anchor='end'>{} {}, one a {:g} px square</text>",
-        width_ - right, thinned->xs.size(), is_arrows ? "arrows" : "points",
-        is_arrows ? arrow_square_px : point_square_px);
+    for (const PlotLayer& layer : layers_) {
+        const bool is_arrows = layer.kind == Kind::arrows;
+        if ((is_arrows || layer.kind == Kind::points) && finite_marks(layer).size() > max_marks)
+            return fmt::format(
+                "<text x='{}' y='17' font-size='10' text-anchor='end'>{} {}, one a {:g} px "
+                "square</text>",
+                width_ - right, layer.xs.size(), is_arrows ? "arrows" : "points",
+                is_arrows ? arrow_square_px : point_square_px);
+    }
+    return "";
 }
 
-std::string SvgPlot::path(const Layer& layer, const Frame& f) const {
+std::string SvgPlot::Frame::path(const PlotLayer& layer) const {
     std::string path;
-    const auto append = [&](double x, double y) {
-        if (std::isfinite(x) && std::isfinite(y))
-            path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", f.px(x), f.py(y));
+    const auto append = [&](double x_value, double y_value) {
+        if (std::isfinite(x_value) && std::isfinite(y_value))
+            path +=
+                fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", px(x_value), py(y_value));
     };
     for (std::size_t i = 0; i < layer.xs.size(); ++i)
         append(layer.xs[i], layer.ys[i]);
-    if (layer.kind == Layer::Kind::line)
+    if (layer.kind == Kind::line)
         return "<path class='stroke' stroke-width='1.8' d='" + path + "'/>";
     for (std::size_t i = layer.xs.size(); i-- > 0;)
         append(layer.xs[i], layer.us[i]);
     return "<path class='area' d='" + path + "Z'/>";
 }
 
-std::string SvgPlot::level(const Layer& layer, const Frame& f) const {
-    const double y = f.py(layer.ys[0]), end = left + f.width;
+std::string SvgPlot::Frame::level(const PlotLayer& layer) const {
+    const double at = py(layer.ys[0]), end = left + width;
     return fmt::format(
-        "<line class='stroke' stroke-dasharray='6 4' stroke-width='1.5' x1='{}' x2='{}' "
-        "y1='{:.1f}' y2='{:.1f}'/><text x='{}' y='{:.1f}' text-anchor='end'>{}</text>",
-        left, end, y, y, end - 4, y - 5, escape_html(layer.name));
+               "<path class='stroke' stroke-dasharray='6 4' stroke-width='1.5' d='M{} {:.1f}H{}'/>",
+               left, at, end) +
+           text_element(end - 4, at - 5, "end", layer.name);
 }
 
-std::string SvgPlot::layer(const Layer& layer, const Frame& f) const {
-    std::string shapes;
-    switch (layer.kind) {
-        case Layer::Kind::points:
-        case Layer::Kind::bars:
-        case Layer::Kind::arrows:
-            shapes = marks(layer, f);
-            break;
-        case Layer::Kind::line:
-        case Layer::Kind::band:
-            shapes = path(layer, f);
-            break;
-        case Layer::Kind::level:
-            shapes = level(layer, f);
-            break;
-    }
-    return fmt::format("<g class='{}'>{}</g>", css_class(layer.ink), shapes);
-}
+namespace {
 
 // From left to right, in as many rows as the names need.
-SvgPlot::LegendPlaces SvgPlot::legend_places() const {
-    LegendPlaces places;
+struct Legend {
+    std::string text;
+    int rows = 1;
+};
+
+Legend legend_of(const std::vector<PlotLayer>& layers, int width) {
+    Legend legend;
     double x = left;
-    for (const Layer& layer : layers_) {
-        if (layer.name.empty() || layer.kind == Layer::Kind::level)
+    for (const PlotLayer& layer : layers) {
+        if (layer.name.empty() || layer.kind == Kind::level)
             continue;
         const double entry = 30.0 + 6.6 * static_cast<double>(layer.name.size());
-        if (x > left && x + entry > width_) {
+        if (x > left && x + entry > width) {
             x = left;
-            ++places.rows;
+            ++legend.rows;
         }
-        places.entries.emplace_back(&layer, Eigen::Vector2d(x, 16.0 * (places.rows - 1)));
-        x += entry;
-    }
-    return places;
-}
-
-std::string SvgPlot::legend() const {
-    std::string text;
-    for (const auto& [layer, place] : legend_places().entries)
-        text += fmt::format(
+        const double y = 16.0 * (legend.rows - 1);
+        legend.text += fmt::format(
             "<g class='{}'><rect class='mark' x='{:.1f}' y='{:g}' width='10' height='10' rx='2'/>"
             "</g><text x='{:.1f}' y='{:g}'>{}</text>",
-            css_class(layer->ink), place.x(), place.y() + 8.0, place.x() + 15.0, place.y() + 17.0,
-            escape_html(layer->name));
-    return text;
+            css_class(layer.color), x, y + 8.0, x + 15.0, y + 17.0, escape_html(layer.name));
+        x += entry;
+    }
+    return legend;
 }
 
+}  // namespace
+
 std::string SvgPlot::svg(bool stand_alone) const {
-    const Frame f = frame();
+    const Legend legend = legend_of(layers_, width_);
+    const Frame f = frame(26.0 + 16.0 * (legend.rows - 1));
     std::string text =
         fmt::format("<svg class='plot' viewBox='0 0 {} {}' role='img' aria-label='{} against {}'>",
                     width_, height_, escape_html(y_label_), escape_html(x_label_));
     text += axes(f);
-    for (const Layer& each : layers_)
-        text += layer(each, f);
-    text += thinning() + legend() + "</svg>";
+    for (const PlotLayer& layer : layers_) {
+        const bool is_path = layer.kind == Kind::line || layer.kind == Kind::band;
+        text += fmt::format("<g class='{}'>{}</g>", css_class(layer.color),
+                            is_path                     ? f.path(layer)
+                            : layer.kind == Kind::level ? f.level(layer)
+                                                        : f.marks(layer));
+    }
+    text += thinning() + legend.text + "</svg>";
     return stand_alone ? stand_alone_svg(std::move(text)) : text;
 }
 
@@ -521,6 +455,82 @@ std::string svg_panels(std::span<SvgPlot> plots, int columns, int width, int hei
                            i / columns * height, width, height));
     }
     return text + "</svg>\n";
+}
+
+namespace {
+
+constexpr double map_left = 44, map_top = 12, map_bottom = 36, map_width = 420;
+constexpr double scale_x = map_left + map_width + 12, scale_width = 14, scale_right = 66;
+
+// Of viridis, of which every eighth is listed.
+std::string viridis(double share) {
+    constexpr int listed[9][3] = {{68, 1, 84},    {71, 44, 122},  {59, 81, 139},
+                                  {44, 113, 142}, {33, 144, 141}, {39, 173, 129},
+                                  {92, 200, 99},  {170, 220, 50}, {253, 231, 37}};
+    const double place = std::clamp(share, 0.0, 1.0) * 8.0;
+    const int below = std::min(static_cast<int>(place), 7);
+    std::string colour = "#";
+    for (int c = 0; c < 3; ++c)
+        colour += fmt::format(
+            "{:02x}",
+            std::lround(std::lerp(listed[below][c], listed[below + 1][c], place - below)));
+    return colour;
+}
+
+// Image coordinates at the border, at round numbers. `scale`: of the drawing to the image.
+std::string map_axes(const HeatMap& map, double scale) {
+    const double step = round_scale(std::max(map.image_width, map.image_height) / 4.0);
+    const double end = map_top + scale * map.image_height;
+    std::string text;
+    for (double tick = 0; tick < map.image_width; tick += step)
+        text += text_element(map_left + scale * (tick + 0.5), end + 16, "middle",
+                             fmt::format("{:g}", tick));
+    for (double tick = 0; tick < map.image_height; tick += step)
+        text += text_element(map_left - 6, map_top + scale * (tick + 0.5) + 4, "end",
+                             fmt::format("{:g}", tick));
+    return text +
+           text_element(map_left + 0.5 * map_width, end + 32, "middle", "x / " + map.axis_unit);
+}
+
+std::string colour_scale(const HeatMap& map, double height) {
+    constexpr int steps = 32;
+    std::string text;
+    for (int i = 0; i < steps; ++i)
+        text += fmt::format("<rect x='{:.1f}' y='{:.2f}' width='{}' height='{:.2f}' fill='{}'/>",
+                            scale_x, map_top + height * (1.0 - (i + 1.0) / steps), scale_width,
+                            height / steps + 0.3, viridis((i + 0.5) / steps));
+    for (const auto& [share, down, unit] :
+         {std::tuple(0.0, 0, std::string()), {0.5, 4, ""}, {1.0, 10, " " + map.unit}})
+        text += text_element(scale_x + scale_width + 5, map_top + height * (1.0 - share) + down,
+                             "start", fmt::format("{:.2g}{}", share * map.highest, unit));
+    return text;
+}
+
+}  // namespace
+
+std::string heat_map_svg(const HeatMap& map) {
+    constexpr double seam = 0.5;  // that neighbours overlap by, so that no gap shows
+    const double scale = map_width / map.image_width, height = scale * map.image_height;
+    std::string text = fmt::format(
+        "<svg class='plot' viewBox='0 0 {:.0f} {:.0f}' role='img' aria-label='map over the image'>"
+        "<g shape-rendering='crispEdges'>",
+        scale_x + scale_width + scale_right, map_top + height + map_bottom);
+    const Eigen::Vector2d half(0.5 * map.cell_width, 0.5 * map.cell_height);
+    const Eigen::Vector2d end(map.image_width - 0.5, map.image_height - 0.5);
+    for (std::size_t i = 0; i < map.centres.size(); ++i) {
+        const Eigen::Vector2d& centre = map.centres[i];
+        const Eigen::Vector2d low = (centre - half).cwiseMax(-0.5);
+        const Eigen::Vector2d size = scale * ((centre + half).cwiseMin(end) - low);
+        text += fmt::format(
+            "<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='{}'><title>({:.0f}, "
+            "{:.0f}): {:.3f} {}</title></rect>",
+            map_left + scale * (low.x() + 0.5), map_top + scale * (low.y() + 0.5), size.x() + seam,
+            size.y() + seam, viridis(map.values[i] / map.highest), centre.x(), centre.y(),
+            map.values[i], escape_html(map.unit));
+    }
+    text += fmt::format("</g><rect class='axis' x='{}' y='{}' width='{}' height='{:.1f}'/>",
+                        map_left, map_top, map_width, height);
+    return text + map_axes(map, scale) + colour_scale(map, height) + "</svg>";
 }
 
 }  // namespace etalon

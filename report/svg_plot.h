@@ -1,7 +1,6 @@
 // Plots for reports as SVG text: scatter, lines, bands, arrows, with ticks at 1-2-5 steps. Colours
-// come from the page's style sheet (report/html.h), so that a plot follows the page into dark
-// mode; a plot saved alone carries the same style itself. Every point shows its values when pointed
-// at.
+// come from the page's style sheet (report/html.h), so that a plot follows the page into dark mode.
+// A plot in a file of its own has its style in it. Every point shows its values when pointed at.
 //
 // Not for interactive exploring: a report must open offline and print.
 #pragma once
@@ -43,83 +42,65 @@ struct Arrows {
     double longest() const;
 };
 
+// What SvgPlot draws one above the other. us, vs: arrow components, or us a band's upper end.
+struct PlotLayer {
+    enum class Kind { points, line, band, bars, arrows, level } kind;
+    Color color;
+    std::string name;
+    std::vector<double> xs, ys, us, vs;
+    std::vector<std::string> notes;
+};
+
 class SvgPlot {
 public:
     // Size in CSS pixels; the picture scales with the page.
     SvgPlot(std::string x_label, std::string y_label, int width = 560, int height = 400);
     void set_size(int width, int height);
     // Equal scales on both axes (maps), y growing downwards as in an image.
-    void set_image_axes();
+    void set_image_axes() { is_image_ = true; }
     // Both axes logarithmic, or y alone, for everything but bars and arrows that is added
     // afterwards; coordinates that are not positive are left out.
-    void set_log_axes();
-    void set_log_y_axis();
-    // Fixed ends of an axis; otherwise they follow the data.
-    void set_y_range(double low, double high);
+    void set_log_axes() { is_log_x_ = is_log_y_ = true; }
+    void set_log_y_axis() { is_log_y_ = true; }
+    // Fixed ends of the axis; otherwise they follow the data.
+    void set_y_range(double low, double high) { y_range_ = {low, high}; }
 
-    // Coordinates that are not finite are left out. `notes` (one per point, or none) are shown when
-    // the point is pointed at. Of more than 400 points (or arrows) of a layer one is drawn in each
-    // square of 6 px, the first (of arrows in 16 px, the longest): what stands alone is always
-    // drawn. The plot then says so.
-    void add_points(std::span<const double> xs, std::span<const double> ys, Color ink,
-                    const std::string& name, const std::vector<std::string>& notes = {});
-    void add_line(std::span<const double> xs, std::span<const double> ys, Color ink,
-                  const std::string& name);
+    // Coordinates that are not finite are left out. Of more than 400 points (or arrows) of a layer
+    // one is drawn in each square of 6 px, the first (of arrows in 16 px, the longest): what stands
+    // alone is always drawn. The plot then says so.
+    void add_points(const Series& series, Color color, const std::string& name);
+    void add_line(const Series& series, Color color, const std::string& name);
     // Filled between low and high.
-    void add_band(std::span<const double> xs, std::span<const double> lows,
-                  std::span<const double> highs, Color ink, const std::string& name);
-    // Bars from 0, one per category, drawn at x = 0, 1, 2...
-    void add_bars(const std::vector<std::string>& categories, std::span<const double> values,
-                  Color ink);
-    void add_points(const Series& series, Color ink, const std::string& name);
-    void add_line(const Series& series, Color ink, const std::string& name);
-    void add_band(const Series& series, Color ink, const std::string& name);
+    void add_band(const Series& series, Color color, const std::string& name);
     // A line and its points.
-    void add_curve(const Series& series, Color ink, const std::string& name);
+    void add_curve(const Series& series, Color color, const std::string& name);
+    // Bars from 0, one per category, drawn at x = 0, 1, 2...
+    void add_bars(const std::vector<std::string>& categories, const std::vector<double>& values,
+                  Color color);
     // Each as long as `magnification` times its own length.
-    void add_arrows(const Arrows& arrows, double magnification, Color ink, const std::string& name);
+    void add_arrows(const Arrows& arrows, double magnification, Color color,
+                    const std::string& name);
     // Image axes, and the border of an image of this size, so that the plot shows all of it.
     void show_image(int width, int height);
     // A dashed line across the plot with a label, for limits.
-    void add_level(double y, Color ink, const std::string& label);
+    void add_level(double y, Color color, const std::string& label);
 
     // The <svg> element, with its own style when it is to stand alone.
     std::string svg(bool stand_alone = false) const;
 
 private:
-    struct Extent;  // the range of the data along one axis
-    struct Layer {
-        enum class Kind { points, line, band, bars, arrows, level } kind;
-        std::vector<double> xs, ys, us, vs;  // us, vs: arrow components, or the band's upper end
-        Color ink;
-        std::string name;
-        std::vector<std::string> notes;
-
-        void include_in(Extent& x, Extent& y) const;
-    };
     struct Frame;  // the map from data to picture
-    struct LegendPlaces {
-        std::vector<std::pair<const Layer*, Eigen::Vector2d>> entries;  // places in px
-        int rows = 1;
-    };
 
-    LegendPlaces legend_places() const;
-    Frame frame() const;
+    Frame frame(double top) const;
     std::string axes(const Frame& frame) const;
-    std::string layer(const Layer& layer, const Frame& frame) const;
-    std::string marks(const Layer& layer, const Frame& frame) const;
     std::string thinning() const;
-    std::string mark(const Layer& layer, std::size_t i, const Frame& frame) const;
-    std::string path(const Layer& layer, const Frame& frame) const;
-    std::string level(const Layer& layer, const Frame& frame) const;
-    std::string legend() const;
 
     std::string x_label_, y_label_;
     int width_, height_;
-    bool image_axes_ = false, log_x_ = false, log_y_ = false;
+    bool is_image_ = false, is_log_x_ = false, is_log_y_ = false;
     std::optional<std::pair<double, double>> y_range_;
     std::vector<std::string> categories_;
-    std::vector<Layer> layers_;
+    std::vector<PlotLayer> layers_;
 };
 
 // An <svg class='plot'> element of a page made into a file of its own: namespace, style and paper.
@@ -128,5 +109,22 @@ std::string stand_alone_svg(std::string svg);
 
 // Plots of this size side by side as one file, row by row.
 std::string svg_panels(std::span<SvgPlot> plots, int columns, int width, int height);
+
+// A map of a positive quantity over a camera's image: coloured cells, a scale beside them, and the
+// value under the pointer. Colours are those of "viridis" (Smith and van der Walt), which rise
+// evenly in lightness and are told apart by colour-blind readers.
+struct HeatMap {
+    // Centres of the cells in image coordinates, their size, and the image they lie in, all in px.
+    std::vector<Eigen::Vector2d> centres;
+    std::vector<double> values;
+    double cell_width = 0.0, cell_height = 0.0;
+    int image_width = 0, image_height = 0;
+    double highest = 0.0;  // of the scale, which begins at 0
+    std::string unit;
+    std::string axis_unit = "px";  // of what the cells lie in, where that is no image
+};
+
+// The <svg> element. Cells are cut off at the image's border; places without a cell stay empty.
+std::string heat_map_svg(const HeatMap& map);
 
 }  // namespace etalon

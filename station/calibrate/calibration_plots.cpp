@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 
-#include "report/heat_map.h"
 #include "report/svg_plot.h"
 
 namespace etalon {

@@ -77,7 +77,7 @@ HtmlPage::Figure transfer_plot(const TransferEstimate& estimate) {
     for (int i = 0; i <= 100; ++i)
         curve.add(i / 100.0, encode(estimate.transfer, i / 100.0));
     const std::vector<double> ends{0.0, 1.0};
-    plot.add_line(ends, ends, Color::gray, "straight line");
+    plot.add_line({ends, ends}, Color::gray, "straight line");
     plot.add_points(patches, Color::blue, "patches");
     plot.add_line(curve, Color::red, "transfer curve");
     return {

@@ -9,10 +9,10 @@
 #include "compare/photo_pose.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "report/csv.h"
 #include "report/html.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
+#include "report/result_table.h"
 #include "report/svg_plot.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
@@ -22,9 +22,10 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct PhotoEdges {
+struct PhotoEdge {
     std::filesystem::path photo;
-    std::vector<FoundSlantedEdge> edges;
+    cv::Rect region;
+    SlantedEdge edge;
 };
 
 // "auto": nothing; "400,300,60x90": upper left pixel, columns x rows.
@@ -77,23 +78,23 @@ std::string with_u(double value, double standard_uncertainty) {
     return fmt::format("{} +- {}", fixed(value, decimals), fixed(u, decimals));
 }
 
-std::string place_of(const cv::Rect& r) {
+std::string mtf50_of(const PhotoEdge& one) {
+    return with_u(one.edge.mtf50_cycles_per_px, one.edge.mtf50_standard_uncertainty);
+}
+
+std::string nyquist_of(const PhotoEdge& one) {
+    return with_u(one.edge.at_nyquist, one.edge.at_nyquist_standard_uncertainty);
+}
+
+std::string place_of(const PhotoEdge& one) {
+    const cv::Rect& r = one.region;
     return fmt::format("{},{},{}x{}", r.x, r.y, r.width, r.height);
 }
 
-void print_words(const PhotoEdges& all) {
-    for (const FoundSlantedEdge& each : all.edges)
-        fmt::print("MTF50 {} cycles/px at {}, {:.1f} deg, Nyquist {}: {}\n",
-                   with_u(each.edge.mtf50_cycles_per_px, each.edge.mtf50_standard_uncertainty),
-                   place_of(each.region), each.edge.angle_deg,
-                   with_u(each.edge.at_nyquist, each.edge.at_nyquist_standard_uncertainty),
-                   all.photo.filename().string());
-}
-
-ordered_json edge_json(const std::filesystem::path& photo, const FoundSlantedEdge& each) {
-    const SlantedEdge& edge = each.edge;
-    return {{"photo", photo.string()},
-            {"region_px", {each.region.x, each.region.y, each.region.width, each.region.height}},
+ordered_json edge_json(const PhotoEdge& one) {
+    const SlantedEdge& edge = one.edge;
+    return {{"photo", one.photo.string()},
+            {"region_px", {one.region.x, one.region.y, one.region.width, one.region.height}},
             {"angle_deg", edge.angle_deg},
             {"mtf50_cycles_per_px", edge.mtf50_cycles_per_px},
             {"mtf50_standard_uncertainty", edge.mtf50_standard_uncertainty},
@@ -104,34 +105,21 @@ ordered_json edge_json(const std::filesystem::path& photo, const FoundSlantedEdg
              })}};
 }
 
-void print_json(const std::vector<PhotoEdges>& photos) {
-    ordered_json edges = ordered_json::array();
-    for (const PhotoEdges& all : photos)
-        for (const FoundSlantedEdge& each : all.edges)
-            edges.push_back(edge_json(all.photo, each));
-    std::puts(text_of(ordered_json{{"etalon", "edges/1"}, {"edges", edges}}).c_str());
+std::string edges_csv(const std::vector<PhotoEdge>& edges) {
+    std::string text = "photo,region_px,cycles_per_px,modulation,standard_uncertainty\n";
+    for (const PhotoEdge& one : edges)
+        for (const ModulationRow& row : one.edge.modulation)
+            text += fmt::format("{},{},{},{},{}\n", csv_text(one.photo.string()),
+                                csv_text(place_of(one)), exact(row.cycles_per_px),
+                                exact(row.modulation), exact(row.standard_uncertainty));
+    return text;
 }
 
-std::string csv_of(const std::vector<PhotoEdges>& photos) {
-    CsvTable table;
-    for (const PhotoEdges& all : photos)
-        for (const FoundSlantedEdge& each : all.edges)
-            for (const ModulationRow& row : each.edge.modulation) {
-                table.text("photo", all.photo.string());
-                table.text("region_px", place_of(each.region));
-                table.number("cycles_per_px", row.cycles_per_px);
-                table.number("modulation", row.modulation);
-                table.number("standard_uncertainty", row.standard_uncertainty);
-                table.end_row();
-            }
-    return table.finish();
-}
-
-HtmlPage::Figure curve_of(const std::filesystem::path& photo, const FoundSlantedEdge& each) {
+HtmlPage::Figure curve_of(const PhotoEdge& one) {
     SvgPlot plot("spatial frequency, cycles per px", "modulation");
     plot.set_y_range(0.0, 1.2);
     Series curve;
-    for (const ModulationRow& row : each.edge.modulation)
+    for (const ModulationRow& row : one.edge.modulation)
         curve.add(row.cycles_per_px, row.modulation,
                   row.modulation - 2.0 * row.standard_uncertainty,
                   row.modulation + 2.0 * row.standard_uncertainty);
@@ -140,33 +128,29 @@ HtmlPage::Figure curve_of(const std::filesystem::path& photo, const FoundSlanted
     return {plot.svg(),
             fmt::format("{}, {}: {:.1f} degrees from the pixels' axis. A curve above 1 tells of "
                         "sharpening.",
-                        photo.filename().string(), place_of(each.region), each.edge.angle_deg)};
+                        one.photo.filename().string(), place_of(one), one.edge.angle_deg)};
 }
 
-std::string page_of(const std::vector<PhotoEdges>& photos) {
+std::string edges_page(const std::vector<PhotoEdge>& edges) {
     HtmlPage page("Slanted edges", "spatial frequency response, ISO 12233");
-    TableRows rows;
     HtmlPage::Figures figures;
     std::vector<double> mtf50;
-    for (const PhotoEdges& all : photos)
-        for (const FoundSlantedEdge& each : all.edges) {
-            const SlantedEdge& edge = each.edge;
-            rows.push_back({all.photo.filename().string(), place_of(each.region),
-                            fixed(edge.angle_deg, 1),
-                            with_u(edge.mtf50_cycles_per_px, edge.mtf50_standard_uncertainty),
-                            with_u(edge.at_nyquist, edge.at_nyquist_standard_uncertainty)});
-            figures.push_back(curve_of(all.photo, each));
-            mtf50.push_back(edge.mtf50_cycles_per_px);
-        }
-    if (!mtf50.empty()) {
-        const auto [low, high] = std::ranges::minmax(mtf50);
-        page.add_verdict(fmt::format("{:.3f} to {:.3f}", low, high),
-                         fmt::format("cycles per px is where the modulation has fallen to one half "
-                                     "(MTF50), over {}.",
-                                     counted(mtf50.size(), "edge")));
+    for (const PhotoEdge& one : edges) {
+        figures.push_back(curve_of(one));
+        mtf50.push_back(one.edge.mtf50_cycles_per_px);
     }
-    page.add_table({"photo", "region / px", "angle / deg", "MTF50 / cycles per px", "at Nyquist"},
-                   rows);
+    const auto [low, high] = std::ranges::minmax(mtf50);
+    page.add_verdict(fmt::format("{:.3f} to {:.3f}", low, high),
+                     fmt::format("cycles per px is where the modulation has fallen to one half "
+                                 "(MTF50), over {}.",
+                                 counted(mtf50.size(), "edge")));
+    const ColumnsOf<PhotoEdge> columns = {
+        {"", [](const PhotoEdge& one) { return one.photo.filename().string(); }, "photo"},
+        {"", place_of, "region", "px"},
+        {"", [](const PhotoEdge& one) { return one.edge.angle_deg; }, "angle", "deg", "{:.1f}"},
+        {"", mtf50_of, "MTF50", "cycles per px"},
+        {"", nyquist_of, "at Nyquist"}};
+    page.add_table(table_of(columns, edges));
     page.add_notes(
         {"Lens, pixel and what the camera did to the picture, together. U (k = 2) is that "
          "of the pixels' noise."});
@@ -184,20 +168,23 @@ int run_edge(const CharacteriseArguments& arguments) {
         fmt::print(stderr,
                    "no camera file: pixel values are taken to be linear in light, which those of "
                    "JPEG files\nare not\n");
-    std::vector<PhotoEdges> photos;
+    std::vector<PhotoEdge> edges;
     for (const auto& path : arguments.photos)
-        photos.push_back({path, edges_in(path, linear(path, arguments), region)});
+        for (FoundSlantedEdge& found : edges_in(path, linear(path, arguments), region))
+            edges.push_back({path, found.region, std::move(found.edge)});
     if (!arguments.report.empty()) {
         make_folder(arguments.report);
-        write_text(arguments.report / "edges.csv", csv_of(photos));
-        write_text(arguments.report / "report.html", page_of(photos));
+        write_text(arguments.report / "edges.csv", edges_csv(edges));
+        write_text(arguments.report / "report.html", edges_page(edges));
     }
     if (arguments.json) {
-        print_json(photos);
+        std::puts(text_of({{"etalon", "edges/1"}, {"edges", json_list(edges, edge_json)}}).c_str());
         return 0;
     }
-    for (const PhotoEdges& all : photos)
-        print_words(all);
+    for (const PhotoEdge& one : edges)
+        fmt::print("MTF50 {} cycles/px at {}, {:.1f} deg, Nyquist {}: {}\n", mtf50_of(one),
+                   place_of(one), one.edge.angle_deg, nyquist_of(one),
+                   one.photo.filename().string());
     print_report(arguments.report);
     return 0;
 }

@@ -94,7 +94,7 @@ std::string bias_plot(const Expectation& expectation, std::size_t component,
     SvgPlot plot(along.label, fmt::format("B1 {}, {}", named.name, named.unit), plot_width,
                  plot_height);
     const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::bias);
-    plot.add_points(xs, expectation.biases(static_cast<int>(component)), Color::gray, "pose");
+    plot.add_points({xs, expectation.biases(static_cast<int>(component))}, Color::gray, "pose");
     add_average(plot, (*expectation.bias_maps)[component], along, xs, itself, Color::blue);
     return plot.svg();
 }
@@ -105,7 +105,7 @@ std::string noise_plot(const Expectation& expectation, std::size_t component,
     SvgPlot plot(along.label, fmt::format("noise {}, {}", named.name, named.unit), plot_width,
                  plot_height);
     const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::noise);
-    plot.add_points(xs, expectation.noises(static_cast<int>(component)), Color::gray, "pose");
+    plot.add_points({xs, expectation.noises(static_cast<int>(component))}, Color::gray, "pose");
     add_average(plot, (*expectation.noise_maps)[component], along, xs, exponential, Color::orange);
     return plot.svg();
 }

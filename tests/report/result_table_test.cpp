@@ -47,9 +47,8 @@ TEST(ResultTable, JsonHasKeysInTheirOrder) {
               R"([{"photo":"a, b.png","rms_gray":0.3333333333333333,"pixels":12,"used":true,)"
               R"("blur_sigma_px":0.5},)"
               R"({"photo":"c.png","rms_gray":null,"pixels":7,"used":false,"blur_sigma_px":null}])");
-    const ResultTable one = table_of_one(
-        ColumnsOf<Photo>{{"name", &Photo::name}, {"rms_gray", &Photo::rms_gray}}, Photo{"a"});
-    EXPECT_EQ(json_object(one, MissingFigure::left_out).dump(), R"({"name":"a"})");
+    const ColumnsOf<Photo> columns = {{"name", &Photo::name}, {"rms_gray", &Photo::rms_gray}};
+    EXPECT_EQ(json_object(columns, Photo{"a"}, MissingFigure::left_out).dump(), R"({"name":"a"})");
 }
 
 TEST(ResultTable, TextIsAlignedByColumns) {
@@ -57,7 +56,15 @@ TEST(ResultTable, TextIsAlignedByColumns) {
               "photograph  residual  half  used  blur\n"
               "                gray                px\n"
               "a, b.png        0.33     6   yes   0.5\n"
-              "c.png              –     3    no     –\n");
+              "c.png              -     3    no     -\n");
+}
+
+TEST(ResultTable, TextLeavesOutWhatIsForPages) {
+    EXPECT_EQ(text_table(photos(), {"half", "used", "blur"}),
+              "photograph  residual\n"
+              "                gray\n"
+              "a, b.png        0.33\n"
+              "c.png              -\n");
 }
 
 TEST(ResultTable, TextFitsATerminal) {

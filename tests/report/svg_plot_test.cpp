@@ -23,7 +23,7 @@ std::vector<double> attribute(const std::string& svg, const std::string& element
 TEST(SvgPlot, KeepsOrderAndProportionOfThePoints) {
     SvgPlot plot("x / mm", "y / mm");
     const std::vector<double> xs{0, 7, 14}, ys{5, 0, 10};
-    plot.add_points(xs, ys, Color::blue, "points");
+    plot.add_points({xs, ys}, Color::blue, "points");
     const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
     const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
     ASSERT_EQ(cx.size(), 3u);
@@ -36,7 +36,7 @@ TEST(SvgPlot, ImageAxesHaveOneScaleAndYDown) {
     SvgPlot plot("x / px", "y / px");
     plot.set_image_axes();
     const std::vector<double> xs{0, 100, 0}, ys{0, 0, 30};
-    plot.add_points(xs, ys, Color::blue, "points");
+    plot.add_points({xs, ys}, Color::blue, "points");
     const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
     const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
     EXPECT_NEAR((cx[1] - cx[0]) * 0.3, cy[2] - cy[0], 0.2);
@@ -46,8 +46,8 @@ TEST(SvgPlot, LeavesOutWhatIsNotFinite) {
     SvgPlot plot("x", "y");
     const std::vector<double> xs{1, std::numeric_limits<double>::quiet_NaN(), 3},
         ys{2, 5, std::numeric_limits<double>::infinity()};
-    plot.add_points(xs, ys, Color::blue, "points");
-    plot.add_line(xs, ys, Color::red, "line");
+    plot.add_points({xs, ys}, Color::blue, "points");
+    plot.add_line({xs, ys}, Color::red, "line");
     const std::string svg = plot.svg();
     EXPECT_EQ(attribute(svg, "circle", "cx").size(), 1u);
     EXPECT_EQ(svg.find("nan"), std::string::npos);
@@ -59,7 +59,7 @@ TEST(SvgPlot, PlacesALogarithmicAxisByRatios) {
     SvgPlot plot("x", "y");
     plot.set_log_y_axis();
     const std::vector<double> xs{1, 2, 3}, ys{1, 10, 100};
-    plot.add_points(xs, ys, Color::blue, "points");
+    plot.add_points({xs, ys}, Color::blue, "points");
     const std::string svg = plot.svg();
     const std::vector<double> cx = attribute(svg, "circle", "cx");
     const std::vector<double> cy = attribute(svg, "circle", "cy");
@@ -73,7 +73,7 @@ TEST(SvgPlot, BreaksALegendThatIsTooLong) {
     plot.set_size(300, 200);
     const std::vector<double> xs{1, 2}, ys{3, 4};
     for (const char* name : {"the first of them", "the second of them", "the third"})
-        plot.add_line(xs, ys, Color::blue, name);
+        plot.add_line({xs, ys}, Color::blue, name);
     const std::vector<double> x = attribute(plot.svg(), "rect class='mark'", "x");
     ASSERT_EQ(x.size(), 3u);
     EXPECT_EQ(x[0], x[1]);  // one below the other
@@ -88,7 +88,7 @@ TEST(SvgPlot, DrawsAnEmptyPlotWithoutData) {
 TEST(SvgPlot, ShowsTheNoteOfEachPoint) {
     SvgPlot plot("x", "y");
     const std::vector<double> xs{1, 2}, ys{3, 4};
-    plot.add_points(xs, ys, Color::blue, "points", {"pose 7 <b>", "pose 5"});
+    plot.add_points({xs, ys, {}, {}, {"pose 7 <b>", "pose 5"}}, Color::blue, "points");
     EXPECT_NE(plot.svg().find("<title>pose 7 &lt;b&gt;</title>"), std::string::npos);
 }
 

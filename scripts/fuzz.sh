@@ -46,7 +46,7 @@ seeds_of() {
 words_of() {
     local sources
     case $1 in
-        own_files) sources="compare/qualification station/certify/certificate_form.cpp mocks/twin stage sim/marker/marker.cpp station/compare \
+        own_files) sources="compare/qualification station/certify/certificate.cpp mocks/twin stage sim/marker/marker.cpp station/compare \
             station/setup study calib/files/camera_file.cpp calib/camera/camera_model.h core/geometry/units.h" ;;
         foreign_cameras) sources=calib/files ;;
         event_log) sources="capture/frame/frame_log.cpp core/image/image.cpp station/qualify/recorded_run.cpp station/record" ;;

@@ -7,7 +7,7 @@
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "stage/profile/profile.h"
-#include "station/certify/certificate_form.h"
+#include "station/certify/certificate.h"
 #include "station/commands.h"
 #include "station/setup/station_file.h"
 #include "study/study_file.h"

@@ -7,7 +7,6 @@
 #include "core/geometry/units.h"
 #include "report/number_text.h"
 #include "station/certify/certificate.h"
-#include "station/certify/traceability.h"
 
 namespace etalon {
 namespace {

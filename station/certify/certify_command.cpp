@@ -8,8 +8,6 @@
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "station/certify/certificate.h"
-#include "station/certify/pdf_file.h"
-#include "station/certify/traceability.h"
 #include "station/qualify/recorded_run.h"
 #include "station/record/record_json.h"
 #include "station/record/run_record.h"

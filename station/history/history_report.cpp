@@ -4,7 +4,6 @@
 #include "report/html.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
-#include "station/history/fleet.h"
 #include "station/history/run_history.h"
 #include "station/record/record_json.h"
 

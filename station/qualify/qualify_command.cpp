@@ -14,7 +14,7 @@
 #include "station/qualify/runner.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
-#include "station/setup/station_inputs.h"
+#include "station/setup/station_file.h"
 #include "station/setup/station_lock.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
@@ -147,6 +147,27 @@ int run_report(const ReportArguments& arguments) {
     return print_result(analyse_record(recorded, progress, stop.get_token()), arguments.json);
 }
 
+struct DemoArguments {
+    std::filesystem::path out;
+    std::vector<std::string> twin;  // more arguments for etalon-twin
+    bool json = false;
+};
+
+std::filesystem::path new_record() {
+    const std::time_t now = std::time(nullptr);
+    return fmt::format("etalon-demo-{:%Y%m%d-%H%M%S}", fmt::localtime(now));
+}
+
+int run_demo(const DemoArguments& arguments) {
+    QualifyArguments run;
+    run.station = installed_file("examples/demo/station.yaml");
+    run.out = arguments.out.empty() ? new_record() : arguments.out;
+    run.twin = {installed_file("examples/demo/twin.yaml").string()};
+    run.twin.insert(run.twin.end(), arguments.twin.begin(), arguments.twin.end());
+    run.json = arguments.json;
+    return run_qualify(run);
+}
+
 }  // namespace
 
 int run_qualify(const QualifyArguments& arguments) {
@@ -215,31 +236,6 @@ void declare_report(Command& program) {
 }
 
 // `etalon demo`: the main job on a machine without devices, with the files that are installed.
-
-namespace {
-
-struct DemoArguments {
-    std::filesystem::path out;
-    std::vector<std::string> twin;  // more arguments for etalon-twin
-    bool json = false;
-};
-
-std::filesystem::path new_record() {
-    const std::time_t now = std::time(nullptr);
-    return fmt::format("etalon-demo-{:%Y%m%d-%H%M%S}", fmt::localtime(now));
-}
-
-int run_demo(const DemoArguments& arguments) {
-    QualifyArguments run;
-    run.station = installed_file("examples/demo/station.yaml");
-    run.out = arguments.out.empty() ? new_record() : arguments.out;
-    run.twin = {installed_file("examples/demo/twin.yaml").string()};
-    run.twin.insert(run.twin.end(), arguments.twin.begin(), arguments.twin.end());
-    run.json = arguments.json;
-    return run_qualify(run);
-}
-
-}  // namespace
 
 void declare_demo(Command& program) {
     auto [command, asked] = program.add(

@@ -560,23 +560,6 @@ void add_analysis(HtmlPage& page, const QualifyResult& result) {
         add_registration(page, *analysis.registration);
 }
 
-}  // namespace
-
-void write_qualify_report(const QualifyResult& result, const std::filesystem::path& path) {
-    const CameraIdentity& camera = result.camera;
-    HtmlPage page("Qualification of camera " + (camera.serial.empty() ? camera.uri : camera.serial),
-                  fmt::format("{}, {} {}, station {}, limits {}, marker {}", result.started_utc,
-                              camera.vendor, camera.model, result.station.id,
-                              result.station.limits.id, result.station.marker.spec));
-    add_summary(page, result);
-    if (result.analysis)
-        add_analysis(page, result);
-    add_run(page, result);
-    write_text(path, page.finish());
-}
-
-namespace {
-
 std::vector<std::string> row_of(const JudgedQuantity& each, const DecisionRisk& risk) {
     return {quantity_kind(each.name).words,
             name(each.outcome),
@@ -588,30 +571,6 @@ std::vector<std::string> row_of(const JudgedQuantity& each, const DecisionRisk& 
             significant(risk.passes_5, 3),
             each.unit};
 }
-
-}  // namespace
-
-void add_decision(HtmlPage& page, const Qualification& analysis) {
-    TableRows rows;
-    for (const JudgedQuantity& each : analysis.quantities)
-        if (each.risk)
-            rows.push_back(row_of(each, *each.risk));
-    if (rows.empty())
-        return;
-    page.add_heading("Decision rule: " + analysis.rule.name());
-    page.add_table({"quantity", "outcome", "within its limit", "consumer's risk", "producer's risk",
-                    "PASS in 95 %", "in 50 %", "in 5 %", "unit"},
-                   rows);
-    page.add_notes(
-        {"Within its limit: how probable that is of the true value, from this measurement alone.",
-         "Risks of the rule (JCGM 106): consumer's, that a value above its limit gets PASS; "
-         "producer's, that one within it gets FAIL. With the prior of the limits file where it has "
-         "one, otherwise the most that they can be.",
-         "Operating characteristic: true values that get PASS in 95, 50 and 5 % of runs; a dash "
-         "where no value does."});
-}
-
-namespace {
 
 constexpr int plot_width = 420, plot_height = 340;  // three beside each other stay readable
 
@@ -678,6 +637,39 @@ HtmlPage::Figure component_figure(const std::array<Series, 3>& biases, const std
 }
 
 }  // namespace
+
+void write_qualify_report(const QualifyResult& result, const std::filesystem::path& path) {
+    const CameraIdentity& camera = result.camera;
+    HtmlPage page("Qualification of camera " + (camera.serial.empty() ? camera.uri : camera.serial),
+                  fmt::format("{}, {} {}, station {}, limits {}, marker {}", result.started_utc,
+                              camera.vendor, camera.model, result.station.id,
+                              result.station.limits.id, result.station.marker.spec));
+    add_summary(page, result);
+    if (result.analysis)
+        add_analysis(page, result);
+    add_run(page, result);
+    write_text(path, page.finish());
+}
+
+void add_decision(HtmlPage& page, const Qualification& analysis) {
+    TableRows rows;
+    for (const JudgedQuantity& each : analysis.quantities)
+        if (each.risk)
+            rows.push_back(row_of(each, *each.risk));
+    if (rows.empty())
+        return;
+    page.add_heading("Decision rule: " + analysis.rule.name());
+    page.add_table({"quantity", "outcome", "within its limit", "consumer's risk", "producer's risk",
+                    "PASS in 95 %", "in 50 %", "in 5 %", "unit"},
+                   rows);
+    page.add_notes(
+        {"Within its limit: how probable that is of the true value, from this measurement alone.",
+         "Risks of the rule (JCGM 106): consumer's, that a value above its limit gets PASS; "
+         "producer's, that one within it gets FAIL. With the prior of the limits file where it has "
+         "one, otherwise the most that they can be.",
+         "Operating characteristic: true values that get PASS in 95, 50 and 5 % of runs; a dash "
+         "where no value does."});
+}
 
 double off_axis_deg(const Rigid& camera_from_marker) {
     const Eigen::Vector3d& p = camera_from_marker.translation;

@@ -15,7 +15,7 @@
 #include "station/qualify/runner.h"
 #include "station/record/run_events.h"
 #include "station/record/run_record.h"
-#include "station/setup/station_inputs.h"
+#include "station/setup/station_file.h"
 
 namespace etalon {
 namespace {

@@ -103,6 +103,43 @@ RunOutcome outcome_of(Outcome verdict) {
     return verdict == Outcome::fail ? RunOutcome::fail : RunOutcome::inconclusive;
 }
 
+// A file that could not be written has no hash: the run says so elsewhere.
+void attach(QualifyResult& result, const std::string& path) {
+    std::error_code ignored;
+    if (std::filesystem::is_regular_file(result.folder / path, ignored))
+        result.attachments.push_back({path, sha256_of_file(result.folder / path)});
+}
+
+void attach_all(QualifyResult& result) {
+    result.attachments.clear();
+    for (const char* file : {log_file, "poses.csv", "convergence.csv", "junit.xml", "report.html"})
+        attach(result, file);
+    for (const InputFile& input : result.station.inputs)
+        result.attachments.push_back({input.copy, input.sha256});
+    for (const Pose& pose : result.poses) {
+        for (const FrameRecord& frame : pose.frames)
+            if (!frame.file.empty())
+                result.attachments.push_back({frame.file, frame.sha256});
+        if (!pose.render_file.empty())
+            attach(result, pose.render_file);
+    }
+}
+
+// Of the frames of one pose, as poses.
+std::optional<SixErrors> noise_of(const Pose& pose, const std::vector<Eigen::Vector3d>& points_mm,
+                                  const Projector& projector) {
+    const Rigid& predicted = pose.bias.predicted;
+    ErrorSpread spread;
+    for (const FrameRecord& frame : pose.frames) {
+        if (frame.corners.empty())
+            continue;
+        const PoseBias bias = pose_bias(projector, points_mm, predicted, frame.corners, {});
+        if (bias.b2)
+            spread.add(components_of(*bias.b2, predicted));
+    }
+    return spread.deviations();
+}
+
 }  // namespace
 
 void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress& progress,
@@ -129,32 +166,6 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
     progress.end();
 }
 
-namespace {
-
-// A file that could not be written has no hash: the run says so elsewhere.
-void attach(QualifyResult& result, const std::string& path) {
-    std::error_code ignored;
-    if (std::filesystem::is_regular_file(result.folder / path, ignored))
-        result.attachments.push_back({path, sha256_of_file(result.folder / path)});
-}
-
-void attach_all(QualifyResult& result) {
-    result.attachments.clear();
-    for (const char* file : {log_file, "poses.csv", "convergence.csv", "junit.xml", "report.html"})
-        attach(result, file);
-    for (const InputFile& input : result.station.inputs)
-        result.attachments.push_back({input.copy, input.sha256});
-    for (const Pose& pose : result.poses) {
-        for (const FrameRecord& frame : pose.frames)
-            if (!frame.file.empty())
-                result.attachments.push_back({frame.file, frame.sha256});
-        if (!pose.render_file.empty())
-            attach(result, pose.render_file);
-    }
-}
-
-}  // namespace
-
 void write_results(QualifyResult& result) {
     write_text(result.folder / "poses.csv", poses_csv(result));
     write_text(result.folder / "convergence.csv", convergence_csv(result));
@@ -163,25 +174,6 @@ void write_results(QualifyResult& result) {
     attach_all(result);
     write_text(result.folder / "run.json", run_json(result));
 }
-
-namespace {
-
-// Of the frames of one pose, as poses.
-std::optional<SixErrors> noise_of(const Pose& pose, const std::vector<Eigen::Vector3d>& points_mm,
-                                  const Projector& projector) {
-    const Rigid& predicted = pose.bias.predicted;
-    ErrorSpread spread;
-    for (const FrameRecord& frame : pose.frames) {
-        if (frame.corners.empty())
-            continue;
-        const PoseBias bias = pose_bias(projector, points_mm, predicted, frame.corners, {});
-        if (bias.b2)
-            spread.add(components_of(*bias.b2, predicted));
-    }
-    return spread.deviations();
-}
-
-}  // namespace
 
 Expectation run_expectation(const QualifyResult& result) {
     Expectation expectation;

@@ -19,7 +19,7 @@
 #include "station/qualify/run_analysis.h"
 #include "station/record/run_events.h"
 #include "station/record/run_record.h"
-#include "station/setup/station_inputs.h"
+#include "station/setup/station_file.h"
 
 namespace etalon {
 namespace {
@@ -38,59 +38,6 @@ std::optional<CornerNoise> corner_noise(const Pose& pose) {
     const double freedom = (pose.detections - 1) * coordinates;
     return CornerNoise{squares / freedom / pose.detections, freedom};
 }
-
-}  // namespace
-
-std::string frame_file(int pose, int frame) {
-    return fmt::format("frames/{:04}_{}.png", pose, frame);
-}
-
-void average_readings(Pose& pose, std::span<const Axis> axes) {
-    const auto n = static_cast<double>(pose.readings.size());
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        double sum = 0.0, squares = 0.0;
-        for (const auto& reading : pose.readings)
-            sum += reading.at(i);
-        for (const auto& reading : pose.readings)
-            squares += std::pow(reading[i] - sum / n, 2);
-        const double deviation = std::sqrt(squares / (n - 1.0));
-        pose.read_back.push_back(sum / n);
-        pose.read_back_deviation.push_back(deviation);
-        const double single = std::max(deviation, axes[i].read_noise.value_or(0.0));
-        pose.read_back_uncertainty.push_back(single / std::sqrt(n));
-    }
-    const StagePose stage = stage_pose(axes, pose.read_back, pose.read_back_uncertainty);
-    pose.base_from_carriage = stage.base_from_carriage;
-    pose.stage_covariance = stage.covariance;
-}
-
-void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame) {
-    const Detection seen = detector.detect(image);
-    if (!seen.corners)
-        frame.detection = seen.reason;
-    else if (!seen.shown_as.empty())
-        frame.detection = drawn_otherwise(seen.shown_as);
-    else if (!seen.corners->is_whole())
-        frame.detection = "marker seen in part only";
-    else
-        frame.corners = seen.corners->pixels;
-}
-
-void average_corners(Pose& pose) {
-    for (const FrameRecord& frame : pose.frames) {
-        if (frame.corners.empty())
-            continue;
-        ++pose.detections;
-        pose.corners.resize(frame.corners.size(), Eigen::Vector2d::Zero());
-        for (std::size_t i = 0; i < frame.corners.size(); ++i)
-            pose.corners[i] += frame.corners[i];
-    }
-    for (Eigen::Vector2d& corner : pose.corners)
-        corner /= pose.detections;
-    pose.corner_noise = corner_noise(pose);
-}
-
-namespace {
 
 // What all steps of a run share.
 struct Run {
@@ -539,7 +486,73 @@ Instant resumed_start(const RecordedRun& recorded, const RunSession& session, In
     return now - duration_of(std::max(passed_s, recorded.end_s));
 }
 
+double read_quantity(ModbusLink& link, const RoomSensor& sensor, const SensorRegister& place) {
+    const std::string device = "room sensor " + describe(sensor.link);
+    const std::string request = fmt::format("read register {}", place.address);
+    try {
+        const auto registers =
+            link.read(sensor.link.unit, place.space, place.address, registers_of(place.type));
+        const double value =
+            place.scale * number_from_registers(registers, place.type, place.order) + place.offset;
+        if (!place.possible.contains(value))
+            throw DeviceError(device, request,
+                              fmt::format("{} is not {}", value, place.possible.words()));
+        return value;
+    } catch (const DeviceError& error) {
+        throw DeviceError(device, request, error.cause());
+    }
+}
+
 }  // namespace
+
+std::string frame_file(int pose, int frame) {
+    return fmt::format("frames/{:04}_{}.png", pose, frame);
+}
+
+void average_readings(Pose& pose, std::span<const Axis> axes) {
+    const auto n = static_cast<double>(pose.readings.size());
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        double sum = 0.0, squares = 0.0;
+        for (const auto& reading : pose.readings)
+            sum += reading.at(i);
+        for (const auto& reading : pose.readings)
+            squares += std::pow(reading[i] - sum / n, 2);
+        const double deviation = std::sqrt(squares / (n - 1.0));
+        pose.read_back.push_back(sum / n);
+        pose.read_back_deviation.push_back(deviation);
+        const double single = std::max(deviation, axes[i].read_noise.value_or(0.0));
+        pose.read_back_uncertainty.push_back(single / std::sqrt(n));
+    }
+    const StagePose stage = stage_pose(axes, pose.read_back, pose.read_back_uncertainty);
+    pose.base_from_carriage = stage.base_from_carriage;
+    pose.stage_covariance = stage.covariance;
+}
+
+void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame) {
+    const Detection seen = detector.detect(image);
+    if (!seen.corners)
+        frame.detection = seen.reason;
+    else if (!seen.shown_as.empty())
+        frame.detection = drawn_otherwise(seen.shown_as);
+    else if (!seen.corners->is_whole())
+        frame.detection = "marker seen in part only";
+    else
+        frame.corners = seen.corners->pixels;
+}
+
+void average_corners(Pose& pose) {
+    for (const FrameRecord& frame : pose.frames) {
+        if (frame.corners.empty())
+            continue;
+        ++pose.detections;
+        pose.corners.resize(frame.corners.size(), Eigen::Vector2d::Zero());
+        for (std::size_t i = 0; i < frame.corners.size(); ++i)
+            pose.corners[i] += frame.corners[i];
+    }
+    for (Eigen::Vector2d& corner : pose.corners)
+        corner /= pose.detections;
+    pose.corner_noise = corner_noise(pose);
+}
 
 DeviceOpeners station_devices(const StationFile& station, bool homed, Clock& clock,
                               Progress& progress, const std::stop_token& stop) {
@@ -610,27 +623,6 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
     close_record(run);
     return result;
 }
-
-namespace {
-
-double read_quantity(ModbusLink& link, const RoomSensor& sensor, const SensorRegister& place) {
-    const std::string device = "room sensor " + describe(sensor.link);
-    const std::string request = fmt::format("read register {}", place.address);
-    try {
-        const auto registers =
-            link.read(sensor.link.unit, place.space, place.address, registers_of(place.type));
-        const double value =
-            place.scale * number_from_registers(registers, place.type, place.order) + place.offset;
-        if (!place.possible.contains(value))
-            throw DeviceError(device, request,
-                              fmt::format("{} is not {}", value, place.possible.words()));
-        return value;
-    } catch (const DeviceError& error) {
-        throw DeviceError(device, request, error.cause());
-    }
-}
-
-}  // namespace
 
 std::function<ClimateReading()> room_sensor(const RoomSensor& sensor, Clock& clock) {
     const auto link = std::make_shared<ModbusLink>(sensor.link, clock);

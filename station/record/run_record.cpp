@@ -16,6 +16,57 @@
 #include "station/record/run_json.h"
 
 namespace etalon {
+namespace {
+
+std::filesystem::path made(const std::filesystem::path& folder,
+                           std::initializer_list<const char*> parts) {
+    require_new_folder(folder);
+    make_record_folders(folder, parts);
+    return folder;
+}
+
+static_assert(sizeof(std::time_t) == 8, "dates after 2038-01-19 need 64 bits");
+
+std::string utc_text(std::time_t time) {
+    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(time));
+}
+
+// The log, without what follows the whole lines.
+std::filesystem::path cut(const std::filesystem::path& log, std::uintmax_t whole_bytes) {
+    std::error_code error;
+    std::filesystem::resize_file(log, whole_bytes, error);
+    if (error)
+        fail_writing(log, error);
+    return log;
+}
+
+// The notes of a loaded object hold its build ID, which follows from its code.
+int add_notes(dl_phdr_info* object, std::size_t, void* text) {
+    std::string& all = *static_cast<std::string*>(text);
+    all += fmt::format("{}\n", object->dlpi_name);
+    for (int i = 0; i < object->dlpi_phnum; ++i) {
+        const ElfW(Phdr)& part = object->dlpi_phdr[i];
+        if (part.p_type == PT_NOTE)
+            all.append(reinterpret_cast<const char*>(object->dlpi_addr + part.p_vaddr),
+                       part.p_memsz);
+    }
+    return 0;
+}
+
+// What was loaded with the program: plugins (core/program/plugin.h) that come later measure
+// nothing.
+const std::string notes_at_start = [] {
+    std::string all;
+    dl_iterate_phdr(add_notes, &all);
+    return all;
+}();
+
+std::string found_fingerprint() {
+    return sha256(sha256_of_file("/proc/self/exe") + "\n" + cv::getCPUFeaturesLine() + "\n" +
+                  notes_at_start);
+}
+
+}  // namespace
 
 ImageWriter::ImageWriter(std::size_t capacity)
     : capacity_(std::max<std::size_t>(capacity, 1)), thread_([this] { work(); }) {}
@@ -71,32 +122,6 @@ void ImageWriter::work() {
         changed_.notify_all();
     }
 }
-
-namespace {
-
-std::filesystem::path made(const std::filesystem::path& folder,
-                           std::initializer_list<const char*> parts) {
-    require_new_folder(folder);
-    make_record_folders(folder, parts);
-    return folder;
-}
-
-static_assert(sizeof(std::time_t) == 8, "dates after 2038-01-19 need 64 bits");
-
-std::string utc_text(std::time_t time) {
-    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(time));
-}
-
-// The log, without what follows the whole lines.
-std::filesystem::path cut(const std::filesystem::path& log, std::uintmax_t whole_bytes) {
-    std::error_code error;
-    std::filesystem::resize_file(log, whole_bytes, error);
-    if (error)
-        fail_writing(log, error);
-    return log;
-}
-
-}  // namespace
 
 void require_new_folder(const std::filesystem::path& folder) {
     std::error_code error;
@@ -160,36 +185,6 @@ void RunRecord::write(const QualifyResult& result) {
     write_text(folder_ / "run.json", run_json(result));
     write_text(folder_ / "poses.csv", poses_csv(result));
 }
-
-namespace {
-
-// The notes of a loaded object hold its build ID, which follows from its code.
-int add_notes(dl_phdr_info* object, std::size_t, void* text) {
-    std::string& all = *static_cast<std::string*>(text);
-    all += fmt::format("{}\n", object->dlpi_name);
-    for (int i = 0; i < object->dlpi_phnum; ++i) {
-        const ElfW(Phdr)& part = object->dlpi_phdr[i];
-        if (part.p_type == PT_NOTE)
-            all.append(reinterpret_cast<const char*>(object->dlpi_addr + part.p_vaddr),
-                       part.p_memsz);
-    }
-    return 0;
-}
-
-// What was loaded with the program: plugins (core/program/plugin.h) that come later measure
-// nothing.
-const std::string notes_at_start = [] {
-    std::string all;
-    dl_iterate_phdr(add_notes, &all);
-    return all;
-}();
-
-std::string found_fingerprint() {
-    return sha256(sha256_of_file("/proc/self/exe") + "\n" + cv::getCPUFeaturesLine() + "\n" +
-                  notes_at_start);
-}
-
-}  // namespace
 
 const std::string& program_fingerprint() {
     static const std::string fingerprint = found_fingerprint();

@@ -7,14 +7,46 @@
 //     this server can read, and an Origin, where there is one, that is this server.
 #pragma once
 
+#include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
-#include "station/serve/web_request.h"
-
 namespace etalon {
+
+// ---- what is asked and answered, free of any library: http_server.h translates
+
+// Hostile until checked; bounded by ServerLimits. A header that is absent is empty, one that came
+// twice is refused before.
+struct WebRequest {
+    std::string method;                         // "GET", "POST"
+    std::string path;                           // decoded, "/api/state"
+    std::map<std::string, std::string> fields;  // of the query, decoded
+    std::string body;
+    std::string host, origin, fetch_site, authorization, cookie;
+    std::string action_token;   // of X-Etalon-Action, what a POST must bring
+    std::string local_address;  // where it came in, "127.0.0.1"
+    int local_port = 0;
+};
+
+// Takes a piece of a stream; false when its reader is gone or too slow.
+using WebSink = std::function<bool(std::string_view)>;
+
+struct WebReply {
+    int status = 200;
+    std::string type = "application/json", body = {};
+    std::vector<std::pair<std::string, std::string>> headers = {};
+    // In place of a body: called on the connection's own thread until it returns false.
+    std::function<bool(const WebSink&)> stream = {};
+};
+
+// An error as every route answers it: {"error": text}.
+WebReply error_reply(int status, const std::string& text);
+
+// ---- access
 
 struct AccessRules {
     std::string token;                    // of all requests; empty: none is asked for
@@ -33,8 +65,5 @@ std::optional<WebReply> refusal(const AccessRules& rules, const WebRequest& requ
 
 // Of a request with a right ?token=...: the way to the page without it, with the cookie set.
 std::optional<WebReply> token_link(const AccessRules& rules, const WebRequest& request);
-
-// An error as every route answers it: {"error": text}.
-WebReply error_reply(int status, const std::string& text);
 
 }  // namespace etalon

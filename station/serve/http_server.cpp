@@ -105,10 +105,6 @@ private:
     std::size_t first_ = 0, last_ = 0, taken_ = 0;
 };
 
-std::string header_of(const httplib::Request& request, const char* name) {
-    return request.get_header_value(name);
-}
-
 bool has_doubled_header(const httplib::Request& request) {
     for (const char* name : {"Host", "Origin", "Authorization", "Cookie", "Content-Length",
                              "Transfer-Encoding", "X-Etalon-Action", "Sec-Fetch-Site"})
@@ -129,22 +125,20 @@ WebRequest request_of(const httplib::Request& request) {
     asked.path = request.path;
     asked.fields = {request.params.begin(), request.params.end()};
     asked.body = request.body;
-    asked.host = header_of(request, "Host");
-    asked.origin = header_of(request, "Origin");
-    asked.fetch_site = header_of(request, "Sec-Fetch-Site");
-    asked.authorization = header_of(request, "Authorization");
-    asked.cookie = header_of(request, "Cookie");
-    asked.action_token = header_of(request, "X-Etalon-Action");
+    asked.host = request.get_header_value("Host");
+    asked.origin = request.get_header_value("Origin");
+    asked.fetch_site = request.get_header_value("Sec-Fetch-Site");
+    asked.authorization = request.get_header_value("Authorization");
+    asked.cookie = request.get_header_value("Cookie");
+    asked.action_token = request.get_header_value("X-Etalon-Action");
     asked.local_address = request.local_addr;
     asked.local_port = request.local_port;
     return asked;
 }
 
-}  // namespace
-
-class HttpServer::Implementation final : public httplib::Server {
+class HttplibServer final : public HttpServer, private httplib::Server {
 public:
-    Implementation(const ServerLimits& limits, std::function<WebReply(const WebRequest&)> answer)
+    HttplibServer(const ServerLimits& limits, std::function<WebReply(const WebRequest&)> answer)
         : limits_(limits), answer_(std::move(answer)) {
         constexpr int spare_threads = 4;  // which close the connections that are too many
         new_task_queue = [this] {
@@ -173,16 +167,24 @@ public:
         });
     }
 
-    // The library lets five wait to be accepted: a sixth would try again a second later.
-    void let_many_wait() { ::listen(svr_sock_, SOMAXCONN); }
-
-    void serve() {
+    int open(const std::string& address, int port) override {
+        const int bound =
+            port == 0 ? bind_to_any_port(address) : (bind_to_port(address, port) ? port : -1);
+        if (bound < 0)
+            throw ConfigError({"--port"},
+                              fmt::format("{}:{} cannot be listened on: {}", address, port,
+                                          std::generic_category().message(errno)));
+        // The library lets five wait to be accepted: a sixth would try again a second later.
+        ::listen(svr_sock_, SOMAXCONN);
+        return bound;
+    }
+    void serve() override {
         listen_after_bind();
         if (!is_closing_)
             throw DeviceError("the page's port", "accept a connection",
                               std::generic_category().message(errno));
     }
-    void close() noexcept {
+    void close() noexcept override {
         is_closing_ = true;
         stop();
     }
@@ -270,28 +272,11 @@ private:
     std::atomic<bool> is_closing_ = false;
 };
 
-HttpServer::HttpServer(const ServerLimits& limits,
-                       std::function<WebReply(const WebRequest&)> answer)
-    : implementation_(std::make_unique<Implementation>(limits, std::move(answer))) {}
+}  // namespace
 
-HttpServer::~HttpServer() = default;
-
-int HttpServer::open(const std::string& address, int port) {
-    const int bound = port == 0 ? implementation_->bind_to_any_port(address)
-                                : (implementation_->bind_to_port(address, port) ? port : -1);
-    if (bound < 0)
-        throw ConfigError({"--port"}, fmt::format("{}:{} cannot be listened on: {}", address, port,
-                                                  std::generic_category().message(errno)));
-    implementation_->let_many_wait();
-    return bound;
-}
-
-void HttpServer::serve() {
-    implementation_->serve();
-}
-
-void HttpServer::close() noexcept {
-    implementation_->close();
+std::unique_ptr<HttpServer> make_http_server(const ServerLimits& limits,
+                                             std::function<WebReply(const WebRequest&)> answer) {
+    return std::make_unique<HttplibServer>(limits, std::move(answer));
 }
 
 }  // namespace etalon

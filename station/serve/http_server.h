@@ -1,5 +1,5 @@
 // HTTP/1.1 by cpp-httplib, with bounds for everything that a stranger can send or keep waiting. One
-// request a connection. What is asked and answered is web_request.h's.
+// request a connection. What is asked and answered is access.h's.
 #pragma once
 
 #include <chrono>
@@ -8,7 +8,7 @@
 #include <memory>
 #include <string>
 
-#include "station/serve/web_request.h"
+#include "station/serve/access.h"
 
 namespace etalon {
 
@@ -22,23 +22,19 @@ struct ServerLimits {
 
 class HttpServer {
 public:
-    // `answer` is called from many threads. What it throws becomes an answer 500.
-    HttpServer(const ServerLimits& limits, std::function<WebReply(const WebRequest&)> answer);
-    ~HttpServer();
-    HttpServer(const HttpServer&) = delete;
-    HttpServer& operator=(const HttpServer&) = delete;
+    virtual ~HttpServer() = default;
 
     // Port 0: any. Returns the port. Throws ConfigError when it cannot be had.
-    int open(const std::string& address, int port);
+    virtual int open(const std::string& address, int port) = 0;
 
     // Answers until close(), from any thread, and until all connections have ended. Throws
     // DeviceError when the network takes the port away.
-    void serve();
-    void close() noexcept;
-
-private:
-    class Implementation;
-    std::unique_ptr<Implementation> implementation_;
+    virtual void serve() = 0;
+    virtual void close() noexcept = 0;
 };
+
+// `answer` is called from many threads. What it throws becomes an answer 500.
+std::unique_ptr<HttpServer> make_http_server(const ServerLimits& limits,
+                                             std::function<WebReply(const WebRequest&)> answer);
 
 }  // namespace etalon

@@ -7,6 +7,7 @@
 #include "core/program/errors.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
+#include "report/result_table.h"
 #include "station/setup/plan.h"
 
 namespace etalon {
@@ -37,19 +38,6 @@ Json station_of(const StationSession& served) {
             {"gain_db", station.camera.settings.gain_db},
             {"poses", station.plan.poses + station.plan.repeats},
             {"axes", json_list(station.stage.axes, axis_of)}};
-}
-
-const char* word_of(Work work) {
-    constexpr const char* words[] = {"none", "run", "homing", "motion", "stopping"};
-    return words[static_cast<int>(work)];
-}
-
-// One letter a pose: planned, seen, not seen.
-std::string marks_of(const RunMonitor& watch) {
-    std::string marks;
-    for (const WatchedPose& pose : watch.poses())
-        marks += !pose.visited ? '.' : pose.seen ? 'o' : 'x';
-    return marks;
 }
 
 template <class Key>
@@ -93,14 +81,14 @@ Json session_json(const Workplace& workplace, const std::string& action_token) {
             {"stations", json_list(workplace.stations, station_of)}};
 }
 
-Json work_json(const StationControl& control) {
-    const Holder holder = control.holder();
-    return {{"kind", word_of(holder.work)},
-            {"station", holder.station},
-            {"who", holder.who},
-            {"since_utc", holder.since_utc},
-            {"stop", control.last_stop()},
-            {"failure", control.last_failure()}};
+Json work_json(const ControlState& state) {
+    constexpr const char* kinds[] = {"none", "run", "homing", "motion"};  // in the order of Work
+    return {{"kind", kinds[static_cast<int>(state.holder.work)]},
+            {"station", state.holder.station},
+            {"who", state.holder.who},
+            {"since_utc", state.holder.since_utc},
+            {"stop", state.stop},
+            {"failure", state.failure}};
 }
 
 Json shown_run_json(const ShownRun& run, const RunMonitor* watch) {
@@ -111,13 +99,16 @@ Json shown_run_json(const ShownRun& run, const RunMonitor* watch) {
                  {"phase", "preparing"}};
     if (!watch)
         return json;
+    std::string marks;  // a letter a pose: planned, seen, not seen
+    for (const WatchedPose& pose : watch->poses())
+        marks += !pose.visited ? '.' : pose.seen ? 'o' : 'x';
     if (run.serial.empty())
         json["serial"] = watch->camera_serial();
     json["phase"] = name(watch->phase());
     json["outcome"] = watch->outcome();
     json["reason"] = watch->reason();
     json["poses"] = watch->poses().size();
-    json["marks"] = marks_of(*watch);
+    json["marks"] = marks;
     json["latest_pose"] = watch->latest_pose();
     json["visited"] = watch->figures().visited;
     json["seen"] = watch->figures().seen;
@@ -145,16 +136,12 @@ Json live_json(const LivePicture& picture, long dropped) {
 }
 
 Json runs_json(const std::vector<HistoricRun>& runs) {
+    const ColumnsOf<HistoricQuantity> quantities = {
+        {"name", &HistoricQuantity::name},   {"unit", &HistoricQuantity::unit},
+        {"value", &HistoricQuantity::value}, {"u", &HistoricQuantity::expanded_uncertainty},
+        {"limit", &HistoricQuantity::limit}, {"outcome", &HistoricQuantity::outcome}};
     Json list = Json::array();
-    for (auto run = runs.rbegin(); run != runs.rend(); ++run) {  // the latest first
-        Json quantities = Json::array();
-        for (const HistoricQuantity& one : run->quantities)
-            quantities.push_back({{"name", one.name},
-                                  {"unit", one.unit},
-                                  {"value", optional_number(one.value)},
-                                  {"u", optional_number(one.expanded_uncertainty)},
-                                  {"limit", optional_number(one.limit)},
-                                  {"outcome", one.outcome}});
+    for (auto run = runs.rbegin(); run != runs.rend(); ++run)  // the latest first
         list.push_back({{"record", run->folder.filename().string()},
                         {"started_utc", run->started_utc},
                         {"outcome", run->outcome},
@@ -162,8 +149,7 @@ Json runs_json(const std::vector<HistoricRun>& runs) {
                         {"operator", run->operator_name},
                         {"camera", run->camera},
                         {"station", run->station},
-                        {"quantities", quantities}});
-    }
+                        {"quantities", json_rows(table_of(quantities, run->quantities))}});
     return list;
 }
 

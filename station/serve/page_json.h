@@ -14,7 +14,7 @@ namespace etalon {
 // What does not change while the server lives.
 nlohmann::ordered_json session_json(const Workplace& workplace, const std::string& action_token);
 
-nlohmann::ordered_json work_json(const StationControl& control);
+nlohmann::ordered_json work_json(const ControlState& state);
 // `watch`: of the shown run; null before its log is there.
 nlohmann::ordered_json shown_run_json(const ShownRun& run, const RunMonitor* watch);
 nlohmann::ordered_json live_json(const LivePicture& picture, long dropped);

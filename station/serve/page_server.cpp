@@ -5,40 +5,12 @@
 
 #include "capture/frame/frame_log.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
-#include "station/history/fleet.h"
 #include "station/record/run_record.h"
 #include "station/serve/page_json.h"
 #include "station/shell/command.h"
 
 namespace etalon {
-namespace {
-
-using Path = std::filesystem::path;
-
-std::string type_of(const Path& file) {
-    const std::string kind = file.extension().string();
-    if (kind == ".html")
-        return "text/html; charset=utf-8";
-    if (kind == ".css")
-        return "text/css; charset=utf-8";
-    if (kind == ".js")
-        return "text/javascript; charset=utf-8";
-    return kind == ".svg" ? "image/svg+xml" : "";
-}
-
-}  // namespace
-
-std::map<std::string, PageFile> page_files() {
-    std::map<std::string, PageFile> files;
-    for (const auto& entry : std::filesystem::directory_iterator(installed_file("web")))
-        if (const std::string type = type_of(entry.path()); !type.empty())
-            files["/" + entry.path().filename().string()] = {type, read_text(entry.path())};
-    files["/"] = files.at("/index.html");
-    return files;
-}
-
 namespace {
 
 using namespace std::chrono_literals;
@@ -54,18 +26,31 @@ constexpr const char* report_policy =
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'; sandbox allow-scripts";
 
-WebReply json_reply(const Json& json) {
-    return {200, "application/json", text_of(json, -1)};
+std::string type_of(const std::filesystem::path& file) {
+    static const std::map<std::string, std::string> types = {
+        {".html", "text/html; charset=utf-8"},
+        {".css", "text/css; charset=utf-8"},
+        {".js", "text/javascript; charset=utf-8"},
+        {".svg", "image/svg+xml"}};
+    const auto found = types.find(file.extension().string());
+    return found == types.end() ? "" : found->second;
 }
 
-WebReply done() {
-    return {200, "application/json", "{}"};
+WebReply json_reply(std::string json) {
+    return {200, "application/json", std::move(json)};
+}
+WebReply json_reply(const Json& json) {
+    return json_reply(text_of(json, -1));
 }
 
 WebReply jpeg_reply(const std::string& jpeg) {
     if (jpeg.empty())
         return error_reply(404, "there is no such picture");
     return {200, "image/jpeg", jpeg};
+}
+
+WebReply done() {
+    return json_reply(std::string("{}"));
 }
 
 std::string field(const WebRequest& request, const std::string& name) {
@@ -80,23 +65,79 @@ std::size_t number_field(const WebRequest& request, const std::string& name) {
     return static_cast<std::size_t>(*number);
 }
 
-JsonEntry body_of(const WebRequest& request) {
-    return JsonEntry(request.body, {"request", 0, ""});
+// The keys that it must have, and no others; none: whatever it has.
+JsonEntry body_of(const WebRequest& request, std::initializer_list<const char*> keys = {}) {
+    const JsonEntry body(request.body, {"request", 0, ""});
+    if (keys.size() > 0)
+        body.require_keys(keys);
+    return body;
 }
 
 std::size_t station_in(const JsonEntry& body) {
     return static_cast<std::size_t>(body.at("station").integer(0, 1000));
 }
 
+// ---- what changes something
+
+using Action = void (*)(StationControl&, const WebRequest&);
+const std::map<std::string, Action> actions = {
+    {"/api/run/start",
+     [](StationControl& control, const WebRequest& request) {
+         const JsonEntry body = body_of(request, {"station", "serial", "operator"});
+         control.start_run(station_in(body), body.at("serial").text(), body.at("operator").text());
+     }},
+    {"/api/run/resume",
+     [](StationControl& control, const WebRequest& request) {
+         const JsonEntry body = body_of(request, {"record", "operator"});
+         control.resume_run(body.at("record").text(), body.at("operator").text());
+     }},
+    {"/api/run/pause", [](StationControl& control, const WebRequest&) { control.pause_run(); }},
+    {"/api/stop",
+     [](StationControl& control, const WebRequest& request) {
+         body_of(request);
+         control.stop();
+     }},
+    {"/api/stage/home",
+     [](StationControl& control, const WebRequest& request) {
+         const JsonEntry body = body_of(request, {"station", "operator"});
+         control.home(station_in(body), body.at("operator").text());
+     }},
+    {"/api/stage/jog",
+     [](StationControl& control, const WebRequest& request) {
+         const JsonEntry body = body_of(request, {"station", "operator", "axis", "step"});
+         control.jog(station_in(body), body.at("operator").text(), body.at("axis").text(),
+                     body.at("step").number({-1000.0, 1000.0}));
+     }},
+    {"/api/live/start",
+     [](StationControl& control, const WebRequest& request) {
+         control.start_live(station_in(body_of(request)));
+     }},
+    {"/api/live/set",
+     [](StationControl& control, const WebRequest& request) {
+         const JsonEntry body = body_of(request, {"exposure_us", "gain_db"});
+         if (const auto live = control.live())
+             live->set(body.at("exposure_us").number({1.0, 60e6}),
+                       body.at("gain_db").number({0.0, 100.0}));
+     }},
+    {"/api/live/end", [](StationControl& control, const WebRequest&) { control.end_live(); }}};
+
 }  // namespace
 
-PageServer::PageServer(AccessRules rules, Workplace workplace)
-    : rules_(std::move(rules)), files_(page_files()), control_(std::move(workplace)) {
-    index_ = std::make_unique<RunIndex>(control_.workplace().records);
-    watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
+std::map<std::string, PageServer::PageFile> PageServer::page_files() {
+    std::map<std::string, PageFile> files;
+    for (const auto& entry : std::filesystem::directory_iterator(installed_file("web")))
+        if (const std::string type = type_of(entry.path()); !type.empty())
+            files["/" + entry.path().filename().string()] = {type, read_text(entry.path())};
+    files["/"] = files.at("/index.html");
+    return files;
 }
 
-PageServer::~PageServer() = default;
+PageServer::PageServer(AccessRules rules, Workplace workplace)
+    : rules_(std::move(rules)),
+      files_(page_files()),
+      control_(std::move(workplace)),
+      index_(control_.workplace().records),
+      watcher_([this](const std::stop_token& stop) { watch(stop); }) {}
 
 // ---- routes
 
@@ -121,43 +162,61 @@ WebReply PageServer::answer(const WebRequest& request) {
     return reply;
 }
 
+// What looks, and what changes something and answers more than that it is done.
+struct PageServer::Routes {
+    using Route = std::function<WebReply(PageServer&, const WebRequest&)>;
+    const std::map<std::string, Route> by_request = {
+        {"GET /api/session",
+         [](PageServer& page, const WebRequest&) {
+             return json_reply(session_json(page.control_.workplace(), page.rules_.action_token));
+         }},
+        {"GET /api/state",
+         [](PageServer& page, const WebRequest&) {
+             const auto seen = page.state_.after(0, 2s);
+             return json_reply(seen ? *seen->value : "{}");
+         }},
+        {"GET /api/events", &PageServer::events},
+        {"GET /api/stage",
+         [](PageServer& page, const WebRequest& request) {
+             std::string json = page.control_.stage_status(number_field(request, "station"));
+             return json_reply(json.empty() ? "null" : std::move(json));
+         }},
+        {"GET /api/live.mjpg", &PageServer::live_picture},
+        {"GET /api/run/plan", &PageServer::run_plan},
+        {"GET /api/run/photo.jpg",
+         [](PageServer& page, const WebRequest& request) {
+             return jpeg_reply(page.pictures(request)->photo);
+         }},
+        {"GET /api/run/render.jpg",
+         [](PageServer& page, const WebRequest& request) {
+             return jpeg_reply(page.pictures(request)->render);
+         }},
+        {"GET /api/fleet/runs", &PageServer::fleet},
+        {"GET /api/fleet/charts", &PageServer::fleet},
+        {"GET /api/fleet/cameras", &PageServer::fleet},
+        {"GET /api/forecast", &PageServer::forecast},
+        {"GET /report", &PageServer::report},
+        {"POST /api/devices", &PageServer::find_devices},
+        {"POST /api/forecast", &PageServer::start_forecast}};
+};
+
 WebReply PageServer::routed(const WebRequest& request) {
-    static const std::map<std::string, Route> looks = {
-        {"/api/session", &PageServer::session},
-        {"/api/state", &PageServer::state},
-        {"/api/events", &PageServer::events},
-        {"/api/stage", &PageServer::stage},
-        {"/api/live.mjpg", &PageServer::live_picture},
-        {"/api/run/plan", &PageServer::run_plan},
-        {"/api/run/photo.jpg", &PageServer::run_photo},
-        {"/api/run/render.jpg", &PageServer::run_render},
-        {"/api/fleet/runs", &PageServer::fleet_runs},
-        {"/api/fleet/charts", &PageServer::fleet_charts},
-        {"/api/fleet/cameras", &PageServer::fleet_cameras},
-        {"/api/forecast", &PageServer::forecast},
-        {"/report", &PageServer::report},
-    };
-    static const std::map<std::string, Route> actions = {
-        {"/api/run/start", &PageServer::start_run},
-        {"/api/run/resume", &PageServer::resume_run},
-        {"/api/run/pause", &PageServer::pause_run},
-        {"/api/stop", &PageServer::stop},
-        {"/api/stage/home", &PageServer::home},
-        {"/api/stage/jog", &PageServer::jog},
-        {"/api/live/start", &PageServer::start_live},
-        {"/api/live/set", &PageServer::set_live},
-        {"/api/live/end", &PageServer::end_live},
-        {"/api/devices", &PageServer::find_devices},
-        {"/api/forecast", &PageServer::start_forecast},
-    };
-    const auto& table = request.method == "POST" ? actions : looks;
+    static const Routes routes;
+    const auto route = routes.by_request.find(request.method + " " + request.path);
+    const auto action = actions.find(request.path);
+    const bool is_post = request.method == "POST";
     try {
-        if (const auto route = table.find(request.path); route != table.end()) {
-            const WebReply reply = (this->*route->second)(request);
-            if (request.method == "POST")
-                refresh();  // who asks next sees what was done
-            return reply;
+        std::optional<WebReply> reply;
+        if (route != routes.by_request.end()) {
+            reply = route->second(*this, request);
+        } else if (is_post && action != actions.end()) {
+            action->second(control_, request);
+            reply = done();
         }
+        if (reply && is_post)
+            refresh();  // who asks next sees what was done
+        if (reply)
+            return *reply;
     } catch (const NotNow& error) {
         return error_reply(409, error.what());
     } catch (const ConfigError& error) {
@@ -169,15 +228,6 @@ WebReply PageServer::routed(const WebRequest& request) {
     if (request.method != "GET" || file == files_.end())
         return error_reply(404, "there is no such page");
     return {200, file->second.type, file->second.content};
-}
-
-WebReply PageServer::session(const WebRequest&) {
-    return json_reply(session_json(control_.workplace(), rules_.action_token));
-}
-
-WebReply PageServer::state(const WebRequest&) {
-    const auto seen = state_.after(0, 2s);
-    return {200, "application/json", seen ? *seen->value : "{}"};
 }
 
 // Whoever is slow gets the newest state and misses what lay between.
@@ -193,11 +243,6 @@ WebReply PageServer::events(const WebRequest&) {
         return sink(fmt::format("data: {}\n\n", *seen->value));
     };
     return reply;
-}
-
-WebReply PageServer::stage(const WebRequest& request) {
-    const std::string json = control_.stage_status(number_field(request, "station"));
-    return {200, "application/json", json.empty() ? "null" : json};
 }
 
 WebReply PageServer::live_picture(const WebRequest&) {
@@ -225,12 +270,12 @@ WebReply PageServer::live_picture(const WebRequest&) {
 }
 
 WebReply PageServer::run_plan(const WebRequest&) {
-    const auto shown = control_.shown_run();
+    const auto shown = control_.state().run;
     const std::lock_guard lock(run_mutex_);
     if (!run_ || !shown)
-        return json_reply(nullptr);
-    return json_reply(plan_positions_json(
-        *run_, control_.workplace().stations.at(shown->station).station.stage.axes));
+        return json_reply(Json());
+    return json_reply(
+        plan_positions_json(*run_, control_.station_at(shown->station).station.stage.axes));
 }
 
 std::shared_ptr<const PosePictures> PageServer::pictures(const WebRequest& request) {
@@ -249,128 +294,48 @@ std::shared_ptr<const PosePictures> PageServer::pictures(const WebRequest& reque
     return maker->of(static_cast<int>(index), pose);
 }
 
-WebReply PageServer::run_photo(const WebRequest& request) {
-    return jpeg_reply(pictures(request)->photo);
-}
-
-WebReply PageServer::run_render(const WebRequest& request) {
-    return jpeg_reply(pictures(request)->render);
-}
-
-WebReply PageServer::fleet_runs(const WebRequest& request) {
+WebReply PageServer::fleet(const WebRequest& request) {
     const std::lock_guard lock(index_mutex_);
-    index_->update();
+    index_.update();
     constexpr int shown_runs = 500;
-    return json_reply(runs_json(index_->runs({field(request, "camera"), field(request, "station"),
-                                              field(request, "outcome"), false, shown_runs})));
-}
-
-WebReply PageServer::fleet_charts(const WebRequest& request) {
-    const std::lock_guard lock(index_mutex_);
-    index_->update();
-    const std::vector<HistoricRun> runs =
-        index_->runs({field(request, "camera"), field(request, "station")});
+    RunFilter filter{field(request, "camera"), field(request, "station")};
+    if (request.path.ends_with("/runs")) {
+        filter.outcome = field(request, "outcome");
+        filter.at_most = shown_runs;
+        return json_reply(runs_json(index_.runs(filter)));
+    }
+    const std::vector<HistoricRun> runs = index_.runs(filter);
     const std::vector<QuantityHistory> charts = chart_history(runs);
-    return {200, "application/json",
-            history_json(runs, charts, fleet_of(runs, charts, utc_now().substr(0, 10)))};
-}
-
-WebReply PageServer::fleet_cameras(const WebRequest&) {
-    const std::lock_guard lock(index_mutex_);
-    index_->update();
-    const std::vector<HistoricRun> runs = index_->runs();
-    return {200, "application/json",
-            fleet_json(fleet_of(runs, chart_history(runs), utc_now().substr(0, 10)))};
+    const std::vector<CameraState> states = fleet_of(runs, charts, utc_now().substr(0, 10));
+    return json_reply(request.path.ends_with("/charts") ? history_json(runs, charts, states)
+                                                        : fleet_json(states));
 }
 
 WebReply PageServer::report(const WebRequest& request) {
-    const std::filesystem::path record = control_.record_named(field(request, "record"));
-    const std::filesystem::path file = record / "report.html";
+    const auto file = control_.record_named(field(request, "record")) / "report.html";
     if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(file)))
         throw ConfigError({file.string()}, "is no file");
-    WebReply reply{200, "text/html; charset=utf-8", read_text(file)};
-    reply.headers.emplace_back("Content-Security-Policy", report_policy);
-    return reply;
-}
-
-// ---- what changes something
-
-WebReply PageServer::start_run(const WebRequest& request) {
-    const JsonEntry body = body_of(request);
-    body.require_keys({"station", "serial", "operator"});
-    control_.start_run(station_in(body), body.at("serial").text(), body.at("operator").text());
-    return done();
-}
-
-WebReply PageServer::resume_run(const WebRequest& request) {
-    const JsonEntry body = body_of(request);
-    body.require_keys({"record", "operator"});
-    control_.resume_run(body.at("record").text(), body.at("operator").text());
-    return done();
-}
-
-WebReply PageServer::pause_run(const WebRequest&) {
-    control_.pause_run();
-    return done();
-}
-
-WebReply PageServer::stop(const WebRequest& request) {
-    body_of(request);
-    control_.stop();
-    return done();
-}
-
-WebReply PageServer::home(const WebRequest& request) {
-    const JsonEntry body = body_of(request);
-    body.require_keys({"station", "operator"});
-    control_.home(station_in(body), body.at("operator").text());
-    return done();
-}
-
-WebReply PageServer::jog(const WebRequest& request) {
-    const JsonEntry body = body_of(request);
-    body.require_keys({"station", "operator", "axis", "step"});
-    control_.jog(station_in(body), body.at("operator").text(), body.at("axis").text(),
-                 body.at("step").number({-1000.0, 1000.0}));
-    return done();
-}
-
-WebReply PageServer::start_live(const WebRequest& request) {
-    control_.start_live(station_in(body_of(request)));
-    return done();
-}
-
-WebReply PageServer::set_live(const WebRequest& request) {
-    const JsonEntry body = body_of(request);
-    body.require_keys({"exposure_us", "gain_db"});
-    if (const auto live = control_.live())
-        live->set(body.at("exposure_us").number({1.0, 60e6}),
-                  body.at("gain_db").number({0.0, 100.0}));
-    return done();
-}
-
-WebReply PageServer::end_live(const WebRequest&) {
-    control_.end_live();
-    return done();
+    return {200,
+            "text/html; charset=utf-8",
+            read_text(file),
+            {{"Content-Security-Policy", report_policy}}};
 }
 
 // Opens every camera for a moment: not while one is at work.
 WebReply PageServer::find_devices(const WebRequest&) {
-    if (control_.holder().work == Work::run || (control_.live() && !control_.live()->has_ended()))
+    if (control_.state().holder.work == Work::run ||
+        (control_.live() && !control_.live()->has_ended()))
         throw NotNow("the camera is at work");
     const SubprocessResult ended = run_subprocess(this_program({"devices", "--json"}));
-    if (ended.exit_code != 0)
-        return error_reply(502, ended.stderr_tail);
-    return {200, "application/json", ended.output};
+    return ended.exit_code == 0 ? json_reply(ended.output) : error_reply(502, ended.stderr_tail);
 }
 
 // ---- what the plan will see
 
 WebReply PageServer::start_forecast(const WebRequest& request) {
     const std::size_t station = station_in(body_of(request));
-    if (station >= control_.workplace().stations.size())
-        throw ConfigError({"station"}, "there is no such one");
-    if (control_.holder().work == Work::run)
+    const std::string file = control_.station_at(station).file.string();
+    if (control_.state().holder.work == Work::run)
         throw NotNow("a run goes on, and needs the processor");
     const std::lock_guard lock(forecast_mutex_);
     Forecast& forecast = forecasts_[station];
@@ -384,7 +349,6 @@ WebReply PageServer::start_forecast(const WebRequest& request) {
         (ended.exit_code == 0 ? forecast.json : forecast.failure) =
             ended.exit_code == 0 ? ended.output : ended.stderr_tail;
     };
-    const std::string file = control_.workplace().stations[station].file.string();
     forecast.program =
         std::make_unique<Subprocess>(this_program({"plan", file, "--json"}), std::move(options));
     forecast.is_going = true;
@@ -394,8 +358,7 @@ WebReply PageServer::start_forecast(const WebRequest& request) {
 WebReply PageServer::forecast(const WebRequest& request) {
     const std::lock_guard lock(forecast_mutex_);
     const std::size_t station = number_field(request, "station");
-    if (station >= control_.workplace().stations.size())
-        throw ConfigError({"station"}, "there is no such one");
+    control_.station_at(station);
     const Forecast& forecast = forecasts_[station];
     Json json = {{"going", forecast.is_going}, {"failure", forecast.failure}};
     if (!forecast.json.empty())
@@ -409,7 +372,7 @@ void PageServer::watch(const std::stop_token& stop) {
     SteadyClock clock;
     bool was_going = false;
     for (long round = 0; !stop.stop_requested(); ++round) {
-        const auto shown = control_.shown_run();
+        const auto shown = control_.state().run;
         const bool is_going = shown && shown->is_going;
         try {
             if (round % 25 == 0 || is_going != was_going)
@@ -433,7 +396,7 @@ void PageServer::refresh() {
 }
 
 void PageServer::look_at_run() {
-    const auto shown = control_.shown_run();
+    const auto shown = control_.state().run;
     const std::lock_guard lock(run_mutex_);
     if (!shown)
         return;
@@ -456,11 +419,10 @@ void PageServer::look_at_run() {
 void PageServer::look_at_records() {
     const std::lock_guard lock(index_mutex_);
     try {
-        index_->update();
-        RunFilter filter;
-        filter.unfinished = true;
-        filter.at_most = 20;
-        std::string unfinished = text_of(runs_json(index_->runs(filter)), -1);
+        index_.update();
+        constexpr int shown_unfinished = 20;
+        std::string unfinished =
+            text_of(runs_json(index_.runs({"", "", "", true, shown_unfinished})), -1);
         const std::lock_guard inner(unfinished_mutex_);
         unfinished_ = std::move(unfinished);
     } catch (const ConfigError&) {  // the next look may succeed; the fleet's view says why
@@ -468,8 +430,9 @@ void PageServer::look_at_records() {
 }
 
 std::string PageServer::composed_state() {
-    Json json = {{"work", work_json(control_)}, {"run", nullptr}, {"live", nullptr}};
-    const auto shown = control_.shown_run();
+    const ControlState control = control_.state();
+    const std::optional<ShownRun>& shown = control.run;
+    Json json = {{"work", work_json(control)}, {"run", nullptr}, {"live", nullptr}};
     {
         const std::lock_guard lock(run_mutex_);
         if (shown) {

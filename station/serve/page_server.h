@@ -3,36 +3,18 @@
 #pragma once
 
 #include <atomic>
-#include <filesystem>
-#include <map>
-#include <memory>
-#include <mutex>
-#include <string>
-#include <thread>
 
 #include "station/history/run_index.h"
 #include "station/serve/access.h"
-#include "station/serve/latest_value.h"
-#include "station/serve/run_monitor.h"
 #include "station/serve/station_control.h"
 
 namespace etalon {
 
-// The page itself: every file of web/, read once. No request reaches the file system for one.
-
-struct PageFile {
-    std::string type, content;  // "text/css"
-};
-
-// By its path in the address: "/", "/run.js". Of the folder that was installed beside this program
-// (share/etalon/web), else that of the sources that it was built from. Throws ConfigError when
-// there is none.
-std::map<std::string, PageFile> page_files();
-
 class PageServer {
 public:
+    // Reads the page's files: no request reaches the file system for one. Throws ConfigError when
+    // they are not installed.
     PageServer(AccessRules rules, Workplace workplace);
-    ~PageServer();
 
     // Asks what goes on to end, and lets nothing more begin.
     void close() { control_.close(); }
@@ -41,34 +23,21 @@ public:
     WebReply answer(const WebRequest& request);
 
 private:
-    using Route = WebReply (PageServer::*)(const WebRequest&);
-    WebReply routed(const WebRequest& request);
+    struct Routes;
+    struct PageFile {
+        std::string type, content;  // "text/css"
+    };
+    static std::map<std::string, PageFile> page_files();
 
-    WebReply session(const WebRequest& request);
-    WebReply state(const WebRequest& request);
+    WebReply routed(const WebRequest& request);
     WebReply events(const WebRequest& request);
-    WebReply stage(const WebRequest& request);
     WebReply live_picture(const WebRequest& request);
     WebReply run_plan(const WebRequest& request);
-    WebReply run_photo(const WebRequest& request);
-    WebReply run_render(const WebRequest& request);
-    WebReply fleet_runs(const WebRequest& request);
-    WebReply fleet_charts(const WebRequest& request);
-    WebReply fleet_cameras(const WebRequest& request);
-    WebReply forecast(const WebRequest& request);
+    WebReply fleet(const WebRequest& request);
     WebReply report(const WebRequest& request);
-
-    WebReply start_run(const WebRequest& request);
-    WebReply resume_run(const WebRequest& request);
-    WebReply pause_run(const WebRequest& request);
-    WebReply stop(const WebRequest& request);
-    WebReply home(const WebRequest& request);
-    WebReply jog(const WebRequest& request);
-    WebReply start_live(const WebRequest& request);
-    WebReply set_live(const WebRequest& request);
-    WebReply end_live(const WebRequest& request);
     WebReply find_devices(const WebRequest& request);
     WebReply start_forecast(const WebRequest& request);
+    WebReply forecast(const WebRequest& request);
 
     // ---- what is shown, brought up to date five times a second
     void watch(const std::stop_token& stop);
@@ -79,7 +48,7 @@ private:
     std::shared_ptr<const PosePictures> pictures(const WebRequest& request);
 
     AccessRules rules_;
-    std::map<std::string, PageFile> files_;
+    std::map<std::string, PageFile> files_;  // by path: "/", "/run.js"
     StationControl control_;
     std::mutex refresh_mutex_;  // of these two
     LatestValue<std::string> state_;
@@ -92,7 +61,7 @@ private:
     std::string result_;  // JSON, of a run that has ended; empty: not read yet
 
     std::mutex index_mutex_;  // held while records are read
-    std::unique_ptr<RunIndex> index_;
+    RunIndex index_;
     std::mutex unfinished_mutex_;
     std::string unfinished_ = "[]";
 

@@ -11,12 +11,23 @@
 #include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 #include "station/record/qualify_result.h"
-#include "station/setup/station_inputs.h"
+#include "station/setup/station_file.h"
 
 namespace etalon {
 namespace {
 
 constexpr int most_columns = 640, jpeg_quality = 80;
+
+constexpr int trusted_poses = 3;  // after so many, measured time replaces the expected one
+
+std::vector<Eigen::Vector2d> corners_of(const JsonEntry& list) {
+    std::vector<Eigen::Vector2d> corners;
+    for (const JsonEntry& item : list.items()) {
+        const std::vector<double> xy = item.numbers(2);
+        corners.emplace_back(xy[0], xy[1]);
+    }
+    return corners;
+}
 
 }  // namespace
 
@@ -67,21 +78,6 @@ PosePictures PosePictureMaker::made(int index, const WatchedPose& pose) const {
     }
     return pictures;
 }
-
-namespace {
-
-constexpr int trusted_poses = 3;  // after so many, measured time replaces the expected one
-
-std::vector<Eigen::Vector2d> corners_of(const JsonEntry& list) {
-    std::vector<Eigen::Vector2d> corners;
-    for (const JsonEntry& item : list.items()) {
-        const std::vector<double> xy = item.numbers(2);
-        corners.emplace_back(xy[0], xy[1]);
-    }
-    return corners;
-}
-
-}  // namespace
 
 const char* name(RunPhase phase) {
     constexpr const char* names[] = {"preparing", "measuring", "analysing", "ended"};

@@ -77,17 +77,18 @@ int run_serve(const ServeArguments& arguments) {
     const StopOnSignals signals(stop);
     const AccessRules rules = access_rules(arguments);
     PageServer server(rules, workplace_of(arguments));
-    HttpServer http({}, [&server](const WebRequest& request) { return server.answer(request); });
+    const auto http = make_http_server(
+        {}, [&server](const WebRequest& request) { return server.answer(request); });
     const int port =
-        http.open(arguments.listen.empty() ? loopback : arguments.listen, arguments.port);
+        http->open(arguments.listen.empty() ? loopback : arguments.listen, arguments.port);
     fmt::print("page {}\n", link_to(arguments, rules, port));
     std::fflush(stdout);
     // The run first: readers that are slow may keep their connections for long.
     const std::stop_callback close(stop.get_token(), [&] {
         server.close();
-        http.close();
+        http->close();
     });
-    http.serve();
+    http->serve();
     return 0;
 }
 

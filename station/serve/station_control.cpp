@@ -47,59 +47,10 @@ std::string serial_in(const Path& file) {
     }
 }
 
-std::string listed(std::vector<std::string> serials) {
-    constexpr std::size_t most = 8;
-    const std::size_t more = serials.size() - std::min(serials.size(), most);
-    serials.resize(serials.size() - more);
-    return fmt::format("{}{}", fmt::join(serials, ", "),
-                       more > 0 ? fmt::format(" and {} more", more) : "");
-}
-
-}  // namespace
-
-Path calibration_of(const Path& folder, const std::string& serial) {
-    std::vector<Path> found;
-    std::vector<std::string> others;
-    for (const Path& file : camera_files(folder)) {
-        const std::string there = serial_in(file);
-        if (!there.empty() && there == serial)
-            found.push_back(file);
-        else if (!there.empty())
-            others.push_back(there);
-    }
-    if (found.size() > 1)
-        throw ConfigError(
-            {folder.string()},
-            fmt::format("{} and {} are both of camera {}: keep one", found[0].filename().string(),
-                        found[1].filename().string(), serial));
-    if (found.empty())
-        throw ConfigError(
-            {folder.string()},
-            fmt::format("has no calibration of camera {}{}", serial,
-                        others.empty() ? "" : "; there are those of " + listed(others)));
-    return found.front();
-}
-
-namespace {
-
 using namespace std::chrono_literals;
-using Path = std::filesystem::path;
 
-const char* words_of(Work work) {
-    switch (work) {
-        case Work::run:
-            return "a run";
-        case Work::homing:
-            return "homing";
-        case Work::motion:
-            return "a motion";
-        case Work::stopping:
-            return "a stop";
-        case Work::none:
-            break;
-    }
-    return "nothing";
-}
+// In the order of Work.
+constexpr const char* work_words[] = {"nothing", "a run", "homing", "a motion"};
 
 void require_name(const std::string& who) {
     const auto is_control = [](unsigned char c) { return c < 0x20 || c == 0x7f; };
@@ -135,6 +86,31 @@ std::string reason_of(const SubprocessResult& ended) {
 
 }  // namespace
 
+Path calibration_of(const Path& folder, const std::string& serial) {
+    constexpr std::size_t most_named = 8;
+    std::vector<Path> found;
+    std::vector<std::string> others;
+    for (const Path& file : camera_files(folder))
+        if (const std::string there = serial_in(file); !there.empty() && there == serial)
+            found.push_back(file);
+        else if (!there.empty())
+            others.push_back(there);
+    if (found.size() == 1)
+        return found.front();
+    if (found.size() > 1)
+        throw ConfigError(
+            {folder.string()},
+            fmt::format("{} and {} are both of camera {}: keep one", found[0].filename().string(),
+                        found[1].filename().string(), serial));
+    const std::size_t named = std::min(others.size(), most_named);
+    std::string those = named > 0 ? "; there are those of " : "";
+    those += fmt::format("{}", fmt::join(others.begin(), others.begin() + named, ", "));
+    if (others.size() > named)
+        those += fmt::format(" and {} more", others.size() - named);
+    throw ConfigError({folder.string()},
+                      fmt::format("has no calibration of camera {}{}", serial, those));
+}
+
 StationControl::StationControl(Workplace workplace)
     : workplace_(std::move(workplace)), stopper_([this](const std::stop_token& closing) {
           std::unique_lock lock(mutex_);
@@ -154,7 +130,7 @@ StationControl::~StationControl() {
     changed_.notify_all();
     stopper_.join();
     end_live();
-    const Holder last = holder();
+    const Holder last = state().holder;
     program_.reset();  // in order, or after ten seconds by force
     if (last.work != Work::none)
         run_subprocess(this_program({"stage", "stop", station_at(last.station).file.string()}));
@@ -172,38 +148,39 @@ void StationControl::begin(Work work, std::size_t station, const std::string& wh
                            const std::vector<std::string>& arguments, std::optional<ShownRun> run) {
     std::unique_ptr<Subprocess> over;  // joined when the lock is gone: its thread may want it
     const std::lock_guard lock(mutex_);
-    if (holder_.work != Work::none)
-        throw NotNow(fmt::format("{} by {} goes on since {}", words_of(holder_.work), holder_.who,
-                                 holder_.since_utc));
+    if (state_.holder.work != Work::none)
+        throw NotNow(fmt::format("{} by {} goes on since {}",
+                                 work_words[static_cast<int>(state_.holder.work)],
+                                 state_.holder.who, state_.holder.since_utc));
     if (is_closed_)
         throw NotNow("the server is about to end");
     over = std::move(program_);
     SubprocessOptions options;
     options.on_stderr_line = [this, work](const std::string& line) {
         const std::lock_guard inner(mutex_);
-        if (work == Work::run && run_)
-            run_->said = line;
+        if (work == Work::run && state_.run)
+            state_.run->said = line;
     };
     options.on_end = [this, work](const SubprocessResult& ended) { has_ended(work, ended); };
     program_ = std::make_unique<Subprocess>(this_program(arguments), std::move(options));
-    holder_ = {work, station, who, utc_now()};
+    state_.holder = {work, station, who, utc_now()};
     if (run)
-        run_ = std::move(run);
-    failure_.clear();
-    stop_.clear();
+        state_.run = std::move(run);
+    state_.failure.clear();
+    state_.stop.clear();
 }
 
 void StationControl::has_ended(Work work, const SubprocessResult& ended) {
     {
         const std::lock_guard lock(mutex_);
-        if (holder_.work == work)
-            holder_ = {};
+        if (state_.holder.work == work)
+            state_.holder = {};
         const bool went_wrong = ended.exit_code < 0 || ended.exit_code == 3 || ended.exit_code == 4;
-        if (work == Work::run && run_) {
-            run_->is_going = false;
-            run_->failure = went_wrong ? reason_of(ended) : "";
+        if (work == Work::run && state_.run) {
+            state_.run->is_going = false;
+            state_.run->failure = went_wrong ? reason_of(ended) : "";
         } else if (ended.exit_code != 0 && ended.exit_code != 130) {
-            failure_ = reason_of(ended);
+            state_.failure = reason_of(ended);
         }
     }
     if (work != Work::run) {
@@ -253,9 +230,9 @@ void StationControl::resume_run(const std::string& record, const std::string& wh
 
 void StationControl::pause_run() {
     const std::lock_guard lock(mutex_);
-    if (holder_.work != Work::run || !run_)
+    if (state_.holder.work != Work::run || !state_.run)
         throw NotNow("no run goes on");
-    run_->is_pausing = true;
+    state_.run->is_pausing = true;
     program_->send(SIGTERM);
 }
 
@@ -293,7 +270,7 @@ void StationControl::stop() {
     const std::lock_guard lock(mutex_);
     if (program_)
         program_->send(SIGTERM);
-    stop_ = "stopping";
+    state_.stop = "stopping";
     stop_wanted_ = true;
     changed_.notify_all();
 }
@@ -323,7 +300,7 @@ std::string StationControl::stop_stages() const {
 }
 
 bool StationControl::wait_for_end(std::unique_lock<std::mutex>& lock, std::chrono::seconds time) {
-    return changed_.wait_for(lock, time, [this] { return holder_.work == Work::none; });
+    return changed_.wait_for(lock, time, [this] { return state_.holder.work == Work::none; });
 }
 
 // A healthy program has stopped its axes within the first second and says so in its record. The
@@ -341,7 +318,7 @@ void StationControl::stop_all(const std::stop_token& closing) {
         failure = stop_stages();
         lock.lock();
     }
-    stop_ = failure.empty() ? "confirmed" : failure;
+    state_.stop = failure.empty() ? "confirmed" : failure;
 }
 
 // ---- looking
@@ -351,7 +328,7 @@ std::string StationControl::stage_status(std::size_t station) {
     const std::lock_guard lock(status_mutex_);
     Status& status = statuses_[station];
     const Instant now = SteadyClock().now();
-    if (holder().work != Work::none || (status.at != Instant{} && now - status.at < 1s))
+    if (state().holder.work != Work::none || (status.at != Instant{} && now - status.at < 1s))
         return status.json;
     const SubprocessResult ended =
         run_subprocess(this_program({"stage", "status", served.file.string(), "--json"}));
@@ -359,7 +336,7 @@ std::string StationControl::stage_status(std::size_t station) {
     status.at = SteadyClock().now();
     if (ended.exit_code != 0) {
         const std::lock_guard inner(mutex_);
-        failure_ = reason_of(ended);
+        state_.failure = reason_of(ended);
     }
     return status.json;
 }
@@ -367,8 +344,8 @@ std::string StationControl::stage_status(std::size_t station) {
 void StationControl::start_live(std::size_t station) {
     const StationSession& served = station_at(station);
     const std::lock_guard lock(mutex_);
-    if (holder_.work == Work::run)
-        throw NotNow(fmt::format("a run by {} has the camera", holder_.who));
+    if (state_.holder.work == Work::run)
+        throw NotNow(fmt::format("a run by {} has the camera", state_.holder.who));
     if (!live_ || live_->has_ended())
         live_ = std::make_shared<LiveCamera>(served.station);
 }
@@ -388,24 +365,9 @@ std::shared_ptr<LiveCamera> StationControl::live() const {
     return live_;
 }
 
-Holder StationControl::holder() const {
+ControlState StationControl::state() const {
     const std::lock_guard lock(mutex_);
-    return holder_;
-}
-
-std::optional<ShownRun> StationControl::shown_run() const {
-    const std::lock_guard lock(mutex_);
-    return run_;
-}
-
-std::string StationControl::last_failure() const {
-    const std::lock_guard lock(mutex_);
-    return failure_;
-}
-
-std::string StationControl::last_stop() const {
-    const std::lock_guard lock(mutex_);
-    return stop_;
+    return state_;
 }
 
 Path StationControl::record_named(const std::string& name) const {

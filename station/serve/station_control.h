@@ -26,9 +26,6 @@
 
 namespace etalon {
 
-// A folder of calibrations, from which the one of a camera is taken by the serial number that is
-// typed or scanned.
-
 // The file of ours (`etalon: camera/1`) in the folder that has this serial number. Throws
 // ConfigError when none has it, with those that are there, and when several have. Reads them all:
 // some 0.2 ms each.
@@ -52,7 +49,7 @@ struct Workplace {
     std::filesystem::path calibrations;  // empty: each station's own
 };
 
-enum class Work { none, run, homing, motion, stopping };
+enum class Work { none, run, homing, motion };
 
 // Who does what.
 struct Holder {
@@ -70,6 +67,13 @@ struct ShownRun {
     bool is_pausing = false;  // asked to end so that it can be gone on with
     std::string said;         // the program's last line
     std::string failure;      // why it ended without an outcome
+};
+
+struct ControlState {
+    Holder holder;
+    std::optional<ShownRun> run;
+    std::string failure;  // of the last motion or stop; empty: it went well
+    std::string stop;     // the last one: "stopping", "confirmed", or why not; empty: none yet
 };
 
 class StationControl {
@@ -100,10 +104,8 @@ public:
     std::shared_ptr<LiveCamera> live() const;
 
     const Workplace& workplace() const { return workplace_; }
-    Holder holder() const;
-    std::optional<ShownRun> shown_run() const;
-    std::string last_failure() const;  // of a motion or a stop; empty: it went well
-    std::string last_stop() const;     // "stopping", "confirmed", or why not; empty: none yet
+    const StationSession& station_at(std::size_t index) const;  // throws ConfigError without one
+    ControlState state() const;
     // What the record of this name is: a folder in `records`, never anything else.
     std::filesystem::path record_named(const std::string& name) const;
 
@@ -112,7 +114,6 @@ private:
         Instant at{};
         std::string json;
     };
-    const StationSession& station_at(std::size_t index) const;
     std::size_t station_of(const std::filesystem::path& copy) const;
     void begin(Work work, std::size_t station, const std::string& who,
                const std::vector<std::string>& arguments, std::optional<ShownRun> run = {});
@@ -125,9 +126,7 @@ private:
     const Workplace workplace_;
     mutable std::mutex mutex_;
     std::condition_variable changed_;
-    Holder holder_;
-    std::optional<ShownRun> run_;
-    std::string failure_, stop_;
+    ControlState state_;
     bool stop_wanted_ = false, is_closed_ = false;
     std::map<std::size_t, Status> statuses_;
     std::mutex status_mutex_;

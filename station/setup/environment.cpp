@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "compare/qualification/qualification.h"
-#include "station/setup/references.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {

@@ -2,17 +2,26 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "calib/files/camera_file.h"
 #include "compare/expect/expected_view.h"
 #include "compare/make_detector.h"
 #include "compare/qualification/limits_file.h"
 #include "core/config/strict_reader.h"
+#include "core/file/file_sync.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
 #include "core/geometry/units.h"
+#include "core/program/errors.h"
+#include "core/time/clock.h"
 #include "stage/profile/profile.h"
-#include "station/setup/station_inputs.h"
 
 namespace etalon {
 namespace {
+
+using Path = std::filesystem::path;
 
 double number_or(const Value& parent, const char* key, double fallback, Range range) {
     const auto value = parent.find(key);
@@ -35,8 +44,8 @@ std::string non_empty_text(const Value& value) {
     return value.text();
 }
 
-std::filesystem::path existing_file(const StrictFile& file, const Value& value) {
-    const std::filesystem::path path = file.resolve(non_empty_text(value)).lexically_normal();
+Path existing_file(const StrictFile& file, const Value& value) {
+    const Path path = file.resolve(non_empty_text(value)).lexically_normal();
     std::error_code ignored;
     if (!std::filesystem::is_regular_file(path, ignored))
         value.fail(fmt::format("no such file: {}", path.string()));
@@ -62,7 +71,7 @@ CaptureSettings read_settings(const Value& camera, const CameraModel& model) {
     return settings;
 }
 
-StationCamera read_camera_section(const Value& section, const std::filesystem::path& calibration) {
+StationCamera read_camera_section(const Value& section, const Path& calibration) {
     StationCamera camera;
     camera.uri = non_empty_text(section.at("uri"));
     camera.model = read_any_camera(calibration);
@@ -168,6 +177,153 @@ Marker read_marker(const Value& spec, const std::string& detector, const std::st
     return marker;
 }
 
+std::string read_day(const Value& value) {
+    if (!days_of_date(value.text()))
+        value.fail(fmt::format("'{}' is no day as 2026-03-07", value.text()));
+    return value.text();
+}
+
+std::string non_blank(const Value& value) {
+    if (trimmed(value.text()).empty())
+        value.fail("must not be empty");
+    return value.text();
+}
+
+// What a certificate must not leave more than: the standard uncertainty that the station declares,
+// in the reference's unit, and the key that declares it.
+struct DeclaredUncertainty {
+    std::optional<double> uncertainty;
+    const char* key;
+};
+
+void require_covered(const Value& section, const TracedReference& reference,
+                     const DeclaredUncertainty& declared) {
+    if (!declared.uncertainty)
+        section.fail(fmt::format("is a certificate of what '{}' does not declare", declared.key));
+    constexpr double rounding = 1e-9;
+    if (reference.standard_uncertainty() > *declared.uncertainty * (1.0 + rounding))
+        section.fail(fmt::format(
+            "leaves a standard uncertainty of {:.4g} {} (of value and U/2), and '{}' "
+            "declares {:.4g}",
+            reference.standard_uncertainty(), reference.unit, declared.key, *declared.uncertainty));
+}
+
+// Nothing without its section. `in_keys`: the unit as it stands in keys.
+void add_reference(std::vector<TracedReference>& references, const std::optional<Value>& section,
+                   const std::string& name, const Unit& unit, const std::string& in_keys,
+                   const std::optional<DeclaredUncertainty>& declared = {}) {
+    if (!section)
+        return;
+    TracedReference reference;
+    reference.name = name;
+    reference.unit = unit.name;
+    reference.value = section->at("value_" + in_keys).number(unit.either_sign());
+    reference.expanded_uncertainty = section->at("U_" + in_keys).number(unit.positive());
+    reference.certificate = non_blank(section->at("certificate"));
+    reference.laboratory = non_blank(section->at("laboratory"));
+    reference.date = read_day(section->at("date"));
+    reference.due = read_day(section->at("due"));
+    if (reference.due <= reference.date)
+        section->at("due").fail(fmt::format("must be after its date {}", reference.date));
+    if (declared)
+        require_covered(*section, reference, *declared);
+    references.push_back(reference);
+}
+
+std::optional<double> times(const std::optional<double>& value, double factor) {
+    return value ? std::optional(*value * factor) : std::nullopt;
+}
+
+// Of a station whose axes, marker and temperature have been read.
+std::vector<TracedReference> read_references(const Value& section, const StationFile& station) {
+    std::vector<TracedReference> references;
+    if (const auto scales = section.find("stage_scale")) {
+        const Value named = scales->with_names();
+        for (const Axis& axis : station.stage.axes)
+            add_reference(
+                references, named.find(axis.name), "stage scale " + axis.name, units::ppm, "ppm",
+                DeclaredUncertainty{times(axis.scale_uncertainty, 1e6), "scale_uncertainty_ppm"});
+    }
+    add_reference(references, section.find("marker_size"), "marker print size", units::ppm, "ppm",
+                  DeclaredUncertainty{times(station.marker_size_uncertainty, 1e6),
+                                      "marker_size_uncertainty_ppm"});
+    add_reference(
+        references, section.find("marker_flatness"), "marker flatness", units::um, "um",
+        DeclaredUncertainty{times(station.marker_flatness_mm, 1e3), "marker_flatness_um"});
+    add_reference(references, section.find("thermometer"), "thermometer", units::kelvin, "k");
+    return references;
+}
+
+InputFile identify(const std::string& role, const Path& path) {
+    return {role, path, sha256_of_file(path), ""};
+}
+
+// The value at the end of a chain of keys, if all are there.
+std::optional<Value> value_at(const Value& root, std::initializer_list<const char*> keys) {
+    std::optional<Value> value = root;
+    for (const char* key : keys) {
+        if (!value || !value->is_mapping())
+            return std::nullopt;
+        value = value->find(key);
+    }
+    return value;
+}
+
+void add_camera_parts(std::vector<InputFile>& inputs, const Path& calibration) {
+    if (!is_etalon_file(calibration))
+        return;
+    const StrictFile file(calibration, "camera/1");
+    if (const auto profile = value_at(file.root(), {"lens", "psf", "measured", "file"}))
+        inputs.push_back(identify("point spread", file.resolve(profile->text())));
+    if (const auto table = value_at(file.root(), {"sensor", "transfer", "table", "file"}))
+        inputs.push_back(identify("transfer table", file.resolve(table->text())));
+}
+
+// A profile extends another one beside it, or a built-in one. Their reader has refused circles.
+void add_profiles(std::vector<InputFile>& inputs, Path profile) {
+    std::error_code ignored;
+    while (std::filesystem::is_regular_file(profile, ignored)) {
+        inputs.push_back(identify("stage profile", profile));
+        const StrictFile file(profile, "stage-profile/1");
+        const auto base = file.root().find("extends");
+        if (!base)
+            return;
+        profile = file.resolve(base->text() + ".yaml");
+    }
+}
+
+Path full_path(const Path& path) {
+    return std::filesystem::absolute(path).lexically_normal();
+}
+
+bool is_within(const Path& path, const Path& folder) {
+    const Path relative = path.lexically_relative(folder);
+    return !relative.empty() && *relative.begin() != "..";
+}
+
+Path common_folder(const std::vector<InputFile>& inputs) {
+    Path folder = full_path(inputs.front().path).parent_path();
+    for (const InputFile& input : inputs)
+        while (!is_within(full_path(input.path), folder))
+            folder = folder.parent_path();
+    return folder;
+}
+
+std::string difference(const InputFile& recorded, const std::string& sha256) {
+    return fmt::format("is not the {} file that the run was made with: its SHA-256 is {}, not {}",
+                       recorded.role, sha256, recorded.sha256);
+}
+
+void require_recorded_bytes(const Path& record, const InputFile& input) {
+    const Path copy = Path(input.copy).lexically_normal();
+    if (copy.is_absolute() || !is_within(copy, "inputs"))
+        throw ConfigError({record.string()},
+                          fmt::format("the copy '{}' is not in inputs/", input.copy));
+    const std::string found = sha256_of_file(record / copy);
+    if (found != input.sha256)
+        throw ConfigError({(record / copy).string()}, difference(input, found));
+}
+
 }  // namespace
 
 ExpectedScene expected_scene(const StationFile& station) {
@@ -175,15 +331,14 @@ ExpectedScene expected_scene(const StationFile& station) {
             station.white_level};
 }
 
-StationFile read_station(const std::filesystem::path& path,
-                         const std::filesystem::path& given_calibration) {
+StationFile read_station(const Path& path, const Path& given_calibration) {
     const StrictFile file(path, "station/1");
     const Value root = file.root();
     StationFile station;
     station.id = non_empty_text(root.at("id"));
     const Value camera = root.at("camera");
     const Value named = camera.at("calibration");
-    const std::filesystem::path calibration =
+    const Path calibration =
         given_calibration.empty() ? existing_file(file, named) : given_calibration;
     station.camera = read_camera_section(camera, calibration);
     station.stage = read_stage_section(file, root.at("stage"));
@@ -208,7 +363,7 @@ StationFile read_station(const std::filesystem::path& path,
     const auto detector = root.find("detector");
     station.detector = detector ? detector->text() : "auto";
     const Value limits = root.at("limits");
-    const std::filesystem::path limits_path = existing_file(file, limits);
+    const Path limits_path = existing_file(file, limits);
     file.finish();
 
     station.marker = read_marker(marker, station.detector, place_text(detector.value_or(marker)));
@@ -217,9 +372,76 @@ StationFile read_station(const std::filesystem::path& path,
     return station;
 }
 
-StationStage read_station_stage(const std::filesystem::path& path) {
+StationStage read_station_stage(const Path& path) {
     const StrictFile file(path, "station/1");
     return read_stage_section(file, file.root().at("stage"));
+}
+
+double TracedReference::standard_uncertainty() const {
+    return std::hypot(value, expanded_uncertainty / 2.0);
+}
+
+const TracedReference* reference_named(const std::vector<TracedReference>& references,
+                                       const std::string& name) {
+    const auto found = std::ranges::find(references, name, &TracedReference::name);
+    return found == references.end() ? nullptr : &*found;
+}
+
+std::vector<InputFile> station_inputs(const Path& station, const Path& calibration,
+                                      const Path& limits, const std::string& profile) {
+    std::vector<InputFile> inputs = {identify("station", station),
+                                     identify("calibration", calibration),
+                                     identify("limits", limits)};
+    add_camera_parts(inputs, calibration);
+    if (profile.ends_with(".yaml"))
+        add_profiles(inputs, profile);
+    return inputs;
+}
+
+void copy_inputs(std::vector<InputFile>& inputs, const Path& record) {
+    const Path folder = common_folder(inputs);
+    for (InputFile& input : inputs) {
+        const Path copy = "inputs" / full_path(input.path).lexically_relative(folder);
+        std::error_code error;
+        make_folder((record / copy).parent_path());
+        std::filesystem::copy_file(input.path, record / copy,
+                                   std::filesystem::copy_options::overwrite_existing, error);
+        if (error)
+            fail_writing(record / copy, error);
+        input.copy = copy.generic_string();
+        require_recorded_bytes(record, input);
+        for (Path kept = full_path(record / copy); kept != full_path(record).parent_path();
+             kept = kept.parent_path())
+            sync_to_disk(kept);
+    }
+    sync_to_disk(full_path(record).parent_path());
+}
+
+StationFile read_recorded_station(const Path& record, const std::vector<InputFile>& inputs) {
+    if (inputs.empty() || inputs.front().role != "station")
+        throw ConfigError({record.string()}, "the record names no station file");
+    for (const InputFile& input : inputs)
+        require_recorded_bytes(record, input);
+    const bool has_calibration = inputs.size() > 1 && inputs[1].role == "calibration";
+    StationFile station = read_station(record / inputs.front().copy,
+                                       has_calibration ? record / inputs[1].copy : Path());
+    require_same_inputs(inputs, station.inputs);
+    for (std::size_t i = 0; i < inputs.size(); ++i)
+        if (station.inputs[i].path == station.stage.profile)
+            station.stage.profile = inputs[i].path.string();
+    station.inputs = inputs;
+    return station;
+}
+
+void require_same_inputs(const std::vector<InputFile>& recorded,
+                         const std::vector<InputFile>& given) {
+    for (std::size_t i = 0; i < std::min(recorded.size(), given.size()); ++i)
+        if (recorded[i].role != given[i].role || recorded[i].sha256 != given[i].sha256)
+            throw ConfigError({given[i].path.string()}, difference(recorded[i], given[i].sha256));
+    if (recorded.size() != given.size())
+        throw ConfigError(
+            {given.front().path.string()},
+            fmt::format("names {} files, the run was made with {}", given.size(), recorded.size()));
 }
 
 }  // namespace etalon

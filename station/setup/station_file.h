@@ -18,7 +18,7 @@
 //     temperature: {uncertainty_k: 0.5, marker_expansion_ppm_per_k: 9,
 //                   stage_expansion_ppm_per_k: 11, reference_c: 20}
 //     environment: {...}                        # station/setup/environment.h
-//     references: {...}                         # station/setup/references.h
+//     references: {...}                         # TracedReference, below
 //     background: 0.6                           # radiance around the marker; its white is 1
 //     white_level: 0.8                          # the marker's white in the photographs
 //     plan: {volume: {x: [-20, 20], rz: [-5, 5]}, poses: 60, hold_out: 0.4, frames: 3, seed: 7,
@@ -51,7 +51,6 @@
 #include "stage/motion/motion_guard.h"
 #include "stage/motion/stage.h"
 #include "station/setup/environment.h"
-#include "station/setup/references.h"
 
 namespace etalon {
 
@@ -94,6 +93,35 @@ struct PlanRequest {
     SourcePlace place;                    // of `plan.volume`, for errors
 };
 
+// `references` in station.yaml: the certificates of what a station measures with. A run can be
+// certified only when each of them is there and was in force on its day (docs/certificate.md).
+//
+//     references:
+//       stage_scale:                       # of every axis, about its zero
+//         x: {value_ppm: 3, U_ppm: 20, certificate: "4711 2026-01", laboratory: "A, Braunschweig",
+//             date: "2026-01-12", due: "2027-01-12"}
+//       marker_size: {value_ppm: 12, U_ppm: 60, ...}      # relative, of the printed marker
+//       marker_flatness: {value_um: 2, U_um: 6, ...}      # of its edge out of its plane
+//       thermometer: {value_k: 0.02, U_k: 0.1, ...}
+//
+// The value is the deviation that the certificate found, which nothing corrects for; U is its
+// expanded uncertainty at k = 2. A certificate that leaves more than the station declares,
+// sqrt(value^2 + (U/2)^2), is refused: the budget would claim too little.
+struct TracedReference {
+    std::string name;  // "stage scale x", "marker print size", "marker flatness", "thermometer"
+    double value = 0.0, expanded_uncertainty = 0.0;  // in `unit`
+    std::string unit;                                // "ppm", "um", "K"
+    std::string certificate, laboratory;             // its number, and who issued it
+    std::string date, due;                           // "2026-01-12"; in force on both
+
+    double standard_uncertainty() const;  // with the deviation that is not corrected for
+    bool in_force_on(const std::string& day) const { return date <= day && day <= due; }
+};
+
+// Of this name; null where there is none.
+const TracedReference* reference_named(const std::vector<TracedReference>& references,
+                                       const std::string& name);
+
 struct StationFile {
     std::string id;
     StationCamera camera;
@@ -131,5 +159,34 @@ ExpectedScene expected_scene(const StationFile& station);
 // The stage's section alone, whatever the rest of the file is: stopping the axes must not depend on
 // a calibration. Unknown keys are not looked for.
 StationStage read_station_stage(const std::filesystem::path& path);
+
+// The files that a station was read from, by content, and their copies in a record: a record must
+// tell years later what was measured with what, wherever the originals have gone.
+//
+// Copies lie under inputs/ as the originals lay under their nearest common folder, so that relative
+// paths from one to another still lead to the copy. A file other than the calibration that is named
+// with its absolute path is copied too, but it is the original that reading back opens: it must
+// still be the same.
+
+// Station, calibration and limits, then what these name: the camera's point spread and transfer
+// table, the stage's profile and those that it extends. `profile` may be a built-in one's name.
+// Throws ConfigError when one cannot be read.
+std::vector<InputFile> station_inputs(const std::filesystem::path& station,
+                                      const std::filesystem::path& calibration,
+                                      const std::filesystem::path& limits,
+                                      const std::string& profile);
+
+// Copies them into `record`/inputs and sets their `copy`. Throws ConfigError when one cannot be
+// copied or is not any more what was read.
+void copy_inputs(std::vector<InputFile>& inputs, const std::filesystem::path& record);
+
+// The station from these copies, with the inputs as given. Throws ConfigError for a copy outside of
+// inputs/, one that is missing or not the recorded bytes, and what read_station() throws.
+StationFile read_recorded_station(const std::filesystem::path& record,
+                                  const std::vector<InputFile>& inputs);
+
+// Throws ConfigError with the first file that is not the same in both.
+void require_same_inputs(const std::vector<InputFile>& recorded,
+                         const std::vector<InputFile>& given);
 
 }  // namespace etalon

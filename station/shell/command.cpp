@@ -62,6 +62,8 @@ DescribedCommand described(const CLI::App& app) {
     return command;
 }
 
+const SteadyClock steady_clock;
+
 }  // namespace
 
 void Option::require() const {
@@ -222,12 +224,6 @@ const std::string pose_help =
     "then the translation in mm. Camera: x right, y down, z forward. Marker: origin\n"
     "at its centre (a chessboard's: its first inner corner), x right, y down, z into\n"
     "the marker: 0,0,0,0,0,300 is a marker seen squarely from 300 mm.\n";
-
-namespace {
-
-const SteadyClock steady_clock;
-
-}  // namespace
 
 void print_report(const std::filesystem::path& folder) {
     if (!folder.empty())

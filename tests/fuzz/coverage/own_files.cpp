@@ -5,7 +5,7 @@
 #include "compare/qualification/limits_file.h"
 #include "mocks/twin/twin_file.h"
 #include "stage/profile/profile.h"
-#include "station/certify/certificate_form.h"
+#include "station/certify/certificate.h"
 #include "station/compare/compare_baseline.h"
 #include "station/setup/station_file.h"
 #include "study/study_file.h"

@@ -1,4 +1,4 @@
-#include "station/certify/certificate_form.h"
+#include "station/certify/certificate.h"
 
 #include <gmock/gmock.h>
 

@@ -6,7 +6,6 @@
 #include <regex>
 
 #include "report/number_text.h"
-#include "station/certify/traceability.h"
 #include "tests/paths.h"
 #include "tests/station/station_of_mocks.h"
 

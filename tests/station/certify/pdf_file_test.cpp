@@ -1,4 +1,4 @@
-#include "station/certify/pdf_file.h"
+#include "station/certify/certificate.h"
 
 #include <gmock/gmock.h>
 

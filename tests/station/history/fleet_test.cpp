@@ -1,4 +1,4 @@
-#include "station/history/fleet.h"
+#include "station/history/run_history.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

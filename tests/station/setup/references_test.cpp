@@ -1,8 +1,7 @@
-#include "station/setup/references.h"
+#include "station/setup/station_file.h"
 
 #include <gmock/gmock.h>
 
-#include "station/setup/station_file.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

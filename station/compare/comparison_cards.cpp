@@ -94,7 +94,7 @@ std::string parameters_html(const ComparedPhoto& photo) {
         rows.push_back({one.name, significant(one.value, 4), significant(one.deviation, 2),
                         refined ? significant(refined->value, 4) : dash,
                         refined ? significant(refined->deviation, 2) : dash, one.unit,
-                        name(one.source)});
+                        one.source});
     }
     return "<details><summary>Photometric parameters</summary>" +
            table_html({"parameter", "pose under test", "σ", "refined pose", "σ", "unit", "from"},

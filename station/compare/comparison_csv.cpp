@@ -112,7 +112,7 @@ void add_parameter(const MatchParameter& parameter, CsvTable& table) {
     table.number("value", parameter.value);
     table.number("deviation", parameter.deviation);
     table.text("unit", parameter.unit);
-    table.text("source", name(parameter.source));
+    table.text("source", parameter.source);
 }
 
 // A row for each of these items of each fit: photograph and pose, then what `add` adds.

@@ -29,7 +29,7 @@ ordered_json parameter_json(const MatchParameter& parameter) {
     if (parameter.deviation)
         json["deviation"] = *parameter.deviation;
     json["unit"] = parameter.unit;
-    json["source"] = name(parameter.source);
+    json["source"] = parameter.source;
     return json;
 }
 

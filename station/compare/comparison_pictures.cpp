@@ -72,9 +72,9 @@ cv::Mat eight_bit(const cv::Mat& gray) {
 
 // What was not rendered is the photograph, pale: in turn with the photograph only the marker
 // counts.
-cv::Mat rendering_picture(const PixelDifference& difference, const cv::Mat& photo) {
+cv::Mat rendering_picture(const PhotoFit& fit, const cv::Mat& photo) {
     cv::Mat pale = 0.4 * photo + 0.6 * 235.0;
-    difference.predicted.copyTo(pale, difference.use != pixel_outside);
+    fit.predicted.copyTo(pale, fit.use != pixel_outside);
     return eight_bit(pale);
 }
 
@@ -106,15 +106,15 @@ cv::Rect surroundings(const cv::Mat& use, int room) {
 }
 
 PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t number,
-                            const std::filesystem::path& photo, const PixelDifference& calibrated,
-                            const PixelDifference* refined) {
+                            const std::filesystem::path& photo, const PhotoFit& calibrated,
+                            const PhotoFit* refined) {
     const cv::Mat gray = calibrated.predicted + calibrated.residual;
     const cv::Mat rendering = rendering_picture(calibrated, gray);
     const cv::Mat overlay =
         red_cyan_overlay(gray, calibrated.predicted, calibrated.use, overlay_gain);
     const cv::Mat residual =
         residual_map(calibrated.residual, calibrated.use, residual_map_scale_gray);
-    const PixelDifference& best = refined ? *refined : calibrated;
+    const PhotoFit& best = refined ? *refined : calibrated;
     const cv::Mat significance = residual_map(best.significance, best.use, significance_map_scale);
 
     PhotoPictures pictures;

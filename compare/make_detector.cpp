@@ -4,7 +4,6 @@
 
 #include <algorithm>
 
-#include "compare/detect/apriltag/apriltag_finder.h"
 #include "compare/detect/detector_adaptors.h"
 #include "compare/detect/stag/stag_detector.h"
 #include "compare/detect/topotag/topotag_detector.h"
@@ -14,37 +13,28 @@
 namespace etalon {
 namespace {
 
-struct Maker {
+struct Known {
     const char* name;
     Marker::Kind kind;  // of the markers that it finds
-    std::unique_ptr<Detector> (*make)(const Marker& marker, const std::string& place);
+    ArucoRefinement refinement = {};
 };
 
-std::unique_ptr<Detector> make_apriltag(const Marker& marker, const std::string& place) {
-    return make_apriltag_detector(marker, place);
-}
-
-template <ArucoRefinement refinement>
-std::unique_ptr<Detector> make_aruco(const Marker& marker, const std::string& place) {
-    return make_aruco_detector(marker, place, {refinement});
-}
-
 // The first of a kind is the one that "auto" takes.
-constexpr Maker makers[] = {
-    {"apriltag", Marker::Kind::apriltag, make_apriltag},
-    {"aruco", Marker::Kind::aruco, make_aruco<ArucoRefinement::subpixel>},
-    {"aruco-none", Marker::Kind::aruco, make_aruco<ArucoRefinement::none>},
-    {"aruco-contour", Marker::Kind::aruco, make_aruco<ArucoRefinement::contour>},
-    {"aruco-apriltag", Marker::Kind::aruco, make_aruco<ArucoRefinement::apriltag>},
-    {"topotag", Marker::Kind::topotag, make_topotag_detector},
-    {"chessboard", Marker::Kind::chessboard, make_chessboard_detector},
-    {"charuco", Marker::Kind::charuco, make_board_detector},
-    {"aprilgrid", Marker::Kind::aprilgrid, make_board_detector},
-    {"circles", Marker::Kind::circles, make_board_detector},
-    {"circles", Marker::Kind::acircles, make_board_detector},
-    {"circles", Marker::Kind::hexcircles, make_board_detector},
-    {"squares", Marker::Kind::squares, make_board_detector},
-    {"stag", Marker::Kind::stag, make_stag_detector},
+constexpr Known detectors[] = {
+    {"apriltag", Marker::Kind::apriltag},
+    {"aruco", Marker::Kind::aruco, ArucoRefinement::subpixel},
+    {"aruco-none", Marker::Kind::aruco, ArucoRefinement::none},
+    {"aruco-contour", Marker::Kind::aruco, ArucoRefinement::contour},
+    {"aruco-apriltag", Marker::Kind::aruco, ArucoRefinement::apriltag},
+    {"topotag", Marker::Kind::topotag},
+    {"chessboard", Marker::Kind::chessboard},
+    {"charuco", Marker::Kind::charuco},
+    {"aprilgrid", Marker::Kind::aprilgrid},
+    {"circles", Marker::Kind::circles},
+    {"circles", Marker::Kind::acircles},
+    {"circles", Marker::Kind::hexcircles},
+    {"squares", Marker::Kind::squares},
+    {"stag", Marker::Kind::stag},
 };
 
 [[noreturn]] void refuse(const std::string& name, const std::string& place) {
@@ -57,25 +47,36 @@ constexpr Maker makers[] = {
 
 std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& marker,
                                         const std::string& place) {
-    const bool is_auto = name == "auto";
-    const auto* maker = std::ranges::find_if(makers, [&](const Maker& one) {
-        return is_auto ? one.kind == marker.kind : one.name == name;
+    const auto* known = std::ranges::find_if(detectors, [&](const Known& one) {
+        return one.kind == marker.kind && (name == "auto" || name == one.name);
     });
-    if (maker == std::end(makers) && is_auto)
+    if (known == std::end(detectors) && name == "auto")
         throw ConfigError({place}, "no detector finds " + marker.spec + ": give its poses");
-    if (maker == std::end(makers))
+    if (known == std::end(detectors) && std::ranges::count(detector_names(), name) == 0)
         refuse(name, place);
-    auto detector = maker->make(marker, place);
-    if (!is_auto && detector->name() != name)
+    if (known == std::end(detectors))
         throw ConfigError({place}, fmt::format("the {} detector cannot see {}", name, marker.spec));
-    return detector;
+    switch (marker.kind) {
+        case Marker::Kind::apriltag:
+            return make_apriltag_detector(marker, place);
+        case Marker::Kind::aruco:
+            return make_aruco_detector(marker, place, {known->refinement});
+        case Marker::Kind::topotag:
+            return make_topotag_detector(marker);
+        case Marker::Kind::chessboard:
+            return make_chessboard_detector(marker);
+        case Marker::Kind::stag:
+            return make_stag_detector(marker);
+        default:
+            return make_board_detector(known->name, marker, place);
+    }
 }
 
 std::vector<std::string> detector_names() {
     std::vector<std::string> names = {"auto"};
-    for (const Maker& maker : makers)
-        if (std::ranges::count(names, maker.name) == 0)
-            names.emplace_back(maker.name);
+    for (const Known& one : detectors)
+        if (std::ranges::count(names, one.name) == 0)
+            names.emplace_back(one.name);
     return names;
 }
 
@@ -90,9 +91,9 @@ constexpr const char* dictionaries[] = {
     "APRILTAG_16h5"};
 
 std::vector<std::string> names(const std::string& kind, const std::string& family,
-                               const std::vector<FoundTag>& tags) {
+                               const std::vector<DetectedCorners>& tags) {
     std::vector<std::string> all;
-    for (const FoundTag& tag : tags)
+    for (const DetectedCorners& tag : tags)
         all.push_back(fmt::format("{}:{}:{}", kind, family, tag.id));
     return all;
 }

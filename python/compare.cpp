@@ -61,7 +61,7 @@ py::list model_parameters(const PhotoFit& fit) {
     for (const MatchParameter& parameter : fit.parameters)
         all.append(py::dict("name"_a = parameter.name, "value"_a = parameter.value,
                             "deviation"_a = parameter.deviation, "unit"_a = parameter.unit,
-                            "source"_a = name(parameter.source)));
+                            "source"_a = parameter.source));
     return all;
 }
 
@@ -80,11 +80,11 @@ void bind_findings(py::module_& module) {
 }
 
 void bind_fit(py::module_& module) {
-    const auto image = [](cv::Mat PixelDifference::*which) {
-        return [which](const PhotoFit& fit) { return shared_array(fit.difference.*which); };
+    const auto image = [](cv::Mat PhotoFit::*which) {
+        return [which](const PhotoFit& fit) { return shared_array(fit.*which); };
     };
     const auto figure = [](double ResidualStatistics::*which) {
-        return [which](const PhotoFit& fit) { return fit.difference.scored.*which; };
+        return [which](const PhotoFit& fit) { return fit.scored.*which; };
     };
     py::class_<PhotoFit>(module, "PhotoFit", R"(A photograph against its rendering at one pose.
 
@@ -100,17 +100,17 @@ other.)")
         .def_property_readonly("p99_gray", figure(&ResidualStatistics::p99_gray),
                                "99 % of the absolute residuals are at most this.")
         .def_property_readonly(
-            "noise_gray", [](const PhotoFit& fit) { return fit.difference.noise_gray; },
+            "noise_gray", [](const PhotoFit& fit) { return fit.noise_gray; },
             "Standard deviation of the noise, RMS.")
         .def_property_readonly(
-            "predicted", image(&PixelDifference::predicted),
+            "predicted", image(&PhotoFit::predicted),
             "(height, width) float32, gray: what the photograph should have been.")
-        .def_property_readonly("residual", image(&PixelDifference::residual),
+        .def_property_readonly("residual", image(&PhotoFit::residual),
                                "(height, width) float32, gray: photograph minus predicted.")
         .def_property_readonly(
-            "significance", image(&PixelDifference::significance),
+            "significance", image(&PhotoFit::significance),
             "(height, width) float32: residual / standard deviation of the noise.")
-        .def_property_readonly("use", image(&PixelDifference::use),
+        .def_property_readonly("use", image(&PhotoFit::use),
                                "(height, width) uint8: 0 outside, 1 fitted, 2 scored.")
         .def_property_readonly(
             "parameters", &model_parameters,

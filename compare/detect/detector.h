@@ -1,10 +1,10 @@
 // Fiducial detectors behind one interface, in our conventions: pixel (0, 0) is the centre of the
 // top-left pixel; corners from the marker's top left clockwise as seen from the front; the marker
-// frame of sim/marker/marker.h. Each adaptor undoes its library's own convention in one named
-// function.
+// frame of sim/marker/marker.h.
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,7 +30,7 @@ struct DetectedCorners {
 // The points of the marker that these pixels show: what estimate_pose() needs beside them.
 std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const DetectedCorners& corners);
 
-// What a detector makes of one image.
+// What a detector finds in one image.
 struct Detection {
     std::optional<DetectedCorners> corners;
     std::string reason = {};  // why there are none, in words: "marker not found"
@@ -48,24 +48,28 @@ std::string drawn_otherwise(const std::string& shown_as);
 // Which detectors there are: compare/make_detector.h.
 class Detector {
 public:
-    // `library_offset_px`: what the adaptor has taken off both coordinates that its library gives.
-    explicit Detector(std::string name, double library_offset_px = 0.0)
-        : name_(std::move(name)), library_offset_px_(library_offset_px) {}
-    virtual ~Detector() = default;
+    using Detect = std::function<Detection(const CodeImage& image)>;
+
+    // `library_offset_px`: what was taken off both coordinates that the library gives.
+    Detector(std::string name, Detect detect, double library_offset_px = 0.0)
+        : name_(std::move(name)),
+          detect_(std::move(detect)),
+          library_offset_px_(library_offset_px) {}
 
     const std::string& name() const { return name_; }  // "apriltag"
 
     // Half a pixel where the library counts from the corner of the top-left pixel.
     double library_offset_px() const { return library_offset_px_; }
 
-    // The marker's corners in the image. Tags with another id are no concern; the marker's own id
+    // The marker's corners in the image. Tags with another id do not count. The marker's own id
     // seen twice gives no corners, as nothing tells which of them is on the stage (of a ChArUco
     // board, the tags that are; a chessboard has no id). The same image gives the same result. Not
     // thread-safe: one detector per thread.
-    virtual Detection detect(const CodeImage& image) = 0;
+    Detection detect(const CodeImage& image) { return detect_(image); }
 
 private:
     std::string name_;
+    Detect detect_;
     double library_offset_px_;
 };
 
@@ -90,9 +94,9 @@ std::optional<PoseEstimate> estimate_pose(const Projector& projector,
                                           const std::vector<Eigen::Vector3d>& points_mm,
                                           const std::vector<Eigen::Vector2d>& pixels);
 
-// The same from `start`, a pose known well enough to tell the two planar solutions apart: gives the
-// one that least squares reach from there, without the other, in a fifth of the time. Nothing also
-// when a point cannot be seen from the start.
+// The same from `start`, a pose known well enough to tell the two planar solutions apart: the one
+// that least squares reach from there, without the other, in a fifth of the time. Nothing also when
+// a point cannot be seen from the start.
 std::optional<PoseEstimate> estimate_pose_near(const Projector& projector,
                                                const std::vector<Eigen::Vector3d>& points_mm,
                                                const std::vector<Eigen::Vector2d>& pixels,

@@ -1,13 +1,10 @@
-// The adaptors of libraries' detectors behind compare/detect/detector.h, for
-// compare/make_detector.h and for who sets their options. Throw ConfigError at `place` for a marker
-// that they cannot see and for an option out of its range.
+// What detectors are made of, for compare/make_detector.h and for callers that set their options:
+// libraries' finders in our pixel convention, and what all finders share.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include <Eigen/Core>
-#include <array>
 #include <memory>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,9 +21,31 @@ struct ApriltagOptions {
     bool refine_edges = true;  // fitted anew to the whole image
 };
 
-// libapriltag for the families that it has. What the options do, in px on exact renderings of tags
-// of 45 to 120 px, libapriltag 3.3.0 (tests/evidence/detector_options.cpp prints it, with smaller
-// tags): mean offset in x and in y, each; RMS distance of a corner; CPU time for 640x480 px.
+// All tags of a family in an image, by libapriltag 3. Not thread-safe: one per thread. Some 10 ms
+// to make for a family of hundreds of codes.
+class ApriltagFinder {
+public:
+    // The library puts (0, 0) at the corner of the top-left pixel: taken off its coordinates.
+    static constexpr double library_offset_px = 0.5;
+
+    // Families of sim/marker/tag_pattern.h; Kalibr prints the classic ones with a border of two
+    // cells. Throws ConfigError for an unknown family.
+    explicit ApriltagFinder(const std::string& family, int border_cells = 1,
+                            const ApriltagOptions& options = {});
+
+    // `image`: CV_8UC1. Four corners of each black square, from the top left clockwise. They
+    // include what decimation displaces them by. The same image gives the same result.
+    std::vector<DetectedCorners> find(cv::Mat image) const;
+
+private:
+    struct Handles;
+    std::shared_ptr<Handles> handles_;
+};
+
+// libapriltag for one tag. Throws ConfigError at `place` for another marker and for options out of
+// range. What the options do, in px on exact renderings of tags of 45 to 120 px, libapriltag 3.3.0
+// (tests/evidence/detector_options.cpp prints it, with smaller tags): mean offset in x and in y,
+// each; RMS distance of a corner; CPU time for 640x480 px.
 //
 //   quad_decimate   edges refined            not refined                CPU time
 //   1               0.00, RMS 0.08           -0.08, RMS 0.12 to 0.15    3 ms
@@ -34,16 +53,15 @@ struct ApriltagOptions {
 //   2               0.00, RMS 0.08 to 0.09   -0.15, RMS 0.26 to 0.38    1 ms
 //   3               0.00, RMS 0.09           -0.22, RMS 0.44 to 0.64    0.5 ms; 28 of 40 of 30 px
 //
-// So refinement takes away what reduction does to corners, while it finds the edges: it did down
-// to 30 px with 2, not with 3. Releases before 3.4.3 place a reduced outline wrongly, and it shows
-// where edges are not refined.
+// Refinement takes away what reduction does to corners, while it finds the edges: down to 30 px
+// with 2, not with 3. Releases before 3.4.3 place a reduced outline wrongly, which shows where
+// edges are not refined.
 std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std::string& place,
                                                  const ApriltagOptions& options = {});
 
 // How OpenCV's ArUco places the corners. Mean offset towards the tag's centre on exact renderings
-// of 120 px tags, OpenCV 4.6 (tests/compare/detect/aruco/aruco_detector_test.cpp measures and
-// prints it again). It is left in: it belongs to the detector, and a comparison meets it in
-// photograph and rendering.
+// of 120 px tags, OpenCV 4.6 (tests/compare/detect/tag_detectors_test.cpp measures it again). It is
+// left in: a comparison meets it in photograph and rendering.
 enum class ArucoRefinement {
     none,      // the contour's own pixels: 0.55 px
     subpixel,  // cv::cornerSubPix in a 7x7 px window, the default: 0.14 px
@@ -59,7 +77,8 @@ struct ArucoOptions {
     std::optional<int> subpixel_half_window_px = {};
 };
 
-// OpenCV's ArUco with a dictionary of its own, named "aruco", or "aruco-none" and so on.
+// OpenCV's ArUco for one tag, named "aruco", or "aruco-none" and so on. Throws as
+// make_apriltag_detector() does.
 //
 // Sub-pixel windows, by side of the tag, in px on the same renderings (OpenCV 4.6): mean offset
 // towards the tag's centre, RMS distance of a corner. The time does not depend on them: 2.5 ms.
@@ -72,40 +91,37 @@ struct ArucoOptions {
 std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, const std::string& place,
                                               const ArucoOptions& options = {});
 
-// The corner finder of compare/detect/board/chessboard_corners.h for a marker of kind chessboard.
-std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker, const std::string& place);
+// All tags of a dictionary of sim/marker/tag_pattern.h in a CV_8UC1 image, by OpenCV's ArUco: four
+// corners each, as above. With ArucoRefinement::subpixel they are unrefined.
+std::vector<DetectedCorners> find_aruco_tags(const cv::Mat& image, const std::string& dictionary,
+                                             ArucoRefinement refinement);
+
+// For a marker of kind chessboard: compare/detect/board/chessboard_corners.h.
+std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker);
 
 // The points of a board that a calibration finds (compare/detect/board/calibration_target.h), which
 // may be seen in part: ChArUco, AprilTag grids, circles and squares. Tags whose id is seen twice
 // count as not seen, so that of two boards alike nothing is found. Of circles these are the
-// centroids of their images. ConfigError for every other marker, and for a board too small to
-// calibrate with.
-std::unique_ptr<Detector> make_board_detector(const Marker& marker, const std::string& place);
+// centroids of their images. ConfigError at `place` for a board too small to calibrate with.
+std::unique_ptr<Detector> make_board_detector(const std::string& name, const Marker& marker,
+                                              const std::string& place);
 
-// For detect(): the only candidate; no corners when there is none, or more than one.
-Detection only_one(const std::vector<DetectedCorners>& found);
+// The only one with this id; no corners when there is none, or more than one.
+Detection only_one(int id, const std::vector<DetectedCorners>& found);
 
 // The image with its full scale at 255, rounded: what the libraries expect. 8-bit images are not
 // copied.
 cv::Mat as_8_bit(const CodeImage& image);
 
-// A square fiducial tag that a library found, in our pixel convention: what the detectors of single
-// tags and those of boards share.
+// CV_32FC1, full scale 1.
+cv::Mat as_float(const CodeImage& image);
 
-struct FoundTag {
-    int id = 0;
-    std::array<Eigen::Vector2d, 4> corners;  // of the black square, from the top left clockwise
-};
+// The homography of least squares through at least four points; nothing where they do not determine
+// one.
+std::optional<Eigen::Matrix3d> homography(const std::vector<Eigen::Vector2d>& from,
+                                          const std::vector<Eigen::Vector2d>& to);
 
-// What is taken off the coordinates that OpenCV gives: contour and sub-pixel corners count from the
-// first pixel's centre, as ours do. The AprilTag quads count from its corner, and OpenCV hands them
-// on unchanged.
-double library_offset_px_of(ArucoRefinement refinement);
-
-// OpenCV's ArUco on an 8-bit image, all ids of a dictionary of sim/marker/tag_pattern.h. What
-// sub-pixel refinement there is, is the library's: with ArucoRefinement::subpixel the corners are
-// unrefined.
-std::vector<FoundTag> find_aruco_tags(const cv::Mat& image, const std::string& dictionary,
-                                      ArucoRefinement refinement);
+// Spread of points along their principal axes, largest first, mm.
+Eigen::Vector3d principal_spreads(const std::vector<Eigen::Vector3d>& points_mm);
 
 }  // namespace etalon

@@ -67,18 +67,18 @@ cv::Mat window_means(const cv::Mat& values, const cv::Mat& used, int side, int s
 
 }  // namespace
 
-CoveredAreas covered_areas(const cv::Mat& photo_gray, const PixelDifference& difference,
-                           double window_px, double limit, double saturation_gray) {
-    if (photo_gray.size() != difference.use.size() || photo_gray.type() != CV_32FC1)
+CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, double window_px,
+                           double limit, double saturation_gray) {
+    if (photo_gray.size() != fit.use.size() || photo_gray.type() != CV_32FC1)
         throw NumericalError("the photograph is not the one that was compared");
     constexpr int enough_steps = 12;  // in a window
     const int side = std::max(3, static_cast<int>(std::lround(window_px)));
     const int step = std::max(1, side / enough_steps);
-    const cv::Mat used = difference.use != pixel_outside;
-    const Levels levels(difference.model, used.size());
+    const cv::Mat used = fit.use != pixel_outside;
+    const Levels levels(fit.state.photometry, used.size());
     const cv::Mat means =
-        window_means(difference.residual / levels.contrast,
-                     used & flat_places(difference.predicted, levels.contrast), side, step);
+        window_means(fit.residual / levels.contrast,
+                     used & flat_places(fit.predicted, levels.contrast), side, step);
     const cv::Mat size = cv::abs(means);
 
     CoveredAreas areas;
@@ -103,20 +103,20 @@ double BlockSteps::excess_gray() const {
     return std::sqrt(std::max(across_gray * across_gray - inside_gray * inside_gray, 0.0));
 }
 
-BlockSteps block_steps(const PixelDifference& difference, double contrast_gray) {
+BlockSteps block_steps(const PhotoFit& fit, double contrast_gray) {
     constexpr int block_px = 8;
     cv::Mat by_x, by_y;
     constexpr double per_px = 1.0 / 8.0;  // of Sobel's filter
-    cv::Sobel(difference.predicted, by_x, CV_32F, 1, 0, 3, per_px);
-    cv::Sobel(difference.predicted, by_y, CV_32F, 0, 1, 3, per_px);
+    cv::Sobel(fit.predicted, by_x, CV_32F, 1, 0, 3, per_px);
+    cv::Sobel(fit.predicted, by_y, CV_32F, 0, 1, 3, per_px);
     const cv::Mat flat =
-        (cv::abs(by_x) + cv::abs(by_y) < 0.01 * contrast_gray) & (difference.use != pixel_outside);
+        (cv::abs(by_x) + cv::abs(by_y) < 0.01 * contrast_gray) & (fit.use != pixel_outside);
     std::array<double, 2> squares{}, pairs{};  // inside, across
     const auto add = [&](int x, int y, int before_x, int before_y, bool across) {
         if (!flat.at<uchar>(y, x) || !flat.at<uchar>(before_y, before_x))
             return;
         const double step =
-            difference.residual.at<float>(y, x) - difference.residual.at<float>(before_y, before_x);
+            fit.residual.at<float>(y, x) - fit.residual.at<float>(before_y, before_x);
         squares[across ? 1 : 0] += step * step;
         pairs[across ? 1 : 0] += 1.0;
     };
@@ -458,7 +458,7 @@ Findings rest_findings(const PhotometricCamera& camera, const PhotoMatch& match,
                              "explains it",
                              match.pose.noise_scale),
                  false}};
-    const double rest = match.refined.difference.scored.rms_gray / contrast_gray;
+    const double rest = match.refined.scored.rms_gray / contrast_gray;
     if (rest <= max_rest)
         return {};
     return {{"unexplained", 100.0 * rest, 100.0 * max_rest, "%",
@@ -489,7 +489,7 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
     Findings findings = pattern_findings(marker, shown);
     if (is_refused(findings))
         return findings;
-    const PixelDifference& difference = match.refined.difference;
+    const PhotoFit& fit = match.refined;
     const double printed = printed_px(marker, shown.cell_px);
     const Findings blur = blur_findings(blur_sigma_px(camera.model(), state), printed);
     if (!blur.empty())
@@ -497,20 +497,18 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
     const auto add = [&](const Findings& more) {
         findings.insert(findings.end(), more.begin(), more.end());
     };
-    const CoveredAreas areas =
-        covered_areas(gray, difference, printed / 3.0, max_covered, saturation);
+    const CoveredAreas areas = covered_areas(gray, fit, printed / 3.0, max_covered, saturation);
     if (areas.share > 0)
         findings.push_back(covered(areas));
     else if (shown.clipped_white > max_clipped)
         findings.push_back(saturated(shown.clipped_white));
-    add(mode_findings(
-        ResidualModes(difference, (difference.use != pixel_outside) & (areas.pixels == 0), camera,
-                      state.camera_from_marker, match.pose.noise_scale),
-        state.photometry));
+    add(mode_findings(ResidualModes(fit, (fit.use != pixel_outside) & (areas.pixels == 0), camera,
+                                    state.camera_from_marker, match.pose.noise_scale),
+                      state.photometry));
     // A smear has sharp ends, which would pass for sharpening.
     if (std::ranges::find(findings, "motion_blur", &Finding::name) == findings.end())
         add(sharpening_findings(photo, marker, area, camera, state));
-    add(compression_findings(block_steps(difference, shown.expected.contrast_gray)));
+    add(compression_findings(block_steps(fit, shown.expected.contrast_gray)));
     if (findings.empty())
         add(rest_findings(camera, match, shown.expected.contrast_gray));
     return findings;

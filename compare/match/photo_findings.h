@@ -44,8 +44,8 @@ struct CoveredAreas {
 
 // `limit` in parts of the contrast (white minus black of the photometric model at the place). The
 // windows' side is in px. Safe from every thread. Throws NumericalError when sizes differ.
-CoveredAreas covered_areas(const cv::Mat& photo_gray, const PixelDifference& difference,
-                           double window_px, double limit, double saturation_gray);
+CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, double window_px,
+                           double limit, double saturation_gray);
 
 // What strong JPEG compression leaves: steps between blocks of 8 x 8 px where the marker is flat.
 // Only for whole photographs: a cut or scaled one has its blocks elsewhere.
@@ -61,7 +61,7 @@ struct BlockSteps {
 };
 
 // Of the compared pixels whose prediction changes by less than 1 % of `contrast_gray` per px.
-BlockSteps block_steps(const PixelDifference& difference, double contrast_gray);
+BlockSteps block_steps(const PhotoFit& fit, double contrast_gray);
 
 struct Finding {
     // For files, never renamed: not_in_image, marker_not_there, wrong_marker, turned, upside_down,

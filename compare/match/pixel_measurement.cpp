@@ -309,7 +309,7 @@ PhotoEvidence DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
     pixels.depth_mm = depth_mm(camera_.model().projection, camera_from_marker.translation);
     reduce(equations, asked_, pixels);
     add_largest_changes(by_deviations, photo, motion.region(), asked_, pixels);
-    pixels.loss = equations.loss;
+    pixels.loss = equations.loss();
     add_noise(photo, camera_, state, rendered, motion.region(), pixels);
     add_levels(photo, camera_, state, whole, pixels);
     return pixels;

@@ -57,16 +57,15 @@ Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& matrix, double least) {
     return solver.eigenvectors() * inverse.asDiagonal() * solver.eigenvectors().transpose();
 }
 
-void require_alike(const PixelDifference& difference, const cv::Mat& counted, const cv::Size& size,
+void require_alike(const PhotoFit& fit, const cv::Mat& counted, const cv::Size& size,
                    double noise_scale) {
     constexpr int min_pixels = 4 * column_count;
-    if (difference.predicted.size() != size || difference.residual.size() != size ||
-        counted.size() != size || counted.type() != CV_8UC1 || !(noise_scale > 0) ||
-        cv::countNonZero(counted) < min_pixels)
+    if (fit.predicted.size() != size || fit.residual.size() != size || counted.size() != size ||
+        counted.type() != CV_8UC1 || !(noise_scale > 0) || cv::countNonZero(counted) < min_pixels)
         throw NumericalError(fmt::format(
             "no modes from {} pixels of {} x {} px, a prediction of {} x {} px and noise scale {}",
-            cv::countNonZero(counted), counted.cols, counted.rows, difference.predicted.cols,
-            difference.predicted.rows, noise_scale));
+            cv::countNonZero(counted), counted.cols, counted.rows, fit.predicted.cols,
+            fit.predicted.rows, noise_scale));
 }
 
 // Against the covariance that the blocks' scatter tells; the formal one where they are too few.
@@ -146,13 +145,13 @@ bool ModeFit::is_significant() const {
     return freedom > 0 && chi_square > root * root;
 }
 
-ResidualModes::ResidualModes(const PixelDifference& difference, const cv::Mat& counted,
+ResidualModes::ResidualModes(const PhotoFit& fit, const cv::Mat& counted,
                              const PhotometricCamera& camera, const Rigid& camera_from_marker,
                              double noise_scale)
     : has_lens_(camera.model().lens.has_value()) {
     constexpr int block_px = 8, enough_pixels = 500'000;
-    require_alike(difference, counted, {camera.model().width, camera.model().height}, noise_scale);
-    const Images images(difference.predicted, counted);
+    require_alike(fit, counted, {camera.model().width, camera.model().height}, noise_scale);
+    const Images images(fit.predicted, counted);
     const cv::Rect& box = images.box;
     const ImageMotion motion(camera.projector(), camera_from_marker, calibration_modes(),
                              images.region);
@@ -164,12 +163,12 @@ ResidualModes::ResidualModes(const PixelDifference& difference, const cv::Mat& c
     const auto add_pixel = [&](int x, int y, Block& block) {
         if (counted.at<uchar>(y, x) == 0 || !motion.at(x, y, moved))
             return;
-        const double gray = difference.predicted.at<float>(y, x);
+        const double gray = fit.predicted.at<float>(y, x);
         const double noise = noise_scale * camera.noise_gray(gray);
         const Eigen::RowVector2d gradient = images.gradient(x, y);
-        images.fill_row(x, y, difference.model, camera.model(), -gradient * moved, row);
+        images.fill_row(x, y, fit.state.photometry, camera.model(), -gradient * moved, row);
         row /= noise;
-        const double residual = difference.residual.at<float>(y, x) / noise;
+        const double residual = fit.residual.at<float>(y, x) / noise;
         const double limited = std::clamp(residual, -huber_threshold, huber_threshold);
         const double weight = residual != 0 ? limited / residual : 1.0;
         block.information.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);

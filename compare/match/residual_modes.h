@@ -47,9 +47,8 @@ public:
     // fit that left `difference`. The modes are derived from its prediction, by differences on the
     // pixel grid: right to some 10 %. Throws NumericalError for sizes that differ, fewer than 128
     // pixels and what is not finite.
-    ResidualModes(const PixelDifference& difference, const cv::Mat& counted,
-                  const PhotometricCamera& camera, const Rigid& camera_from_marker,
-                  double noise_scale);
+    ResidualModes(const PhotoFit& fit, const cv::Mat& counted, const PhotometricCamera& camera,
+                  const Rigid& camera_from_marker, double noise_scale);
 
     // A mode beside what the fit had and the modes in `known`.
     ModeFit fit(ResidualMode mode, const std::vector<ResidualMode>& known) const;

@@ -4,11 +4,8 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <functional>
 #include <limits>
 
-#include "calib/camera/camera_model.h"
-#include "compare/photometric/photometric_equations.h"
 #include "core/program/errors.h"
 #include "sim/sensor/sensor_model.h"
 
@@ -25,19 +22,19 @@ double percentile_99(std::vector<double>& sizes) {
     return sizes[static_cast<std::size_t>(rank)];
 }
 
-ResidualStatistics statistics(const PixelDifference& difference, PixelUse use) {
+ResidualStatistics statistics(const PhotoFit& fit, PixelUse use) {
     std::vector<double> sizes;
     double sum = 0.0, squares = 0.0;
     int significant = 0;
-    for (int y = 0; y < difference.use.rows; ++y)
-        for (int x = 0; x < difference.use.cols; ++x) {
-            if (difference.use.at<uchar>(y, x) != use)
+    for (int y = 0; y < fit.use.rows; ++y)
+        for (int x = 0; x < fit.use.cols; ++x) {
+            if (fit.use.at<uchar>(y, x) != use)
                 continue;
-            const double residual = difference.residual.at<float>(y, x);
+            const double residual = fit.residual.at<float>(y, x);
             sizes.push_back(std::abs(residual));
             sum += residual;
             squares += residual * residual;
-            significant += std::abs(difference.significance.at<float>(y, x)) > limit ? 1 : 0;
+            significant += std::abs(fit.significance.at<float>(y, x)) > limit ? 1 : 0;
         }
     if (sizes.empty())
         throw NumericalError("no pixel of the marker is left to be scored");
@@ -61,15 +58,14 @@ double clipping_gray(const PhotometricModel& model) {
 
 // 1.4826 times the median size of the fitted residuals of pixels that do not clip: their standard
 // deviation if they are normal, whatever a tenth of them is. Not below rounding to 8 bits.
-double deviation_of_residuals(const PixelDifference& difference) {
+double deviation_of_residuals(const PhotoFit& fit) {
     constexpr double min_gray = 0.289;
-    const double clipping = clipping_gray(difference.model);
+    const double clipping = clipping_gray(fit.state.photometry);
     std::vector<float> sizes;
-    for (int y = 0; y < difference.use.rows; ++y)
-        for (int x = 0; x < difference.use.cols; ++x)
-            if (difference.use.at<uchar>(y, x) == pixel_fitted &&
-                difference.predicted.at<float>(y, x) < clipping)
-                sizes.push_back(std::abs(difference.residual.at<float>(y, x)));
+    for (int y = 0; y < fit.use.rows; ++y)
+        for (int x = 0; x < fit.use.cols; ++x)
+            if (fit.use.at<uchar>(y, x) == pixel_fitted && fit.predicted.at<float>(y, x) < clipping)
+                sizes.push_back(std::abs(fit.residual.at<float>(y, x)));
     if (sizes.empty())
         throw NumericalError("no pixel of the marker was fitted");
     const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
@@ -77,37 +73,31 @@ double deviation_of_residuals(const PixelDifference& difference) {
     return std::max(1.4826 * static_cast<double>(*middle), min_gray);
 }
 
-// The standard deviation of each pixel's noise.
-cv::Mat noise_map(const cv::Mat& predicted, const std::function<double(double)>& noise_of_gray) {
-    cv::Mat noise(predicted.size(), CV_32FC1);
-    for (int y = 0; y < noise.rows; ++y)
+// At a state that was fitted. `photo.use` is that of pixel_uses().
+PhotoFit difference_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                       const PhotoState& state) {
+    PhotoFit fit;
+    fit.state = state;
+    fit.use = photo.use;
+    fit.predicted = predicted_at(photo, camera, state);
+    fit.residual = photo.gray - fit.predicted;
+    const bool known = camera.knows_noise();
+    fit.noise_source = known ? NoiseSource::camera : NoiseSource::residuals;
+    cv::Mat noise(fit.use.size(), CV_32FC1, cv::Scalar(known ? 0.0 : deviation_of_residuals(fit)));
+    for (int y = 0; known && y < noise.rows; ++y)
         for (int x = 0; x < noise.cols; ++x)
-            noise.at<float>(y, x) = static_cast<float>(noise_of_gray(predicted.at<float>(y, x)));
-    return noise;
+            noise.at<float>(y, x) =
+                static_cast<float>(camera.noise_gray(fit.predicted.at<float>(y, x)));
+    fit.significance = fit.residual / noise;
+    const cv::Mat scored = photo.use == pixel_scored;
+    fit.noise_gray =
+        cv::norm(noise, cv::NORM_L2, scored) / std::sqrt(std::max(cv::countNonZero(scored), 1));
+    fit.fitted = statistics(fit, pixel_fitted);
+    fit.scored = statistics(fit, pixel_scored);
+    return fit;
 }
 
 }  // namespace
-
-PixelDifference difference_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                              const PhotoState& state) {
-    PixelDifference difference;
-    difference.model = state.photometry;
-    difference.use = photo.use;
-    difference.predicted = predicted_at(photo, camera, state);
-    difference.residual = photo.gray - difference.predicted;
-    const bool known = camera.knows_noise();
-    difference.noise_source = known ? NoiseSource::camera : NoiseSource::residuals;
-    const double found = known ? 0.0 : deviation_of_residuals(difference);
-    const cv::Mat noise = noise_map(
-        difference.predicted, [&](double gray) { return known ? camera.noise_gray(gray) : found; });
-    difference.significance = difference.residual / noise;
-    const cv::Mat scored = photo.use == pixel_scored;
-    difference.noise_gray =
-        cv::norm(noise, cv::NORM_L2, scored) / std::sqrt(std::max(cv::countNonZero(scored), 1));
-    difference.fitted = statistics(difference, pixel_fitted);
-    difference.scored = statistics(difference, pixel_scored);
-    return difference;
-}
 
 std::optional<double> noise_gray(const Sensor& sensor, double gray) {
     if (!(sensor.gain_e_per_dn > 0))
@@ -142,12 +132,15 @@ Eigen::VectorXd photometric_variances(const PhotoEquations& equations,
            freedom;
 }
 
+constexpr const char* of_image = "this image";
+
 void add_levels(const std::string& what, const Vector6d& values, const Eigen::VectorXd& variances,
                 std::vector<MatchParameter>& parameters) {
     constexpr const char* shape[] = {"",         ", along x", ", along y",
                                      ", by x^2", ", by x y",  ", by y^2"};
     for (Eigen::Index i = 0; i < variances.size(); ++i)
-        parameters.push_back({what + shape[i], values[i], std::sqrt(variances[i]), "gray", {}});
+        parameters.push_back(
+            {what + shape[i], values[i], std::sqrt(variances[i]), "gray", of_image});
 }
 
 // In the equations' order.
@@ -159,13 +152,11 @@ std::vector<MatchParameter> fitted_parameters(const PhotometricModel& model,
     const int n = terms.level_terms;
     add_levels("black level", model.black, variances.head(n), parameters);
     add_levels("white level", model.white, variances.segment(n, n), parameters);
-    for (MatchParameter& parameter : parameters)
-        parameter.source = ParameterSource::this_image;
     int at = 2 * n;
     const auto add = [&](const std::string& what, double value, double by_parameter,
                          const std::string& unit) {
-        parameters.push_back({what, value, by_parameter * std::sqrt(variances[at++]), unit,
-                              ParameterSource::this_image});
+        parameters.push_back(
+            {what, value, by_parameter * std::sqrt(variances[at++]), unit, of_image});
     };
     const double sigma = model.psf_sigma_px;
     if (terms.psf)  // from that of the variance: d sigma = d variance / (2 sigma)
@@ -194,21 +185,20 @@ std::optional<double> stated_deviation(const CameraModel& camera, const std::str
 }
 
 PhotoFit fit_of(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                const PhotoState& state, const PhotometricTerms& terms,
-                const PhotoEquations& equations) {
-    PhotoFit fit{state, difference_at(photo, camera, state),
-                 fitted_parameters(state.photometry, terms, equations)};
-    fit.state.photometry.pixels = fit.difference.model.pixels = equations.pixels;
+                const PhotometricTerms& terms, const PhotoEquations& equations) {
+    PhotoFit fit = difference_at(photo, camera, equations.state);
+    fit.parameters = fitted_parameters(fit.state.photometry, terms, equations);
+    fit.state.photometry.pixels = equations.pixels;
     return fit;
 }
 
 // Levels, blur and saturation at the noise that their own residuals show.
-PhotoPlace fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                         const PhotometricTerms& terms, const PhotoState& start) {
+PhotoEquations fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                             const PhotometricTerms& terms, const PhotoState& start) {
     constexpr int max_rounds = 3;
     constexpr double settled = 0.05;
     PhotometricSteps steps(photo, camera, terms, start);
-    PhotoPlace place = approached(steps, start);
+    PhotoEquations place = approached(steps, start);
     for (int round = 0; round < max_rounds; ++round) {
         const double scale = noise_scale_of(place, camera.knows_noise());
         if (round > 0 && std::abs(scale / place.noise_scale - 1.0) < settled)
@@ -229,15 +219,11 @@ bool shows_saturation(const PhotoOfMarker& photo) {
 
 }  // namespace
 
-const char* name(ParameterSource source) {
-    return source == ParameterSource::calibration ? "calibration" : "this image";
-}
-
 std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
     std::vector<MatchParameter> parameters;
     const auto add = [&](const std::string& what, double value, const std::string& unit,
                          std::optional<double> deviation = {}) {
-        parameters.push_back({what, value, deviation, unit, ParameterSource::calibration});
+        parameters.push_back({what, value, deviation, unit, "calibration"});
     };
     const auto add_intrinsic = [&](const std::string& what, double value, const char* unit) {
         add(what, value, unit, stated_deviation(camera, what));
@@ -280,9 +266,9 @@ PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& cam
     terms.pose = false;
     constexpr int enough_pixels = 50'000;  // for levels and blur
     const PhotoOfMarker few = with_few_pixels(photo, enough_pixels);
-    const PhotoPlace place =
-        fitted_levels(few, camera, terms, starting_state(few, camera, camera_from_marker, terms));
-    return fit_of(photo, camera, place.state, terms, place.equations);
+    return fit_of(
+        photo, camera, terms,
+        fitted_levels(few, camera, terms, starting_state(few, camera, camera_from_marker, terms)));
 }
 
 PhotoMatch match_photo(const CodeImage& image, const CellGrid& marker, const ComparedArea& area,
@@ -305,7 +291,7 @@ PhotoMatch match_photo(const CodeImage& image, const CellGrid& marker, const Com
     match.pose = photometric_pose(few, camera, match.calibrated.state, terms);
     const PhotoState refined{match.pose.camera_from_marker, match.pose.photometry};
     match.refined =
-        fit_of(photo, *camera, refined, terms,
+        fit_of(photo, *camera, terms,
                photo_equations(few, *camera, refined, terms, {}, match.pose.noise_scale));
     return match;
 }

@@ -12,19 +12,12 @@
 #include <vector>
 
 #include "compare/photometric/compared_area.h"
-#include "compare/photometric/photometric_equations.h"
-#include "compare/photometric/photometric_model.h"
-#include "compare/photometric/photometric_pose.h"
+#include "compare/photometric/photometric_detector.h"
 #include "core/image/image.h"
 
 namespace etalon {
 
-// Photograph minus prediction, pixel by pixel, at a pose and photometric model that were fitted on
-// one half of the marker's cells (compare/photometric/photo_match.h); what is reported comes from
-// the other.
-//
 // Residuals of photographs are in gray = code value / full scale * 255, behind the tone curve.
-
 struct ResidualStatistics {
     int pixels = 0;
     double mean_gray = 0.0;   // signed
@@ -42,47 +35,33 @@ enum class NoiseSource {
     residuals,  // one standard deviation, robustly from the fitted half of this image
 };
 
-struct PixelDifference {
-    PhotometricModel model;
-    cv::Mat predicted;     // CV_32FC1, gray: what the photograph should have been
-    cv::Mat residual;      // CV_32FC1, gray: photograph - predicted, everywhere in the image
-    cv::Mat significance;  // CV_32FC1: residual / standard deviation of the noise
-    cv::Mat use;           // CV_8UC1 of PixelUse
-    NoiseSource noise_source = NoiseSource::residuals;
-    double noise_gray = 0.0;  // its standard deviation, RMS over the scored pixels
-    ResidualStatistics fitted, scored;
-};
-
-// At a state that was fitted. `photo.use` is that of pixel_uses(). Throws NumericalError for sizes
-// that differ and what the renderer refuses. Safe from every thread.
-PixelDifference difference_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                              const PhotoState& state);
-
-// Standard deviation of one pixel's noise in gray at a noise-free value in gray: shot and read
-// noise, taken through the transfer curve's slope, and rounding (EMVA 1288's camera model). Nothing
-// when the sensor section gives no gain.
-std::optional<double> noise_gray(const Sensor& sensor, double gray);
-
-// Where a number that a rendering needs came from.
-enum class ParameterSource { calibration, this_image };
-const char* name(ParameterSource source);  // "calibration", "this image"
-
 struct MatchParameter {
     std::string name;  // "black level", "blur beside the lens section", ...
     double value = 0.0;
     // Standard deviation, the other fitted parameters marginalised; nothing where it is not known,
     // or where the parameter stands at the end of its range.
     std::optional<double> deviation;
-    std::string unit;  // "gray", "px", ""
-    ParameterSource source = ParameterSource::this_image;
+    std::string unit;    // "gray", "px", ""
+    const char* source;  // of a number that a rendering needs: "calibration" or "this image"
 };
 
-// A photograph with its rendering at one pose.
+// A photograph with its rendering at one pose, pixel by pixel.
 struct PhotoFit {
-    PhotoState state;
-    PixelDifference difference;
+    PhotoState state;      // fitted on one half of the marker's cells
+    cv::Mat predicted;     // CV_32FC1, gray: what the photograph should have been
+    cv::Mat residual;      // CV_32FC1, gray: photograph - predicted, everywhere in the image
+    cv::Mat significance;  // CV_32FC1: residual / standard deviation of the noise
+    cv::Mat use;           // CV_8UC1 of PixelUse
+    NoiseSource noise_source = NoiseSource::residuals;
+    double noise_gray = 0.0;                 // its standard deviation, RMS over the scored pixels
+    ResidualStatistics fitted, scored;       // of the two halves; the scored one is reported
     std::vector<MatchParameter> parameters;  // photometric ones, fitted to this image
 };
+
+// Standard deviation of one pixel's noise in gray at a noise-free value in gray: shot and read
+// noise, taken through the transfer curve's slope, and rounding (EMVA 1288's camera model). Nothing
+// when the sensor section gives no gain.
+std::optional<double> noise_gray(const Sensor& sensor, double gray);
 
 struct PhotoMatch {
     PhotoFit calibrated;                      // at the pose that was given

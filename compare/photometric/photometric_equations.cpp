@@ -1,13 +1,14 @@
 #include "compare/photometric/photometric_equations.h"
 
 #include <fmt/format.h>
-#include <opencv2/imgproc.hpp>
 
 #include <Eigen/Cholesky>
-#include <algorithm>
+#include <Eigen/LU>
 #include <cmath>
 #include <numeric>
+#include <opencv2/imgproc.hpp>
 
+#include "calib/intrinsics/camera_fit.h"
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photo_match.h"
 #include "core/program/errors.h"
@@ -156,7 +157,7 @@ public:
     // there.
     void add(double noise, double residual, int image_block) {
         const double limited = std::clamp(residual, -huber_threshold, huber_threshold);
-        equations_.loss += huber_loss(std::abs(residual));
+        equations_.huber_sum += huber_loss(std::abs(residual));
         equations_.squares += limited * limited;
         ++equations_.pixels;
         const double weight = 1.0 / noise, weighted = weight * limited;
@@ -196,7 +197,7 @@ void add_known_saturation(const Saturation& saturation, const PhotometricTerms& 
     const auto observe = [&](Eigen::Index i, double missing, double deviation) {
         equations.information(i, i) += 1.0 / (deviation * deviation);
         equations.score[i] += missing / (deviation * deviation);
-        equations.loss += 0.5 * missing * missing / (deviation * deviation);
+        equations.huber_sum += 0.5 * missing * missing / (deviation * deviation);
     };
     observe(at, known.level_gray - saturation.level_gray, level_deviation_gray);
     observe(at + 1, known.knee_gray - saturation.knee_gray, knee_deviation_gray);
@@ -278,7 +279,128 @@ void complete(PhotoEquations& equations, const PhotometricModel& photometry,
     hold_what_is_fixed(photometry, terms, equations);
 }
 
+// Where the ray meets the marker's plane, in the camera's frame; nothing behind its start.
+std::optional<Eigen::Vector3d> point_on_marker(const Rigid& camera_from_marker,
+                                               const Eigen::Vector3d& ray) {
+    const Eigen::Vector3d normal = camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
+    const double depth = normal.dot(camera_from_marker.translation) / normal.dot(ray);
+    if (!(depth > 0) || !std::isfinite(depth))
+        return std::nullopt;
+    return depth * ray;
+}
+
+Eigen::Matrix<double, 3, 6> moved_by_pose(const Eigen::Vector3d& arm) {
+    Eigen::Matrix<double, 3, 6> moved;
+    moved << -cross_matrix(arm), Eigen::Matrix3d::Identity();
+    return moved;
+}
+
+// The marker displaced within its own plane.
+PlacedMarker displaced(PlacedMarker marker, const Eigen::Vector3d& shift_mm) {
+    marker.camera_from_marker.translation += marker.camera_from_marker.rotation * shift_mm;
+    return marker;
+}
+
 }  // namespace
+
+ImageMotion::ImageMotion(const Projector& projector, const Rigid& camera_from_marker,
+                         const CalibrationModel& parameters, const cv::Rect& region)
+    : region_(region),
+      columns_(static_cast<int>(parameters.parameters.size()) + 6),
+      nodes_per_row_((region.width - 1) / spacing_px_ + 2) {
+    require_point_of_view(projector.camera(), "deriving a rendering");
+    const int rows = (region.height - 1) / spacing_px_ + 2;
+    const auto count = static_cast<std::size_t>(nodes_per_row_ * rows);
+    nodes_.resize(count * static_cast<std::size_t>(2 * columns_));
+    seen_.resize(count);
+    for (int y = 0; y < rows; ++y)
+        for (int x = 0; x < nodes_per_row_; ++x)
+            evaluate(projector, camera_from_marker, parameters, x, y);
+}
+
+void ImageMotion::evaluate(const Projector& projector, const Rigid& camera_from_marker,
+                           const CalibrationModel& parameters, int node_x, int node_y) {
+    const Eigen::Vector2d pixel(region_.x + node_x * spacing_px_, region_.y + node_y * spacing_px_);
+    const auto ray = projector.ray(pixel);
+    if (!ray)
+        return;
+    const auto point = point_on_marker(camera_from_marker, *ray);
+    if (!point)
+        return;
+    const auto projected = projector.project_with_jacobian(*point);
+    if (!projected)
+        return;
+    Eigen::Matrix2Xd motion(2, columns_);
+    if (columns_ > 6)
+        motion.leftCols(columns_ - 6) = parameter_jacobian(projector.camera(), *ray, parameters);
+    motion.rightCols<6>() =
+        projected->jacobian * moved_by_pose(*point - camera_from_marker.translation);
+    if (!motion.allFinite())
+        return;
+    const auto index = static_cast<std::size_t>(node_y * nodes_per_row_ + node_x);
+    std::copy_n(motion.data(), motion.size(),
+                &nodes_[index * static_cast<std::size_t>(motion.size())]);
+    seen_[index] = 1;
+}
+
+bool ImageMotion::at(int x, int y, Eigen::Ref<Eigen::Matrix2Xd> motion) const {
+    const int i = (x - region_.x) / spacing_px_, j = (y - region_.y) / spacing_px_;
+    const auto a = static_cast<std::size_t>(j * nodes_per_row_ + i), b = a + 1;
+    const std::size_t c = a + static_cast<std::size_t>(nodes_per_row_), d = c + 1;
+    if (!seen_[a] || !seen_[b] || !seen_[c] || !seen_[d])
+        return false;
+    const double s = static_cast<double>(x - region_.x - i * spacing_px_) / spacing_px_;
+    const double t = static_cast<double>(y - region_.y - j * spacing_px_) / spacing_px_;
+    motion.noalias() = (1 - t) * (1 - s) * node(a) + (1 - t) * s * node(b) + t * (1 - s) * node(c) +
+                       t * s * node(d);
+    return true;
+}
+
+RenderedGradient rendered_gradient(const Renderer& renderer, const PlacedMarker& marker,
+                                   double background, const ImageMotion& motion,
+                                   double tolerance_gray, Differences differences) {
+    constexpr double shift_px = 0.1;
+    const cv::Rect& region = motion.region();
+    RenderOptions options;
+    options.region = region;
+    options.tolerance_gray = tolerance_gray;
+    const auto rendered = [&](const PlacedMarker& placed) {
+        return renderer.render_part({{placed}, background}, options).within(region);
+    };
+    // Displacement in the image by mm along the marker's x and y.
+    const Eigen::Matrix<double, 3, 2> axes =
+        marker.camera_from_marker.rotation.toRotationMatrix().leftCols<2>();
+    Eigen::Matrix2Xd moved(2, motion.columns());
+    const auto px_per_mm = [&]() -> Eigen::Matrix2d { return moved.rightCols<3>() * axes; };
+    if (!motion.at(region.x + region.width / 2, region.y + region.height / 2, moved))
+        throw NumericalError("the middle of the marker's image sees nothing of its plane");
+    const Eigen::Array2d shift_mm = shift_px / px_per_mm().colwise().norm().transpose().array();
+    RenderedGradient gradient{rendered(marker), {}, {}};
+    const auto slope = [&](const Eigen::Vector3d& shift) -> cv::Mat {
+        const cv::Mat ahead = rendered(displaced(marker, shift));
+        if (differences == Differences::forward)
+            return (ahead - gradient.radiance) / shift.norm();
+        return (ahead - rendered(displaced(marker, -shift))) / (2.0 * shift.norm());
+    };
+    gradient.by_x = slope({shift_mm.x(), 0, 0});
+    gradient.by_y = slope({0, shift_mm.y(), 0});
+    for (int y = 0; y < region.height; ++y)
+        for (int x = 0; x < region.width; ++x) {
+            float &along_x = gradient.by_x.at<float>(y, x),
+                  &along_y = gradient.by_y.at<float>(y, x);
+            if (along_x == 0.0F && along_y == 0.0F)
+                continue;
+            Eigen::RowVector2d in_image = Eigen::RowVector2d::Zero();
+            // The marker moved to the right shows at each pixel what was to the left of it.
+            if (motion.at(region.x + x, region.y + y, moved))
+                in_image = -Eigen::RowVector2d(along_x, along_y) * px_per_mm().inverse();
+            if (!in_image.allFinite())
+                in_image.setZero();
+            along_x = static_cast<float>(in_image.x());
+            along_y = static_cast<float>(in_image.y());
+        }
+    return gradient;
+}
 
 PhotometricCamera::PhotometricCamera(const CameraModel& camera, Predicts predicts)
     : projector_(camera), renderer_(camera), response_(SensorModel(camera).relative_response()) {
@@ -408,6 +530,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     cv::findNonZero(photo.use(region) == photo.fitted, places);
     const cv::Rect box = box_around(places, gaussian_reach_px);
     PhotoEquations equations{
+        .state = state,
+        .noise_scale = noise_scale,
         .information = Eigen::MatrixXd::Zero(all, all),
         .block_scores = Eigen::MatrixXd::Zero(all, blocks_a_side * blocks_a_side)};
     RowBlock edges(all, equations), flats(photometric, equations);
@@ -445,9 +569,9 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     flats.flush();
     equations.score = equations.block_scores.rowwise().sum();
     complete(equations, state.photometry, terms);
-    if (equations.pixels < min_pixels || sizes.empty() || !std::isfinite(equations.loss))
+    if (equations.pixels < min_pixels || sizes.empty() || !std::isfinite(equations.huber_sum))
         throw NumericalError(fmt::format("{} pixels of the marker can be fitted, with a loss of {}",
-                                         equations.pixels, equations.loss));
+                                         equations.pixels, equations.huber_sum));
     equations.median_size = median(std::move(sizes));
     return equations;
 }
@@ -521,13 +645,8 @@ PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& c
 
 namespace {
 
-struct PhotoStep {
-    Eigen::VectorXd delta;
-    double predicted_gain;  // half of score . delta: how much the loss should fall
-};
-
 // Scaled to a unit diagonal, so that rad, mm and gray compare.
-PhotoStep step_of(const PhotoEquations& equations, double damping) {
+DampedStep step_of(const PhotoEquations& equations, double damping) {
     const Eigen::VectorXd scale =
         equations.information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     Eigen::MatrixXd scaled = scale.asDiagonal() * equations.information * scale.asDiagonal();
@@ -572,11 +691,9 @@ void PhotometricSteps::render(const Rigid& camera_from_marker) {
     rendered_ = camera_from_marker;
 }
 
-PhotoPlace PhotometricSteps::at(const PhotoState& state, double noise_scale) {
+PhotoEquations PhotometricSteps::at(const PhotoState& state, double noise_scale) {
     render(state.camera_from_marker);
-    return {state,
-            photo_equations(*photo_, *camera_, state, terms_, gradient_, motion_, noise_scale),
-            noise_scale};
+    return photo_equations(*photo_, *camera_, state, terms_, gradient_, motion_, noise_scale);
 }
 
 void PhotometricSteps::render_gradient(const PhotoState& state) {
@@ -588,34 +705,34 @@ void PhotometricSteps::render_gradient(const PhotoState& state) {
 }
 
 // Where nothing can be rendered it is no better than where the loss is higher.
-std::optional<PhotoPlace> PhotometricSteps::after(const PhotoPlace& place,
-                                                  const Eigen::VectorXd& step) {
+std::optional<PhotoEquations> PhotometricSteps::after(const PhotoEquations& place,
+                                                      const Eigen::VectorXd& step) {
     return attempted([&] { return at(stepped(place.state, terms_, step), place.noise_scale); })
         .value;
 }
 
-bool PhotometricSteps::descend(PhotoPlace& place, DescentRule rule) {
+bool PhotometricSteps::descend(PhotoEquations& place, DescentRule rule) {
     rule.max_tries = std::min(rule.max_tries, 25);
     rule.max_damping = std::min(rule.max_damping, 1e3);
-    const auto tried = [&](const PhotoPlace& from, const PhotoStep& step) {
-        return after(from, step.delta);
+    const auto tried = [&](const PhotoEquations& from, const DampedStep& step) {
+        return after(from, step.step);
     };
-    const auto step_at = [](const PhotoPlace& from, double damping) {
-        return step_of(from.equations, damping);
+    const auto step_at = [](const PhotoEquations& from, double damping) {
+        return step_of(from, damping);
     };
     auto descent = levenberg_marquardt(std::move(place), rule, step_at, tried);
     place = std::move(descent.place);
-    return descent.converged || promised_gain(place.equations) < rule.enough_gain;
+    return descent.converged || promised_gain(place) < rule.enough_gain;
 }
 
-bool PhotometricSteps::settle(PhotoPlace& place, double enough_gain) {
+bool PhotometricSteps::settle(PhotoEquations& place, double enough_gain) {
     constexpr double slow = 0.5;
-    PhotoStep step = step_of(place.equations, 0.0);
+    DampedStep step = step_of(place, 0.0);
     while (step.predicted_gain > enough_gain) {
-        auto next = after(place, step.delta);
+        auto next = after(place, step.step);
         if (!next)
             return false;
-        PhotoStep next_step = step_of(next->equations, 0.0);
+        DampedStep next_step = step_of(*next, 0.0);
         if (!(next_step.predicted_gain < slow * step.predicted_gain))
             return false;
         place = std::move(*next);
@@ -628,22 +745,22 @@ double promised_gain(const PhotoEquations& equations) {
     return step_of(equations, 0.0).predicted_gain;
 }
 
-double noise_scale_of(const PhotoPlace& place, bool knows_noise) {
+double noise_scale_of(const PhotoEquations& place, bool knows_noise) {
     constexpr double min_gray = 0.2;  // rounding to 8 bits: 1 / sqrt(12), and a little less
-    const double found = 1.4826 * place.equations.median_size * place.noise_scale;
+    const double found = 1.4826 * place.median_size * place.noise_scale;
     if (!knows_noise)
         return std::max(found, min_gray);
-    const double median_error = 1.17 / std::sqrt(place.equations.pixels);
+    const double median_error = 1.17 / std::sqrt(place.pixels);
     return found < 1.0 + 3.0 * median_error ? 1.0 : found;
 }
 
-PhotoPlace approached(PhotometricSteps& steps, const PhotoState& start) {
+PhotoEquations approached(PhotometricSteps& steps, const PhotoState& start) {
     constexpr double above_all = 1e4, least = 0.2;
     constexpr double largest = 2.0;  // edges, few pixels of all, are off by some ten times the rms
-    const PhotoPlace first = steps.at(start, above_all);
-    const double rms = above_all * std::sqrt(first.equations.squares / first.equations.pixels);
-    PhotoPlace place = steps.at(start, std::max(largest * rms, least));
-    const double enough = std::max(1.0, 0.02 * place.equations.loss);
+    const PhotoEquations first = steps.at(start, above_all);
+    const double rms = above_all * std::sqrt(first.squares / first.pixels);
+    PhotoEquations place = steps.at(start, std::max(largest * rms, least));
+    const double enough = std::max(1.0, 0.02 * place.loss());
     steps.descend(place, {.first_damping = 1e-3, .max_damping = 1.0, .enough_gain = enough});
     return place;
 }

@@ -2,15 +2,13 @@
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
-#include <opencv2/core.hpp>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <cmath>
-#include <optional>
 
-#include "compare/photometric/photometric_pose.h"
+#include "compare/photometric/photometric_detector.h"
 #include "core/optimize/least_squares.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
@@ -18,16 +16,19 @@
 namespace etalon {
 namespace {
 
-// Where a fit is: everything that a step changes, and the equations there.
+PhotometricTerms refinement_terms(const CameraModel& camera) {
+    return {.level_terms = 6, .psf = !camera.lens, .tone = true};
+}
+
+// Where a fit is, with a photograph's own state in its equations.
 struct Place {
     std::shared_ptr<const PhotometricCamera> camera;
-    std::vector<PhotoState> photos;
-    std::vector<PhotoEquations> equations;
+    std::vector<PhotoEquations> photos;
 
     double loss() const {
         double sum = 0.0;
-        for (const PhotoEquations& one : equations)
-            sum += one.loss;
+        for (const PhotoEquations& photo : photos)
+            sum += photo.loss();
         return sum;
     }
 };
@@ -57,42 +58,45 @@ struct Damped {
         camera_score = equations.score.head(parameters);
         own_score = scale.cwiseProduct(equations.score.tail(n));
     }
+
+    // Of the camera's parameters, the photograph's own eliminated.
+    Eigen::MatrixXd information() const { return camera - mixed.transpose() * own.solve(mixed); }
+    Eigen::VectorXd score() const {
+        return camera_score - mixed.transpose() * own.solve(own_score);
+    }
 };
 
 class Adjuster {
 public:
-    Adjuster(std::span<const PhotoOfMarker> photos, const PhotometricTerms& terms,
-             const CalibrationModel& parameters)
-        : photos_(photos), terms_(terms), parameters_(parameters) {}
+    Adjuster(std::span<const PhotoOfMarker> photos, const CalibrationModel& parameters)
+        : photos_(photos), parameters_(parameters), scales_(photos.size(), 1.0) {}
 
-    PhotometricAdjustment run(const std::shared_ptr<const PhotometricCamera>& camera,
-                              std::span<const PhotoState> start) {
+    // The noise scale of each photograph is 1.4826 times the median size of its residuals (that of
+    // a normal distribution), not below 1 where the camera knows its noise, and found again until
+    // it no longer changes. Same result for any number of threads.
+    Place run(const std::shared_ptr<const PhotometricCamera>& camera,
+              const std::vector<PhotoState>& start) {
         constexpr int max_rounds = 3;
         constexpr double settled = 0.05;
-        scales_.assign(photos_.size(), 1.0);
-        Place place = at(camera, {start.begin(), start.end()});
-        for (int round = 0; round < max_rounds; ++round) {
-            if (rescale(place) < settled)
-                break;
-            place = at(place.camera, place.photos);
+        Place place = at(camera, start);
+        for (int round = 0; round < max_rounds && !(rescale(place) < settled); ++round) {
+            std::vector<PhotoState> states;
+            for (const PhotoEquations& photo : place.photos)
+                states.push_back(photo.state);
+            place = at(place.camera, states);
             minimise(place);
         }
-        return {place.camera, std::move(place.photos), std::move(place.equations), iterations_,
-                converged_};
+        return place;
     }
 
 private:
-    Eigen::Index parameter_count() const {
-        return static_cast<Eigen::Index>(parameters_.parameters.size());
-    }
-
     Place at(std::shared_ptr<const PhotometricCamera> camera,
-             std::vector<PhotoState> states) const {
-        Place place{std::move(camera), std::move(states), {}};
-        place.equations.resize(photos_.size());
+             const std::vector<PhotoState>& states) const {
+        Place place{std::move(camera), std::vector<PhotoEquations>(photos_.size())};
+        const PhotometricTerms terms = refinement_terms(place.camera->model());
         tbb::parallel_for(std::size_t{0}, photos_.size(), [&](std::size_t i) {
-            place.equations[i] = photo_equations(photos_[i], *place.camera, place.photos[i], terms_,
-                                                 parameters_, scales_[i]);
+            place.photos[i] = photo_equations(photos_[i], *place.camera, states[i], terms,
+                                              parameters_, scales_[i]);
         });
         return place;
     }
@@ -103,9 +107,8 @@ private:
         double change = 0.0;
         for (std::size_t i = 0; i < photos_.size(); ++i) {
             const double least = place.camera->knows_noise() ? 1.0 : min_gray;
-            const double scale =
-                std::max(1.4826 * place.equations[i].median_size * scales_[i], least);
-            const bool first = iterations_ == 0;
+            const double scale = std::max(1.4826 * place.photos[i].median_size * scales_[i], least);
+            const bool first = steps_ == 0;
             change = std::max(change, first ? 1.0 : std::abs(scale / scales_[i] - 1.0));
             scales_[i] = scale;
         }
@@ -113,95 +116,71 @@ private:
     }
 
     AdjustmentStep step_at(const Place& place, double damping) const {
+        const auto count = static_cast<Eigen::Index>(parameters_.parameters.size());
         std::vector<Damped> damped;
-        Eigen::MatrixXd information = Eigen::MatrixXd::Zero(parameter_count(), parameter_count());
-        Eigen::VectorXd score = Eigen::VectorXd::Zero(parameter_count());
-        for (const PhotoEquations& equations : place.equations) {
-            const Damped& one = damped.emplace_back(equations, parameter_count(), damping);
-            information += one.camera - one.mixed.transpose() * one.own.solve(one.mixed);
-            score += one.camera_score - one.mixed.transpose() * one.own.solve(one.own_score);
+        Eigen::MatrixXd information = Eigen::MatrixXd::Zero(count, count);
+        Eigen::VectorXd score = Eigen::VectorXd::Zero(count);
+        for (const PhotoEquations& photo : place.photos) {
+            const Damped& one = damped.emplace_back(photo, count, damping);
+            information += one.information();
+            score += one.score();
         }
         AdjustmentStep step;
-        if (parameter_count() > 0) {
-            const Eigen::VectorXd scale =
-                information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-            const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-            step.camera = scale.cwiseProduct(
-                Eigen::VectorXd(scaled.ldlt().solve(Eigen::VectorXd(scale.cwiseProduct(score)))));
-        } else {
-            step.camera.resize(0);
-        }
+        const Eigen::VectorXd scale =
+            information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+        const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+        step.camera = scale.cwiseProduct(
+            Eigen::VectorXd(scaled.ldlt().solve(Eigen::VectorXd(scale.cwiseProduct(score)))));
         for (const Damped& one : damped) {
             const Eigen::VectorXd own = one.own.solve(one.own_score - one.mixed * step.camera);
             step.photos.push_back(one.scale.cwiseProduct(own));
             step.predicted_gain +=
                 0.5 * (one.camera_score.dot(step.camera) + one.own_score.dot(own));
         }
+        if (!std::isfinite(step.predicted_gain))
+            throw NumericalError("the photographs do not determine pose and photometric model");
         return step;
     }
 
     Place moved(const Place& place, const AdjustmentStep& step) const {
+        const PhotometricTerms terms = refinement_terms(place.camera->model());
         std::vector<PhotoState> states;
         for (std::size_t i = 0; i < photos_.size(); ++i)
-            states.push_back(stepped(place.photos[i], terms_, step.photos[i]));
-        if (parameter_count() == 0)
-            return at(place.camera, std::move(states));
+            states.push_back(stepped(place.photos[i].state, terms, step.photos[i]));
         CameraModel camera = place.camera->model();
         set_parameters(camera, parameters_, parameters_of(camera, parameters_) + step.camera);
-        return at(std::make_shared<const PhotometricCamera>(camera), std::move(states));
+        return at(std::make_shared<const PhotometricCamera>(camera), states);
     }
 
     // A gain of 3e-4 by photograph is some hundredths of a standard deviation. A step that leads
     // where nothing can be rendered is no better than one that raises the loss.
     void minimise(Place& place) {
-        const auto count = static_cast<double>(photos_.size());
         const DescentRule rule{.first_damping = 1e-3,
                                .max_damping = 1e6,
                                .max_tries = 60,
-                               .enough_gain = 3e-4 * count};
-        constexpr double rounding = 1e-2;  // by photograph: the renderer's own steps hide less
-        const auto determined_step = [&](const Place& from, double damping) {
-            AdjustmentStep step = step_at(from, damping);
-            if (!std::isfinite(step.predicted_gain))
-                throw NumericalError("the photographs do not determine pose and photometric model");
-            return step;
-        };
-        const auto tried = [&](const Place& from, const AdjustmentStep& step) {
-            return attempted([&] { return moved(from, step); }).value;
-        };
-        auto descent = levenberg_marquardt(std::move(place), rule, determined_step, tried);
+                               .enough_gain = 3e-4 * static_cast<double>(photos_.size())};
+        auto descent = levenberg_marquardt(
+            std::move(place), rule,
+            [&](const Place& from, double damping) { return step_at(from, damping); },
+            [&](const Place& from, const AdjustmentStep& step) {
+                return attempted([&] { return moved(from, step); }).value;
+            });
         place = std::move(descent.place);
-        iterations_ += descent.steps;
-        converged_ = descent.converged || step_at(place, 0.0).predicted_gain < rounding * count;
+        steps_ += descent.steps;
     }
 
     std::span<const PhotoOfMarker> photos_;
-    PhotometricTerms terms_;
     const CalibrationModel& parameters_;
     std::vector<double> scales_;
-    int iterations_ = 0;
-    bool converged_ = false;
+    int steps_ = 0;
 };
 
-}  // namespace
-
-PhotometricAdjustment adjust_to_photos(std::span<const PhotoOfMarker> photos,
-                                       std::shared_ptr<const PhotometricCamera> camera,
-                                       std::span<const PhotoState> start,
-                                       const PhotometricTerms& terms,
-                                       const CalibrationModel& parameters) {
-    if (photos.empty() || start.size() != photos.size())
-        throw NumericalError(
-            fmt::format("{} photographs with {} starts", photos.size(), start.size()));
-    return Adjuster(photos, terms, parameters).run(camera, start);
-}
-
+// What a photograph says of the camera's parameters, in the form that covariances are made of
+// (calib/intrinsics/calibration_covariance.h); `rest` is not set.
 ViewEquations camera_equations(const PhotoEquations& equations, std::size_t parameters) {
     const Damped one(equations, static_cast<Eigen::Index>(parameters), 0.0);
-    const Eigen::MatrixXd information =
-        one.camera - one.mixed.transpose() * one.own.solve(one.mixed);
-    const Eigen::VectorXd score =
-        one.camera_score - one.mixed.transpose() * one.own.solve(one.own_score);
+    const Eigen::MatrixXd information = one.information();
+    const Eigen::VectorXd score = one.score();
     // A square root of the information, which one photograph need not determine fully, made
     // triangular. Scaled to a unit diagonal: the parameters' units differ by orders of magnitude.
     constexpr double rounding = 1e-12;
@@ -220,8 +199,6 @@ ViewEquations camera_equations(const PhotoEquations& equations, std::size_t para
                   scale.cwiseInverse().cwiseProduct(score));
     return result;
 }
-
-namespace {
 
 using Indices = std::vector<std::size_t>;
 
@@ -257,7 +234,7 @@ PhotoOfMarker training_photo(const Job& job, std::size_t photo, const Photometri
     return photo_of(job, photo, use, 255);
 }
 
-PhotometricAdjustment refined_on_all(const Job& job, const CameraFit& corners) {
+Place refined_on_all(const Job& job, const CameraFit& corners) {
     const auto camera = std::make_shared<const PhotometricCamera>(corners.camera);
     const PhotometricTerms terms = refinement_terms(corners.camera);
     std::vector<PhotoOfMarker> photos;
@@ -267,23 +244,22 @@ PhotometricAdjustment refined_on_all(const Job& job, const CameraFit& corners) {
         photos.push_back(training_photo(job, i, *camera, pose));
         start.push_back(starting_state(photos.back(), *camera, pose, terms));
     }
-    return adjust_to_photos(photos, camera, start, terms, job.model);
+    return Adjuster(photos, job.model).run(camera, start);
 }
 
 // From the corners' camera of the training photographs alone; the photometric models start where
 // they were with all photographs, which saves time and decides nothing.
 std::shared_ptr<const PhotometricCamera> refined_on(
     const Job& job, const Indices& training, const CameraFit& corners,
-    const std::shared_ptr<const PhotometricCamera>& camera, const PhotometricAdjustment& all) {
+    const std::shared_ptr<const PhotometricCamera>& camera, const Place& all) {
     std::vector<PhotoOfMarker> photos;
     std::vector<PhotoState> start;
     for (std::size_t i = 0; i < training.size(); ++i) {
         const Rigid& pose = corners.camera_from_target[i];
         photos.push_back(training_photo(job, training[i], *camera, pose));
-        start.push_back({pose, all.photos[training[i]].photometry});
+        start.push_back({pose, all.photos[training[i]].state.photometry});
     }
-    return adjust_to_photos(photos, camera, start, refinement_terms(camera->model()), job.model)
-        .camera;
+    return Adjuster(photos, job.model).run(camera, start).camera;
 }
 
 // RMS residual on the squares that neither pose nor photometric model were fitted to.
@@ -299,16 +275,16 @@ double held_out_rms(const Job& job, std::size_t photo,
                              {pose.camera_from_marker, pose.photometry});
 }
 
-void validate_fold(const Job& job, const CameraFit& corners, const PhotometricAdjustment& all,
-                   std::size_t fold, std::vector<RefinedPhoto>& photos) {
+void validate_fold(const Job& job, const CameraFit& corners, const Place& all, std::size_t fold,
+                   std::vector<RefinedPhoto>& photos) {
     Indices training, held_out;
     for (std::size_t i = 0; i < photos.size(); ++i)
-        (i % refinement_folds == fold ? held_out : training).push_back(i);
+        (i % PhotometricRefinement::folds == fold ? held_out : training).push_back(i);
     const CameraFit without = corner_fit(job, training, corners);
     const auto from_corners = std::make_shared<const PhotometricCamera>(without.camera);
     const auto from_pixels = refined_on(job, training, without, from_corners, all);
     for (const std::size_t i : held_out) {
-        const PhotometricModel& start = all.photos[i].photometry;
+        const PhotometricModel& start = all.photos[i].state.photometry;
         photos[i].corners_rms_gray = held_out_rms(job, i, from_corners, start);
         photos[i].refined_rms_gray = held_out_rms(job, i, from_pixels, start);
     }
@@ -333,11 +309,11 @@ void judge(PhotometricRefinement& result) {
     result.accepted = result.least_gain_gray > 0.0;
 }
 
-void state_covariance(const PhotometricAdjustment& fit, const CalibrationModel& model,
+void state_covariance(const Place& fit, const CalibrationModel& model,
                       PhotometricRefinement& result) {
     std::vector<ViewEquations> equations;
     double squares = 0.0, freedom = -static_cast<double>(model.parameters.size());
-    for (const PhotoEquations& photo : fit.equations) {
+    for (const PhotoEquations& photo : fit.photos) {
         equations.push_back(camera_equations(photo, model.parameters.size()));
         squares += photo.squares;
         freedom += photo.pixels - static_cast<double>(photo.score.size()) +
@@ -361,16 +337,13 @@ void require_usable(std::span<const CodeImage> photos, std::span<const Calibrati
         throw NumericalError(fmt::format("{} photographs, {} views and {} poses do not match",
                                          photos.size(), views.size(),
                                          corners.camera_from_target.size()));
-    if (photos.size() < min_refinement_photos)
+    constexpr std::size_t min_photos = 6;
+    if (photos.size() < min_photos)
         throw NumericalError(fmt::format("photometric refinement needs {} photographs, not {}",
-                                         min_refinement_photos, photos.size()));
+                                         min_photos, photos.size()));
 }
 
 }  // namespace
-
-PhotometricTerms refinement_terms(const CameraModel& camera) {
-    return {.level_terms = 6, .psf = !camera.lens, .tone = true};
-}
 
 PhotometricRefinement refine_photometrically(std::span<const CodeImage> photos,
                                              std::span<const CalibrationView> views,
@@ -382,14 +355,13 @@ PhotometricRefinement refine_photometrically(std::span<const CodeImage> photos,
     for (const CodeImage& photo : photos)
         job.gray.push_back(gray_of(photo));
 
-    const PhotometricAdjustment fit = refined_on_all(job, corners);
+    const Place fit = refined_on_all(job, corners);
     PhotometricRefinement result;
     result.camera = fit.camera->model();
-    result.folds = refinement_folds;
-    for (const PhotoState& state : fit.photos)
-        result.photos.push_back({0.0, 0.0, state.camera_from_marker});
+    for (const PhotoEquations& photo : fit.photos)
+        result.photos.push_back({0.0, 0.0, photo.state.camera_from_marker});
     state_covariance(fit, model, result);
-    for (std::size_t fold = 0; fold < refinement_folds; ++fold)
+    for (std::size_t fold = 0; fold < PhotometricRefinement::folds; ++fold)
         validate_fold(job, corners, fit, fold, result.photos);
     judge(result);
     return result;

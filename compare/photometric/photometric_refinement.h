@@ -2,6 +2,13 @@
 // parameters for which the renderings are closest to the photographs, every photograph's pose and
 // photometric model found alongside.
 //
+// Bundle adjustment with pixels in place of points: what belongs to one photograph only is
+// eliminated from its normal equations (Schur complement), Levenberg and Marquardt's damping,
+// Huber's loss. To each photograph are fitted, beside its pose, black and white surfaces of second
+// order, a tone parameter, and a Gaussian's width where the camera has no lens section; 14 at most.
+// It finds the minimum that the start leads to: the start's edges must be within about a blur width
+// of the photograph's.
+//
 // A corner is what a detector makes of some fifty pixels; here every edge counts over its whole
 // length, and blur and levels are modelled. But a rendering also meets what corners do not care
 // for: a curled board, JPEG, a camera that sharpens. Whether the refined camera is better is
@@ -16,7 +23,6 @@
 // the test's 95 % are approximate (Bengio and Grandvalet, JMLR 5, 2004).
 #pragma once
 
-#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -24,41 +30,9 @@
 #include "calib/intrinsics/calibration_covariance.h"
 #include "calib/intrinsics/camera_fit.h"
 #include "compare/photometric/compared_area.h"
-#include "compare/photometric/photometric_equations.h"
 #include "core/image/image.h"
 
 namespace etalon {
-
-// Photographs of markers and one camera brought together: the poses, the photometric models and, if
-// asked, the camera's parameters for which the renderings are closest to the photographs. Bundle
-// adjustment with pixels in place of points: what belongs to one photograph only is eliminated from
-// its normal equations (Schur complement), Levenberg and Marquardt's damping, Huber's loss.
-//
-// Finds the minimum that the start leads to: the start's edges must be within about a blur width of
-// the photograph's. See compare/photometric/photometric_pose.h and photometric_refinement.h.
-
-struct PhotometricAdjustment {
-    std::shared_ptr<const PhotometricCamera> camera;
-    std::vector<PhotoState> photos;
-    std::vector<PhotoEquations> equations;  // there, by photograph
-    int iterations = 0;                     // steps taken
-    bool converged = false;                 // the next step is below a hundredth of its uncertainty
-};
-
-// The noise scale of each photograph is 1.4826 times the median size of its residuals (that of a
-// normal distribution), not below 1 where the camera knows its noise, and found again until it no
-// longer changes. `start` holds one state per photograph, `parameters` what is free of the camera
-// (may be empty). Same result for any number of threads. Throws NumericalError when the photographs
-// do not determine all unknowns, and what photo_equations() throws.
-PhotometricAdjustment adjust_to_photos(std::span<const PhotoOfMarker> photos,
-                                       std::shared_ptr<const PhotometricCamera> camera,
-                                       std::span<const PhotoState> start,
-                                       const PhotometricTerms& terms,
-                                       const CalibrationModel& parameters);
-
-// What a photograph says of the camera's parameters, pose and photometric model eliminated, in the
-// form that covariances are made of (calib/intrinsics/calibration_covariance.h); `rest` is not set.
-ViewEquations camera_equations(const PhotoEquations& equations, std::size_t parameters);
 
 struct RefinedPhoto {
     // Residuals in gray, RMS over the squares that were scored, of the held-out photograph: with
@@ -75,16 +49,13 @@ struct PhotometricRefinement {
     double gain_gray = 0.0;                                 // mean difference
     double gain_error_gray = 0.0;                           // its standard error
     double least_gain_gray = 0.0;  // lower end of the one-sided 95 % interval
-    int folds = 0;
+    static constexpr int folds = 5;
     bool accepted = false;  // least_gain_gray > 0
 
     // "held-out residual 6.43 -> 6.41 gray over 13 photos, gain 0.02 +- 0.01 (95 % at least 0.00):
     // accepted"
     std::string in_words() const;
 };
-
-inline constexpr int refinement_folds = 5;
-inline constexpr std::size_t min_refinement_photos = 6;
 
 // `photos` and `views` belong together; `area` is the part of the target that is compared;
 // `corners` is fit_camera()'s result for all views with this model. The covariance takes
@@ -97,9 +68,5 @@ PhotometricRefinement refine_photometrically(std::span<const CodeImage> photos,
                                              const CellGrid& target, const ComparedArea& area,
                                              const CameraFit& corners,
                                              const CalibrationModel& model);
-
-// What is fitted to each photograph beside its pose: black and white surfaces of second order, a
-// tone parameter, and a Gaussian's width where the camera has no lens section; 14 at most.
-PhotometricTerms refinement_terms(const CameraModel& camera);
 
 }  // namespace etalon

@@ -20,7 +20,7 @@ struct CornerNoise {
     double degrees_of_freedom = 0.0;  // (frames - 1) x coordinates
 };
 
-// A pose that was read from the photographs' pixels (compare/photometric/photometric_pose.h).
+// A pose that was read from the photographs' pixels (compare/photometric/photometric_detector.h).
 struct PhotometricReading {
     Rigid camera_from_marker;
     Matrix6d covariance;  // left perturbation, rot, trans

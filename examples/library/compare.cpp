@@ -22,8 +22,7 @@ int main(int argc, char** argv) try {
     const etalon::PhotoMatch match =
         etalon::match_photo(photo, marker.grid, area, camera, found.estimate->camera_from_marker);
     std::printf("photograph minus rendering: %.2f gray RMS, %.2f at the refined pose\n",
-                match.calibrated.difference.scored.rms_gray,
-                match.refined.difference.scored.rms_gray);
+                match.calibrated.scored.rms_gray, match.refined.scored.rms_gray);
     const etalon::Findings findings = etalon::examine_match(photo, marker, area, *camera, match);
     for (const etalon::Finding& finding : findings)
         std::printf("%s\n", finding.sentence.c_str());

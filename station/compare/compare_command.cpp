@@ -140,9 +140,9 @@ FoundPoses find_poses(const CompareArguments& arguments, const Job& job,
     return all;
 }
 
-void add_scored(const PixelDifference& difference, const Projector& projector,
-                const Rigid& camera_from_marker, ResidualProfile& radius, ResidualProfile& depth) {
-    const cv::Mat& use = difference.use;
+void add_scored(const PhotoFit& fit, const Projector& projector, const Rigid& camera_from_marker,
+                ResidualProfile& radius, ResidualProfile& depth) {
+    const cv::Mat& use = fit.use;
     const cv::Rect box = cv::boundingRect(use);
     const PlaneSight sight(projector, camera_from_marker, box);
     const Eigen::Vector2d centre(0.5 * (use.cols - 1), 0.5 * (use.rows - 1));
@@ -150,7 +150,7 @@ void add_scored(const PixelDifference& difference, const Projector& projector,
         for (int x = box.x; x < box.br().x; ++x) {
             if (use.at<uchar>(y, x) != pixel_scored)
                 continue;
-            const double residual = difference.residual.at<float>(y, x);
+            const double residual = fit.residual.at<float>(y, x);
             radius.add((Eigen::Vector2d(x, y) - centre).norm(), residual);
             if (const auto met = sight.at(x, y))
                 depth.add(met->z(), residual);
@@ -158,21 +158,20 @@ void add_scored(const PixelDifference& difference, const Projector& projector,
 }
 
 ComparedFit without_images(const PhotoFit& matched) {
-    const PixelDifference& difference = matched.difference;
     ComparedFit fit;
     fit.camera_from_marker = matched.state.camera_from_marker;
-    fit.model = difference.model;
-    fit.fitted = difference.fitted;
-    fit.scored = difference.scored;
-    fit.noise_source = difference.noise_source;
-    fit.noise_gray = difference.noise_gray;
+    fit.model = matched.state.photometry;
+    fit.fitted = matched.fitted;
+    fit.scored = matched.scored;
+    fit.noise_source = matched.noise_source;
+    fit.noise_gray = matched.noise_gray;
     fit.parameters = matched.parameters;
     return fit;
 }
 
 void add_edges(const CodeImage& image, const CellGrid& marker, const PhotometricCamera& camera,
                const PhotoFit& matched, ComparedFit& fit) {
-    const PhotoOfMarker photo{gray_of(image), marker, matched.difference.use, pixel_fitted};
+    const PhotoOfMarker photo{gray_of(image), marker, matched.use, pixel_fitted};
     fit.edges = edge_shifts(photo, camera, matched.state).edges;
     fit.edge_summary = edge_summary(edges_of(fit.edges, pixel_scored));
 }
@@ -238,11 +237,9 @@ void match(const CodeImage& image, const Job& job,
     if (camera->model().lens)
         photo.defocus = defocus_of(image, job.marker, job.area, *camera, *photo.refined);
     photo.findings = examine_match(image, job.marker, job.area, *camera, match);
-    photo.pictures = make_pictures(folder, number, photo.photo, match.calibrated.difference,
-                                   match.refined.difference);
-    add_scored(match.calibrated.difference, projector, photo.under_test, profiles.radius,
-               profiles.depth);
-    add_scored(match.refined.difference, projector, match.refined.state.camera_from_marker,
+    photo.pictures = make_pictures(folder, number, photo.photo, match.calibrated, match.refined);
+    add_scored(match.calibrated, projector, photo.under_test, profiles.radius, profiles.depth);
+    add_scored(match.refined, projector, match.refined.state.camera_from_marker,
                profiles.refined_radius, profiles.refined_depth);
 }
 

@@ -100,7 +100,7 @@ ColumnsOf<MatchParameter> parameter_columns(const char* name_key) {
             {"value", &MatchParameter::value},
             {"deviation", &MatchParameter::deviation},
             {"unit", &MatchParameter::unit},
-            {"source", [](const MatchParameter& parameter) { return name(parameter.source); }}};
+            {"source", [](const MatchParameter& parameter) { return parameter.source; }}};
 }
 
 // Something of a photograph, at the pose under test or at the refined one.

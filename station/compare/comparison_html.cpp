@@ -127,7 +127,7 @@ std::string parameters_html(const ComparedPhoto& photo) {
     figures[0].heading = "refined pose";
     add_columns(columns, figures, &ParameterRow::refined);
     columns.push_back({"", [](const ParameterRow& row) { return row.here->unit; }, "unit"});
-    columns.push_back({"", [](const ParameterRow& row) { return name(row.here->source); }, "from"});
+    columns.push_back({"", [](const ParameterRow& row) { return row.here->source; }, "from"});
     const ResultTable table = table_of(columns, rows);
     return "<details><summary>Photometric parameters</summary>" +
            table_html(headings_of(table), texts_of(table)) + "</details>";

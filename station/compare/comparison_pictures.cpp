@@ -22,9 +22,9 @@ cv::Mat eight_bit(const cv::Mat& gray) {
 
 // What was not rendered is the photograph, pale: in turn with the photograph only the marker
 // counts.
-cv::Mat rendering_picture(const PixelDifference& difference, const cv::Mat& photo) {
+cv::Mat rendering_picture(const PhotoFit& fit, const cv::Mat& photo) {
     cv::Mat pale = 0.4 * photo + 0.6 * 235.0;
-    difference.predicted.copyTo(pale, difference.use != pixel_outside);
+    fit.predicted.copyTo(pale, fit.use != pixel_outside);
     return eight_bit(pale);
 }
 
@@ -58,8 +58,8 @@ cv::Rect surroundings(const cv::Mat& use) {
 }  // namespace
 
 PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t number,
-                            const std::filesystem::path& photo, const PixelDifference& calibrated,
-                            const PixelDifference& refined) {
+                            const std::filesystem::path& photo, const PhotoFit& calibrated,
+                            const PhotoFit& refined) {
     const cv::Mat gray = calibrated.predicted + calibrated.residual;
     const cv::Mat rendering = rendering_picture(calibrated, gray);
     const cv::Mat overlay =

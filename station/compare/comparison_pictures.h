@@ -16,8 +16,8 @@ inline constexpr double significance_map_scale = 6.0;    // standard deviations,
 // Writes the picture files of the photograph with this number (from 1) into `folder` and makes the
 // elements for the report.
 PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t number,
-                            const std::filesystem::path& photo, const PixelDifference& calibrated,
-                            const PixelDifference& refined);
+                            const std::filesystem::path& photo, const PhotoFit& calibrated,
+                            const PhotoFit& refined);
 
 // Of a photograph that was not compared: the whole of it, for the report only.
 PhotoPictures pictures_of_photo(const CodeImage& image, const std::filesystem::path& photo);

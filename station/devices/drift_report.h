@@ -10,7 +10,6 @@
 
 #include "capture/frame/camera.h"
 #include "compare/drift/drift_monitor.h"
-#include "compare/drift/target_movement.h"
 
 namespace etalon {
 

@@ -1,5 +1,5 @@
 // The photometric poses of a run's photographs, from all pixels of the marker
-// (compare/photometric/photometric_pose.h), what the pixels show beside the pose
+// (compare/photometric/photometric_detector.h), what the pixels show beside the pose
 // (compare/match/pixel_measurement.h), and how the detector is off there
 // (compare/pose/pose_bias.h).
 #pragma once

@@ -42,8 +42,8 @@ PhotoResidual residual_of(const CodeImage& photo, const StationFile& station,
     const PhotoOfMarker seen{gray_of(photo), marker,
                              pixel_uses(camera.projector(), camera_from_marker, area), pixel_fitted,
                              station.background * station.white_level};
-    const PixelDifference difference = fit_photometry(seen, camera, camera_from_marker).difference;
-    return {difference.scored.rms_gray, difference.scored.p99_gray, difference.model.psf_sigma_px};
+    const PhotoFit fit = fit_photometry(seen, camera, camera_from_marker);
+    return {fit.scored.rms_gray, fit.scored.p99_gray, fit.state.photometry.psf_sigma_px};
 }
 
 std::vector<Pose*> judged_poses(std::vector<Pose>& poses) {

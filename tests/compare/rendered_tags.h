@@ -42,6 +42,15 @@ inline RenderedTag render_tag(const CameraModel& camera, const Marker& tag,
     return render_tag(Renderer(camera), tag, rigid_from_vector(Vector6d(pose.data())));
 }
 
+// The largest distance of a point that was found from the truth.
+inline double largest_error_px(const std::vector<Eigen::Vector2d>& found,
+                               const std::vector<Eigen::Vector2d>& truth) {
+    double largest = found.size() == truth.size() ? 0.0 : 1e9;
+    for (std::size_t i = 0; i < truth.size() && i < found.size(); ++i)
+        largest = std::max(largest, (found[i] - truth[i]).norm());
+    return largest;
+}
+
 struct Offsets {
     int detected = 0;
     Eigen::Vector2d mean = Eigen::Vector2d::Zero();  // found - true, px

@@ -70,8 +70,7 @@ struct Set {
 std::vector<EdgeShift> edges_in(const cv::Mat& gray, const PhotometricCamera& camera,
                                 const PhotoFit& fit) {
     std::vector<EdgeShift> edges =
-        edge_shifts({gray, board().grid, fit.difference.use, pixel_fitted}, camera, fit.state)
-            .edges;
+        edge_shifts({gray, board().grid, fit.use, pixel_fitted}, camera, fit.state).edges;
     std::erase_if(edges, [](const EdgeShift& edge) { return edge.is_beyond_range; });
     return edges;
 }
@@ -81,7 +80,7 @@ double squared_shift_by_jpeg(const CodeImage& photo, const PhotometricCamera& ca
                              const PhotoFit& fit) {
     constexpr int quality = 50;
     cv::Mat gray = gray_of(photo), codes;
-    fit.difference.predicted.copyTo(gray, fit.difference.use > 0);
+    fit.predicted.copyTo(gray, fit.use > 0);
     gray.convertTo(codes, CV_8U);
     std::vector<uchar> file;
     cv::imencode(".jpg", codes, file, {cv::IMWRITE_JPEG_QUALITY, quality});

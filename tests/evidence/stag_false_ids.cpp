@@ -10,7 +10,6 @@
 #include <mutex>
 
 #include "tests/compare/detect/stag/stag_images.h"
-#include "tests/compare/detect/stag/stag_judgement.h"
 
 namespace etalon::test {
 namespace {

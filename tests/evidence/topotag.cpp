@@ -69,15 +69,15 @@ void study_poses(const PoseStudy& study, int count) {
         SizeClass& size = sizes[static_cast<int>(seen.side_px / 10.0) * 10];
         ++size.tags;
         ++all.tags;
-        for (const FoundTopotag& found : tags) {
+        for (const DetectedCorners& found : tags) {
             if (found.id != tag.id) {
                 ++wrong;
                 continue;
             }
             ++size.found;
             ++all.found;
-            for (std::size_t v = 0; v < found.vertices.size(); ++v) {
-                size.errors.push_back((found.vertices[v] - seen.vertices[v]).norm());
+            for (std::size_t v = 0; v < found.pixels.size(); ++v) {
+                size.errors.push_back((found.pixels[v] - seen.vertices[v]).norm());
                 all.errors.push_back(size.errors.back());
             }
         }
@@ -107,9 +107,9 @@ struct FalseIds {
 };
 
 // Where a tag is: the same id and no vertex more than 2 px off.
-bool is_there(const FoundTopotag& found, int id, const SeenTag& seen) {
-    for (std::size_t v = 0; v < found.vertices.size(); ++v)
-        if (!((found.vertices[v] - seen.vertices[v]).norm() < 2.0))
+bool is_there(const DetectedCorners& found, int id, const SeenTag& seen) {
+    for (std::size_t v = 0; v < found.pixels.size(); ++v)
+        if (!((found.pixels[v] - seen.vertices[v]).norm() < 2.0))
             return false;
     return found.id == id;
 }
@@ -149,7 +149,7 @@ void show_tag(const AnyCamera& camera, std::uint64_t index, const std::string& f
         camera.sensor.expose(with_noise(radiance, camera.renderer.camera(), draw));
     int wrong = 0;
     const auto tags = find_in(image, family);
-    for (const FoundTopotag& found : tags)
+    for (const DetectedCorners& found : tags)
         wrong += is_there(found, tag.id, seen) ? 0 : 1;
     result.add("the tag itself", static_cast<int>(tags.size()), wrong);
     if (wrong > 0)

@@ -137,7 +137,7 @@ inline SeenTag study_pose(const Projector& projector, const Marker& tag, Draw& d
     }
 }
 
-inline std::vector<FoundTopotag> find_in(const CodeImage& image, const std::string& family) {
+inline std::vector<DetectedCorners> find_in(const CodeImage& image, const std::string& family) {
     cv::Mat pixels;
     image.pixels.convertTo(pixels, CV_32F, 1.0 / image.full_scale());
     return find_topotags(image.pixels, pixels, family);

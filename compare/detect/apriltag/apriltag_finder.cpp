@@ -1,6 +1,4 @@
 // libapriltag 3. Its C handles never leave this file.
-#include "compare/detect/apriltag/apriltag_finder.h"
-
 #include <apriltag/apriltag.h>
 #include <apriltag/tag16h5.h>
 #include <apriltag/tag25h9.h>
@@ -56,16 +54,6 @@ int correctable_bits(const apriltag_family_t& family) {
     return family.ncodes > 5000 ? 1 : 2;
 }
 
-// The library lists the corners from the bottom left counter-clockwise; ours from the top left
-// clockwise.
-std::array<Eigen::Vector2d, 4> corners_in_our_convention(const apriltag_detection_t& detection) {
-    constexpr double offset = ApriltagFinder::library_offset_px;
-    std::array<Eigen::Vector2d, 4> corners;
-    for (std::size_t i = 0; i < corners.size(); ++i)
-        corners[i] = {detection.p[3 - i][0] - offset, detection.p[3 - i][1] - offset};
-    return corners;
-}
-
 // The library's families have a border of one cell; wider ones move the data inwards.
 void widen_border(apriltag_family_t& family, int border_cells) {
     const int more = border_cells - 1;
@@ -75,6 +63,17 @@ void widen_border(apriltag_family_t& family, int border_cells) {
         family.bit_x[i] += static_cast<std::uint32_t>(more);
         family.bit_y[i] += static_cast<std::uint32_t>(more);
     }
+}
+
+// The library cuts other factors to whole numbers when it reduces the image, and takes them as they
+// are when it scales the outlines back: the corners would be pixels off.
+void require_exact_decimation(double factor, const std::string& place) {
+    constexpr double max_factor = 8.0;
+    const bool is_whole = factor >= 1.0 && factor <= max_factor && factor == std::floor(factor);
+    if (!is_whole && factor != 1.5)
+        throw ConfigError(
+            {place, 0, "quad_decimate"},
+            fmt::format("{} is not 1, 1.5 or a whole number up to {}", factor, max_factor));
 }
 
 }  // namespace
@@ -98,9 +97,7 @@ ApriltagFinder::ApriltagFinder(const std::string& family, int border_cells,
                                       correctable_bits(*handles_->family));
 }
 
-ApriltagFinder::~ApriltagFinder() = default;
-
-std::vector<FoundTag> ApriltagFinder::find(cv::Mat image) {
+std::vector<DetectedCorners> ApriltagFinder::find(cv::Mat image) const {
     constexpr int min_tag = 8;  // px; the library's tiles need this much, too
     const double smallest_side = min_tag * handles_->finder->quad_decimate;
     if (image.cols < smallest_side || image.rows < smallest_side)
@@ -108,58 +105,28 @@ std::vector<FoundTag> ApriltagFinder::find(cv::Mat image) {
     image_u8_t view{image.cols, image.rows, static_cast<int32_t>(image.step), image.data};
     const Detections detections(apriltag_detector_detect(handles_->finder.get(), &view),
                                 apriltag_detections_destroy);
-    std::vector<FoundTag> tags;
+    std::vector<DetectedCorners> tags;
     for (int i = 0; i < zarray_size(detections.get()); ++i) {
-        apriltag_detection_t* detection = nullptr;
-        zarray_get(detections.get(), i, &detection);
-        tags.push_back({detection->id, corners_in_our_convention(*detection)});
+        apriltag_detection_t* found = nullptr;
+        zarray_get(detections.get(), i, &found);
+        DetectedCorners& tag = tags.emplace_back(DetectedCorners{found->id, {}});
+        for (int corner = 3; corner >= 0; --corner)  // from the bottom left counter-clockwise
+            tag.pixels.emplace_back(found->p[corner][0] - library_offset_px,
+                                    found->p[corner][1] - library_offset_px);
     }
     return tags;
 }
-
-// libapriltag behind the Detector interface.
-
-namespace {
-
-class ApriltagDetector final : public Detector {
-public:
-    ApriltagDetector(const Marker& marker, const ApriltagOptions& options)
-        : Detector("apriltag", ApriltagFinder::library_offset_px),
-          id_(marker.id),
-          finder_(marker.family, 1, options) {}
-
-    Detection detect(const CodeImage& image) override {
-        std::vector<DetectedCorners> own;
-        for (const FoundTag& tag : finder_.find(as_8_bit(image)))
-            if (tag.id == id_)
-                own.push_back({id_, {tag.corners.begin(), tag.corners.end()}});
-        return only_one(own);
-    }
-
-private:
-    int id_;
-    ApriltagFinder finder_;
-};
-
-// The library cuts other factors to whole numbers when it reduces the image, and takes them as they
-// are when it scales the outlines back: the corners would be pixels off.
-void require_exact_decimation(double factor, const std::string& place) {
-    constexpr double max_factor = 8.0;
-    const bool is_whole = factor >= 1.0 && factor <= max_factor && factor == std::floor(factor);
-    if (!is_whole && factor != 1.5)
-        throw ConfigError(
-            {place, 0, "quad_decimate"},
-            fmt::format("{} is not 1, 1.5 or a whole number up to {}", factor, max_factor));
-}
-
-}  // namespace
 
 std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std::string& place,
                                                  const ApriltagOptions& options) {
     if (marker.kind != Marker::Kind::apriltag)
         throw ConfigError({place}, "the apriltag detector cannot see " + marker.spec);
     require_exact_decimation(options.quad_decimate, place);
-    return std::make_unique<ApriltagDetector>(marker, options);
+    return std::make_unique<Detector>(
+        "apriltag",
+        [id = marker.id, finder = ApriltagFinder(marker.family, 1, options)](
+            const CodeImage& image) { return only_one(id, finder.find(as_8_bit(image))); },
+        ApriltagFinder::library_offset_px);
 }
 
 }  // namespace etalon

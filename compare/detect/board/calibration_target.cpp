@@ -21,15 +21,14 @@ FoundBoard find_chessboard_points(const Marker& board, const CodeImage& image) {
     FoundBoard found;
     for (std::size_t i = 0; corners && i < corners->pixels.size(); ++i)
         if (corners->refined[i])
-            found.points.push_back({static_cast<int>(i), corners->pixels[i]});
+            found.add(static_cast<int>(i), corners->pixels[i]);
     return found;
 }
 
 FoundBoard find_points(const Marker& board, const CodeImage& image) {
     if (board.kind == Marker::Kind::chessboard)
         return find_chessboard_points(board, image);
-    BoardPhoto photo{{}, as_8_bit(image)};
-    image.pixels.convertTo(photo.pixels, CV_32F, 1.0 / image.full_scale());
+    const BoardPhoto photo{as_float(image), as_8_bit(image)};
     if (board.kind == Marker::Kind::charuco)
         return find_charuco_corners(board, photo);
     if (board.kind == Marker::Kind::aprilgrid)
@@ -37,19 +36,6 @@ FoundBoard find_points(const Marker& board, const CodeImage& image) {
     if (board.kind == Marker::Kind::squares)
         return find_square_corners(board, photo);
     return find_circle_centroids(board, photo);
-}
-
-// Whether the points leave the plane's two directions determined: not fewer than two rows of them.
-bool spread_over_the_plane(const CalibrationView& view) {
-    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-    for (const Eigen::Vector3d& point : view.points_mm)
-        mean += point.head<2>() / static_cast<double>(view.points_mm.size());
-    Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
-    for (const Eigen::Vector3d& point : view.points_mm)
-        scatter += (point.head<2>() - mean) * (point.head<2>() - mean).transpose();
-    const Eigen::Vector2d eigenvalues =
-        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(Eigen::MatrixXd(scatter)).eigenvalues();
-    return eigenvalues[0] > 1e-6 * eigenvalues[1];
 }
 
 // The centroid of a projected disk, by Green's theorem along its outline: the trapezoidal rule,
@@ -88,39 +74,37 @@ CalibrationTarget parse_calibration_target(const std::string& spec, const std::s
 }
 
 CalibrationTarget calibration_target(const Marker& board, const std::string& place) {
-    const auto require = [&](int least_columns, int least_rows, const char* what) {
-        const auto [small, large] = std::minmax(board.columns, board.rows);
-        if (small < std::min(least_columns, least_rows) ||
-            large < std::max(least_columns, least_rows))
+    const auto require = [&](int least, const char* what) {
+        if (std::min(board.columns, board.rows) < least)
             throw ConfigError(
                 {place, 0, board.spec},
-                fmt::format("a board of {}x{} {} is too small to calibrate with: "
-                            "{}x{} at least",
-                            board.columns, board.rows, what, least_columns, least_rows));
+                fmt::format("a board of {}x{} {} is too small to calibrate with: {}x{} at least",
+                            board.columns, board.rows, what, least, least));
     };
     switch (board.kind) {
         case Marker::Kind::chessboard:
-            require(3, 3, "inner corners");
-            return {board};
+            require(3, "inner corners");
+            break;
         case Marker::Kind::charuco:
-            require(3, 3, "squares");
-            return {board};
+            require(3, "squares");
+            break;
         case Marker::Kind::aprilgrid:
-            require(2, 2, "tags");
-            return {board};
+            require(2, "tags");
+            break;
         case Marker::Kind::squares:
-            require(2, 2, "squares");
-            return {board};
+            require(2, "squares");
+            break;
         case Marker::Kind::circles:
         case Marker::Kind::acircles:
         case Marker::Kind::hexcircles:
-            require(3, 3, "circles");
-            return {board};
+            require(3, "circles");
+            break;
         default:
             throw ConfigError({place, 0, board.spec},
                               "a camera is calibrated with a board, for instance "
                               "chessboard:9x6@25mm");
     }
+    return {board};
 }
 
 ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image) {
@@ -130,14 +114,16 @@ ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image) 
     if (found.points.empty())
         return {{}, found.reason};
     CalibrationView view;
-    for (const BoardPoint& point : found.points) {
-        view.points_mm.push_back(target.board.points_mm[static_cast<std::size_t>(point.id)]);
-        view.pixels.push_back(point.pixel);
-        view.ids.push_back(point.id);
+    for (const auto& [id, pixel] : found.points) {
+        view.points_mm.push_back(target.board.points_mm[static_cast<std::size_t>(id)]);
+        view.pixels.push_back(pixel);
+        view.ids.push_back(id);
     }
     constexpr std::size_t min_points = 6;  // of fewer none is known to be wrong
     const std::size_t enough = std::min(min_points, target.board.points_mm.size());
-    if (view.pixels.size() < enough || !spread_over_the_plane(view))
+    // Not fewer than two rows of them: else the plane's two directions are not determined.
+    const Eigen::Vector3d spread = principal_spreads(view.points_mm);
+    if (view.pixels.size() < enough || !(spread[1] > 1e-3 * spread[0]))
         return {{},
                 fmt::format("only {} of its points are seen: {} of them, not all in a line, are "
                             "needed",
@@ -183,55 +169,19 @@ std::vector<CalibrationView> with_circle_centres(const CalibrationTarget& target
     return views;
 }
 
-// The boards of compare/detect/board/calibration_target.h behind the Detector interface.
-
-namespace {
-
-// Empty for what is no board.
-std::string detector_of(Marker::Kind kind) {
-    switch (kind) {
-        case Marker::Kind::charuco:
-            return "charuco";
-        case Marker::Kind::aprilgrid:
-            return "aprilgrid";
-        case Marker::Kind::circles:
-        case Marker::Kind::acircles:
-        case Marker::Kind::hexcircles:
-            return "circles";
-        case Marker::Kind::squares:
-            return "squares";
-        default:
-            return "";
-    }
-}
-
-class BoardDetector final : public Detector {
-public:
-    BoardDetector(const std::string& name, CalibrationTarget target)
-        : Detector(name), target_(std::move(target)) {}
-
-    Detection detect(const CodeImage& image) override {
-        const auto [view, reason, shown_as] = observe(target_, image);
-        if (!view)
-            return {{}, reason.empty() ? "marker not found" : "marker not found: " + reason};
-        const bool is_whole = view->ids.size() == target_.board.points_mm.size();
-        return {DetectedCorners{0, view->pixels, is_whole ? std::vector<int>() : view->ids},
-                {},
-                {},
-                shown_as};
-    }
-
-private:
-    CalibrationTarget target_;
-};
-
-}  // namespace
-
-std::unique_ptr<Detector> make_board_detector(const Marker& marker, const std::string& place) {
-    const std::string name = detector_of(marker.kind);
-    if (name.empty())
-        throw ConfigError({place}, marker.spec + " is no board");
-    return std::make_unique<BoardDetector>(name, parse_calibration_target(marker.spec, place));
+std::unique_ptr<Detector> make_board_detector(const std::string& name, const Marker& marker,
+                                              const std::string& place) {
+    return std::make_unique<Detector>(
+        name, [target = calibration_target(marker, place)](const CodeImage& image) -> Detection {
+            const auto [view, reason, shown_as] = observe(target, image);
+            if (!view)
+                return {{}, reason.empty() ? "marker not found" : "marker not found: " + reason};
+            const bool is_whole = view->ids.size() == target.board.points_mm.size();
+            return {DetectedCorners{0, view->pixels, is_whole ? std::vector<int>() : view->ids},
+                    {},
+                    {},
+                    shown_as};
+        });
 }
 
 }  // namespace etalon

@@ -14,6 +14,7 @@
 #include <opencv2/core.hpp>
 
 #include <Eigen/Core>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -80,24 +81,22 @@ std::vector<CalibrationView> with_circle_centres(const CalibrationTarget& target
 // Whether with_circle_centres() has anything to correct.
 bool has_circles(const CalibrationTarget& target);
 
-// The points of boards with tags and of circle grids in a photograph, to sub-pixel, each with its
-// index on the board: what compare/detect/board/calibration_target.h puts together. Corners are
-// refined by compare/detect/board/saddle_point.h in windows that hold no other edge.
-//
-// All take an image as CV_32FC1 with full scale 1 beside its 8-bit form, return points in the order
-// of their indices, none where the board is not seen, and are safe from every thread.
-
-struct BoardPoint {
-    int id;  // index into Marker::points_mm
-    Eigen::Vector2d pixel;
-};
+// What compare/detect/board/tag_boards.cpp, circle_grid.cpp and square_grid.cpp find: the points of
+// boards with tags, circles and squares, to sub-pixel, none where the board is not seen. Safe from
+// every thread. Corners are refined by compare/detect/board/saddle_point.h in windows that hold no
+// other edge.
 
 struct FoundBoard {
-    std::vector<BoardPoint> points = {};
+    std::map<int, Eigen::Vector2d> points = {};  // by the index into Marker::points_mm
     std::string reason = {};  // why there are none, where something of the board is seen
     // The name of the board that is seen, where that is another than the one looked for, with its
     // points in the same places.
     std::string shown_as = {};
+
+    void add(int id, const std::optional<Eigen::Vector2d>& pixel) {
+        if (pixel)
+            points.emplace(id, *pixel);
+    }
 };
 
 struct BoardPhoto {
@@ -106,22 +105,19 @@ struct BoardPhoto {
 };
 
 // Inner corners beside at least one marker that was read, in whichever of the two layouts the
-// markers agree with. compare/detect/board/charuco_corners.cpp
+// markers agree with.
 FoundBoard find_charuco_corners(const Marker& board, const BoardPhoto& photo);
 
 // Corners of the tags that were read. Blur and dark squares that touch at their corners would join
 // tags to one outline: they are looked for in copies with dark parts shrunk by one and two pixels,
-// too. compare/detect/board/tag_board_match.cpp
+// too.
 FoundBoard find_tag_grid_corners(const Marker& board, const BoardPhoto& photo);
 
 // Centroids of the circles' images; a quarter of them may be hidden. Of 1 - brightness /
-// background, with the background a plane through what is seen halfway to the neighbours. A
-// circle's centre is NOT seen at its image's centroid; compare/detect/board/calibration_target.h
-// corrects for that. compare/detect/board/circle_grid.cpp
+// background, with the background a plane through what is seen halfway to the neighbours.
 FoundBoard find_circle_centroids(const Marker& board, const BoardPhoto& photo);
 
 // Corners of dark squares on their own; a quarter of the squares may be hidden.
-// compare/detect/board/square_grid.cpp
 FoundBoard find_square_corners(const Marker& board, const BoardPhoto& photo);
 
 }  // namespace etalon

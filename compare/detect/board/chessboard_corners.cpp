@@ -165,8 +165,7 @@ std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image,
     if (!find_whole_board(as_8_bit(image), board))
         return std::nullopt;
     make_right_handed(board);
-    cv::Mat pixels;
-    image.pixels.convertTo(pixels, CV_32F, 1.0 / image.full_scale());
+    const cv::Mat pixels = as_float(image);
     const bool exchanged = even_minus_odd(board, pixels) > 0.0;
     if (exchanged && (columns + rows) % 2 == 1)
         std::reverse(board.corners.begin(), board.corners.end());
@@ -177,40 +176,19 @@ std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image,
     return found;
 }
 
-// The corner finder of compare/detect/board/chessboard_corners.h behind the Detector interface.
-
-namespace {
-
-class ChessboardDetector final : public Detector {
-public:
-    explicit ChessboardDetector(const Marker& board)
-        : Detector("chessboard"),
-          columns_(board.columns),
-          rows_(board.rows),
-          on_its_side_(
-              fmt::format("chessboard:{}x{}@{}mm", rows_, columns_, exact(board.size_mm))) {}
-
-    Detection detect(const CodeImage& image) override {
-        const auto found = find_chessboard_corners(image, columns_, rows_);
+std::unique_ptr<Detector> make_chessboard_detector(const Marker& board) {
+    const auto detect = [columns = board.columns, rows = board.rows,
+                         size_mm = board.size_mm](const CodeImage& image) -> Detection {
+        const auto found = find_chessboard_corners(image, columns, rows);
         if (!found)
-            return only_one({});
-        Detection detection = only_one({{0, found->pixels}});
+            return only_one(0, {});
+        Detection detection{DetectedCorners{0, found->pixels}};
         if (found->lies_on_its_side)
-            detection.shown_as = on_its_side_;
+            detection.shown_as =
+                fmt::format("chessboard:{}x{}@{}mm", rows, columns, exact(size_mm));
         return detection;
-    }
-
-private:
-    int columns_, rows_;
-    std::string on_its_side_;
-};
-
-}  // namespace
-
-std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker, const std::string& place) {
-    if (marker.kind != Marker::Kind::chessboard)
-        throw ConfigError({place}, "the chessboard detector cannot see " + marker.spec);
-    return std::make_unique<ChessboardDetector>(marker);
+    };
+    return std::make_unique<Detector>("chessboard", detect);
 }
 
 }  // namespace etalon

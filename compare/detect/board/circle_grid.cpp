@@ -8,8 +8,7 @@
 #include <optional>
 
 #include "compare/detect/board/calibration_target.h"
-#include "compare/detect/board/dark_shapes.h"
-#include "compare/detect/board/point_lattice.h"
+#include "compare/detect/board/shape_grid.h"
 #include "core/statistics/distributions.h"
 #include "sim/marker/board_pattern.h"
 
@@ -199,7 +198,7 @@ double seen_diameter_mm(const Marker& board, const SeenPlane& view, const Circle
 FoundBoard find_circle_centroids(const Marker& board, const BoardPhoto& photo) {
     constexpr double max_difference = 0.15;  // of the diameter
     const auto [circles, reason] =
-        find_board_of(find_dark_ellipses, photo.eight_bit, lattice_places(board));
+        find_shape_grid(ShapeKind::ellipse, photo.eight_bit, lattice_places(board));
     const auto view = circles.empty() ? std::nullopt : view_of(board, circles);
     if (!view)
         return {{}, reason};
@@ -217,9 +216,8 @@ FoundBoard find_circle_centroids(const Marker& board, const BoardPhoto& photo) {
         const Eigen::Vector2d mm = board.points_mm[i].head<2>();
         const Eigen::Vector2d start = circles[i] ? circles[i]->centre : view->at(mm);
         const auto window = window_around(photo.pixels, start, view->px_per_mm(mm), radius, gap);
-        const auto pixel = window ? centroid(photo.pixels, *window, start) : std::nullopt;
-        if (pixel)
-            result.points.push_back({static_cast<int>(i), *pixel});
+        if (window)
+            result.add(static_cast<int>(i), centroid(photo.pixels, *window, start));
     }
     return result;
 }

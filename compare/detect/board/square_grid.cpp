@@ -6,8 +6,8 @@
 #include <array>
 
 #include "compare/detect/board/calibration_target.h"
-#include "compare/detect/board/point_lattice.h"
 #include "compare/detect/board/saddle_point.h"
+#include "compare/detect/board/shape_grid.h"
 #include "core/statistics/distributions.h"
 
 namespace etalon {
@@ -100,7 +100,7 @@ std::vector<Corners> guessed_corners(const Marker& board, const SeenPlane& view,
 
 FoundBoard find_square_corners(const Marker& board, const BoardPhoto& photo) {
     const std::vector<Eigen::Vector2i> places = places_of(board);
-    const auto [squares, reason] = find_board_of(find_dark_squares, photo.eight_bit, places);
+    const auto [squares, reason] = find_shape_grid(ShapeKind::square, photo.eight_bit, places);
     const auto view = squares.empty() ? std::nullopt : view_of(board, places, squares);
     if (!view)
         return {{}, reason};
@@ -115,15 +115,13 @@ FoundBoard find_square_corners(const Marker& board, const BoardPhoto& photo) {
     for (std::size_t i = 0; i < guesses.size(); ++i)
         for (std::size_t k = 0; k < 4; ++k) {
             const Corners& at = guesses[i];
-            const auto pixel =
+            found.add(
+                ids_of(board, places[i])[k],
                 refine_saddle(photo.pixels, {at[k],
                                              {at[(k + 1) % 4] - at[k], at[(k + 3) % 4] - at[k]},
                                              gap_share * height_at(at, k),
-                                             true});
-            if (pixel)
-                found.points.push_back({ids_of(board, places[i])[k], *pixel});
+                                             true}));
         }
-    std::ranges::sort(found.points, {}, &BoardPoint::id);
     return found;
 }
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "compare/detect/detector_adaptors.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -37,6 +36,13 @@ Quad upright(const Quad& seen, int quarters) {
 constexpr double max_depth_ratio = 2.0;
 constexpr double min_contrast = 0.05;  // of full scale
 
+// Largest over smallest depth of the square's corners, as far as the image shows it: 1 for a marker
+// seen squarely. Not above 0 when a corner would be behind the camera.
+double depth_ratio(const Homography& image_from_marker) {
+    const double reach = 0.5 * image_from_marker.row(2).head<2>().lpNorm<1>();
+    return (1.0 + reach) / (1.0 - reach);
+}
+
 std::optional<Candidate> read(const cv::Mat& image, const Quad& quad, const Wanted& wanted) {
     const auto seen = homography_to(quad);
     if (!seen)
@@ -48,15 +54,15 @@ std::optional<Candidate> read(const cv::Mat& image, const Quad& quad, const Want
     if (!reading || !(reading->contrast >= wanted.contrast))
         return std::nullopt;
     Candidate nearest{-1, quad, 0, wanted.correctable_bits + 1, reading->contrast};
-    for (std::size_t id = 0; id < wanted.words.size(); ++id) {
-        const StagMatch match = match_stag_code(reading->code, wanted.words[id]);
-        if (match.wrong_bits < nearest.wrong_bits)
-            nearest = {static_cast<int>(id), upright(quad, match.quarters), match.quarters,
-                       match.wrong_bits, reading->contrast};
-    }
-    if (nearest.id < 0)
-        return std::nullopt;
-    return nearest;
+    for (std::size_t id = 0; id < wanted.words.size(); ++id)
+        for (int quarters = 0; quarters < 4; ++quarters) {
+            const int wrong =
+                hamming_distance(reading->code, turned_stag_code(wanted.words[id], quarters));
+            if (wrong < nearest.wrong_bits)
+                nearest = {static_cast<int>(id), upright(quad, quarters), quarters, wrong,
+                           reading->contrast};
+        }
+    return nearest.id < 0 ? std::nullopt : std::optional(nearest);
 }
 
 bool overlap(const Quad& a, const Quad& b) {
@@ -78,11 +84,7 @@ FoundStag refined(const cv::Mat& image, const Candidate& candidate, const Wanted
     const auto again = read(image, refinement->corners, wanted);
     if (!again || again->id != candidate.id || again->quarters != 0)
         return unrefined;
-    FoundStag found{candidate.id, refinement->corners, again->wrong_bits, true};
-    found.edge_shift_px = refinement->edge_shift_px;
-    found.rms_px = refinement->rms_px;
-    found.sigma_px = refinement->sigma_px;
-    return found;
+    return {candidate.id, refinement->corners, again->wrong_bits, true};
 }
 
 }  // namespace
@@ -96,9 +98,7 @@ std::vector<FoundStag> find_stags(const CodeImage& image, std::span<const StagCo
     for (const Quad& quad : find_quads(as_8_bit(image)))
         if (const auto candidate = read(pixels, quad, wanted))
             candidates.push_back(*candidate);
-    std::stable_sort(
-        candidates.begin(), candidates.end(),
-        [](const Candidate& a, const Candidate& b) { return a.wrong_bits < b.wrong_bits; });
+    std::ranges::stable_sort(candidates, {}, &Candidate::wrong_bits);
     std::vector<FoundStag> found;
     for (const Candidate& candidate : candidates) {
         const auto same = std::find_if(found.begin(), found.end(), [&](const FoundStag& other) {
@@ -113,47 +113,27 @@ std::vector<FoundStag> find_stags(const CodeImage& image, std::span<const StagCo
     return found;
 }
 
-namespace {
-
-// The word stays the nearest one, however the marker is turned; and of random readings no more than
-// 4 (1 + 48 + 1128 + 17296 + 194580) / 2^48 = 3e-9 are taken for a marker's.
-constexpr int max_correctable_bits = 4;
-
-int correctable_bits(const std::vector<StagCode>& codes, int id) {
-    return std::min(max_correctable_bits, (stag_separation(codes, id) - 1) / 2);
-}
-
-class StagDetector final : public Detector {
-public:
-    explicit StagDetector(const Marker& marker) : Detector("stag"), id_(marker.id) {
-        const std::vector<StagCode> codes = stag_codes(marker.family);
-        word_ = codes.at(static_cast<std::size_t>(id_));
-        correctable_bits_ = correctable_bits(codes, id_);
-    }
-
-    Detection detect(const CodeImage& image) override {
-        const std::vector<FoundStag> found = find_stags(image, {&word_, 1}, correctable_bits_);
-        std::vector<DetectedCorners> own;
-        for (const FoundStag& marker : found)
-            if (marker.is_refined)
-                own.push_back({id_, {marker.corners.begin(), marker.corners.end()}});
-        if (own.empty() && !found.empty())
-            return {{},
-                    fmt::format("marker {} is seen, but its edges do not fix its corners", id_)};
-        return only_one(own);
-    }
-
-private:
-    int id_, correctable_bits_ = 0;
-    StagCode word_ = 0;
-};
-
-}  // namespace
-
-std::unique_ptr<Detector> make_stag_detector(const Marker& marker, const std::string& place) {
-    if (marker.kind != Marker::Kind::stag)
-        throw ConfigError({place}, "the STag detector cannot see " + marker.spec);
-    return std::make_unique<StagDetector>(marker);
+std::unique_ptr<Detector> make_stag_detector(const Marker& marker) {
+    // The word stays the nearest one, however the marker is turned; and of random readings no more
+    // than 4 (1 + 48 + 1128 + 17296 + 194580) / 2^48 = 3e-9 are taken for a marker's.
+    constexpr int max_correctable_bits = 4;
+    const std::vector<StagCode> codes = stag_codes(marker.family);
+    const int id = marker.id,
+              correctable = std::min(max_correctable_bits, (stag_separation(codes, id) - 1) / 2);
+    return std::make_unique<Detector>(
+        "stag",
+        [id, correctable,
+         word = codes.at(static_cast<std::size_t>(id))](const CodeImage& image) -> Detection {
+            const std::vector<FoundStag> found = find_stags(image, {&word, 1}, correctable);
+            std::vector<DetectedCorners> own;
+            for (const FoundStag& one : found)
+                if (one.is_refined)
+                    own.push_back({id, {one.corners.begin(), one.corners.end()}});
+            if (own.empty() && !found.empty())
+                return {{},
+                        fmt::format("marker {} is seen, but its edges do not fix its corners", id)};
+            return only_one(id, own);
+        });
 }
 
 }  // namespace etalon

@@ -1,11 +1,8 @@
-#include "compare/detect/stag/stag_quads.h"
-
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <optional>
-#include <span>
 
+#include "compare/detect/stag/stag_detector.h"
 #include "core/image/opencv_plugin.h"
 
 namespace etalon {
@@ -159,12 +156,7 @@ Chain from_a_corner(Chain chain) {
     const auto distance = [&](const cv::Point& pixel) {
         return (vector_of(pixel) - centre).norm();
     };
-    std::rotate(chain.begin(),
-                std::max_element(chain.begin(), chain.end(),
-                                 [&](const cv::Point& a, const cv::Point& b) {
-                                     return distance(a) < distance(b);
-                                 }),
-                chain.end());
+    std::ranges::rotate(chain, std::ranges::max_element(chain, {}, distance));
     chain.push_back(chain.front());
     return chain;
 }

@@ -1,12 +1,10 @@
-#include "compare/detect/stag/stag_reading.h"
-
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <vector>
 
+#include "compare/detect/stag/stag_detector.h"
 #include "sim/marker/stag_pattern.h"
 
 namespace etalon {
@@ -14,44 +12,24 @@ namespace {
 
 constexpr std::size_t references = 12;  // of each shade
 
-// Turns three points by the four quarters about the centre.
-std::array<Eigen::Vector2d, references> all_around(const std::array<Eigen::Vector2d, 3>& points) {
-    std::array<Eigen::Vector2d, references> turned;
-    for (std::size_t quarter = 0; quarter < 4; ++quarter)
-        for (std::size_t i = 0; i < points.size(); ++i) {
-            Eigen::Vector2d point = points[i];
-            for (std::size_t turn = 0; turn < quarter; ++turn)
-                point = {-point.y(), point.x()};
-            turned[3 * quarter + i] = point;
-        }
-    return turned;
-}
-
-// In the black corners and on the white border, as far from edges as there is room.
-const std::array<Eigen::Vector2d, references>& black_points() {
-    static const auto points =
-        all_around({Eigen::Vector2d(-0.365, -0.455), {-0.41, -0.41}, {-0.455, -0.365}});
-    return points;
-}
-
-const std::array<Eigen::Vector2d, references>& white_points() {
-    constexpr double middle = -0.5 - stag_border / 2.0;
-    static const auto points =
-        all_around({Eigen::Vector2d(-0.25, middle), {0.0, middle}, {0.25, middle}});
-    return points;
-}
-
-// Bilinear values at points of the marker.
-template <std::size_t count>
-bool sample(const cv::Mat& image, const Homography& image_from_marker,
-            const std::array<Eigen::Vector2d, count>& points, std::vector<double>& values) {
-    for (const Eigen::Vector2d& point : points) {
-        const auto value = bilinear(image, (image_from_marker * point.homogeneous()).hnormalized());
-        if (!value)
-            return false;
-        values.push_back(*value);
-    }
-    return true;
+// The code points, then the references in the black corners and those on the white border, as far
+// from edges as there is room: three of each shade, turned by the four quarters.
+const std::vector<Eigen::Vector2d>& places_to_read() {
+    static const auto all = [] {
+        constexpr double white = -0.5 - stag_border / 2.0;
+        using Three = std::array<Eigen::Vector2d, 3>;
+        std::vector<Eigen::Vector2d> places(stag_code_points().begin(), stag_code_points().end());
+        for (Three shade :
+             {Three{Eigen::Vector2d(-0.365, -0.455), {-0.41, -0.41}, {-0.455, -0.365}},
+              Three{Eigen::Vector2d(-0.25, white), {0.0, white}, {0.25, white}}})
+            for (int quarter = 0; quarter < 4; ++quarter)
+                for (Eigen::Vector2d& place : shade) {
+                    places.push_back(place);
+                    place = {-place.y(), place.x()};
+                }
+        return places;
+    }();
+    return all;
 }
 
 // The threshold between two classes with the largest variance between them (N. Otsu, 1979).
@@ -73,6 +51,18 @@ double otsu_threshold(std::vector<double> values) {
 
 }  // namespace
 
+std::optional<double> bilinear(const cv::Mat& image, const Eigen::Vector2d& place) {
+    if (!(place.x() >= 0.0 && place.y() >= 0.0 && place.x() < image.cols - 1 &&
+          place.y() < image.rows - 1))
+        return std::nullopt;
+    const int x = static_cast<int>(place.x()), y = static_cast<int>(place.y());
+    const double right = place.x() - x, down = place.y() - y;
+    const float* upper = image.ptr<float>(y) + x;
+    const float* lower = image.ptr<float>(y + 1) + x;
+    return (1.0 - down) * ((1.0 - right) * upper[0] + right * upper[1]) +
+           down * ((1.0 - right) * lower[0] + right * lower[1]);
+}
+
 std::optional<Homography> homography_to(const Quad& corners) {
     // The marker's corners are (-1, -1, 2), ... / 2: a projective basis, so that three of them give
     // the homography up to their scales, and the fourth gives the scales.
@@ -88,19 +78,15 @@ std::optional<Homography> homography_to(const Quad& corners) {
     return result / result(2, 2);
 }
 
-double depth_ratio(const Homography& image_from_marker) {
-    const Eigen::Vector2d slope = image_from_marker.row(2).head<2>();
-    const double reach = 0.5 * slope.lpNorm<1>();
-    return (1.0 + reach) / (1.0 - reach);
-}
-
 std::optional<StagReading> read_stag_code(const cv::Mat& image,
                                           const Homography& image_from_marker) {
     std::vector<double> values;
-    if (!sample(image, image_from_marker, stag_code_points(), values) ||
-        !sample(image, image_from_marker, black_points(), values) ||
-        !sample(image, image_from_marker, white_points(), values))
-        return std::nullopt;
+    for (const Eigen::Vector2d& place : places_to_read()) {
+        const auto value = bilinear(image, (image_from_marker * place.homogeneous()).hnormalized());
+        if (!value)
+            return std::nullopt;
+        values.push_back(*value);
+    }
     const double threshold = otsu_threshold(values);
     StagReading reading;
     for (std::size_t i = 0; i < stag_bits; ++i)
@@ -111,16 +97,6 @@ std::optional<StagReading> read_stag_code(const cv::Mat& image,
         (std::accumulate(whites, values.end(), 0.0) - std::accumulate(blacks, whites, 0.0)) /
         references;
     return reading;
-}
-
-StagMatch match_stag_code(StagCode seen, StagCode word) {
-    StagMatch best{stag_bits + 1, 0};
-    for (int quarters = 0; quarters < 4; ++quarters) {
-        const int wrong = hamming_distance(seen, turned_stag_code(word, quarters));
-        if (wrong < best.wrong_bits)
-            best = {wrong, quarters};
-    }
-    return best;
 }
 
 }  // namespace etalon

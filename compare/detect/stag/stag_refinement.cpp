@@ -1,14 +1,228 @@
-#include "compare/detect/stag/stag_refinement.h"
-
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
-#include <vector>
+#include <numbers>
+#include <numeric>
 
-#include "compare/detect/stag/stag_edges.h"
+#include "compare/detect/stag/stag_detector.h"
 #include "core/statistics/distributions.h"
+#include "sim/marker/stag_pattern.h"
 
 namespace etalon {
 namespace {
+
+// How a STag marker lies in an image: what the refinement of its corners varies. A homography from
+// the marker's plane (sides of its square, origin at its centre), and radial distortion about the
+// image's centre by the division model with one number L (A. Fitzgibbon, CVPR 2001): offsets d from
+// the centre, in half diagonals, are straight as d / (1 + L |d|^2). So that L does not take the
+// marker along when it changes, the homography goes to what the straight image looks like at the
+// marker's centre: displaced, turned and scaled to agree with the image there.
+//
+// Edges need not be where the marker's geometry has them: a tone curve, overexposure or a print's
+// ink moves every edge by about the same length. The square shrinks when the disk grows, so that
+// the marker itself shows by how much.
+class StagView {
+public:
+    static constexpr int parameters = 10;  // eight numbers of the homography, then these
+    static constexpr int distortion_parameter = 8, shift_parameter = 9;
+    using Parameters = Eigen::Matrix<double, parameters, 1>;
+    using Derivatives = Eigen::Matrix<double, 2, parameters>;
+
+    StagView(const Homography& start, const cv::Size& image)
+        : image_from_marker_(start),
+          image_centre_((image.width - 1) / 2.0, (image.height - 1) / 2.0),
+          half_diagonal_px_(std::hypot(image.width, image.height) / 2.0),
+          marker_centre_(offset(start.col(2).hnormalized())) {}
+
+    double distortion() const { return distortion_; }
+    double edge_shift_px() const { return edge_shift_px_; }  // towards the light
+
+    Eigen::Vector2d pixel(const Eigen::Vector2d& point) const {
+        const Eigen::Vector2d straight = (image_from_marker_ * point.homogeneous()).hnormalized();
+        return image_centre_ + half_diagonal_px_ * bent(offset(straight), distortion_);
+    }
+
+    // Of pixel(point) by the homography's first eight numbers, row by row, by the distortion, and
+    // by the edges' shift (nothing).
+    Derivatives derivatives(const Eigen::Vector2d& point) const {
+        const Eigen::Vector3d whole = image_from_marker_ * point.homogeneous();
+        const Eigen::Vector2d straight = whole.hnormalized(), d = offset(straight);
+        const Eigen::RowVector3d row = point.homogeneous().transpose() / whole.z();
+        const Eigen::RowVector3d none = Eigen::RowVector3d::Zero();
+        Eigen::Matrix<double, 2, 8> of_homography;
+        of_homography << row, none, -straight.x() * row.head<2>(),  //
+            none, row, -straight.y() * row.head<2>();
+        const Eigen::Vector2d seen = bent(d, distortion_);
+        const Eigen::Matrix2d turn =
+            slope(seen, distortion_).inverse() * slope(marker_centre_, distortion_);
+        constexpr double little = 1e-5;
+        const Eigen::Vector2d by_distortion = (bent(d, distortion_ + little) - seen) / little;
+        Derivatives all;
+        all << turn * of_homography, half_diagonal_px_ * by_distortion, Eigen::Vector2d::Zero();
+        return all;
+    }
+
+    StagView moved(const Parameters& step) const {
+        StagView view = *this;
+        for (int i = 0; i < 8; ++i)
+            view.image_from_marker_(i / 3, i % 3) += step[i];
+        view.distortion_ += step[distortion_parameter];
+        view.edge_shift_px_ += step[shift_parameter];
+        return view;
+    }
+
+private:
+    Eigen::Vector2d offset(const Eigen::Vector2d& pixel) const {
+        return (pixel - image_centre_) / half_diagonal_px_;
+    }
+    static Eigen::Vector2d straightened(const Eigen::Vector2d& d, double distortion) {
+        return d / (1.0 + distortion * d.squaredNorm());
+    }
+    // Of straightened(d).
+    static Eigen::Matrix2d slope(const Eigen::Vector2d& d, double distortion) {
+        const double scale = 1.0 / (1.0 + distortion * d.squaredNorm());
+        return scale * Eigen::Matrix2d::Identity() -
+               2.0 * distortion * scale * scale * d * d.transpose();
+    }
+    // Where an offset of the homography's image is seen; not finite where nothing is.
+    Eigen::Vector2d bent(const Eigen::Vector2d& d, double distortion) const {
+        const Eigen::Vector2d straight = straightened(marker_centre_, distortion) +
+                                         slope(marker_centre_, distortion) * (d - marker_centre_);
+        return 2.0 * straight / (1.0 + std::sqrt(1.0 - 4.0 * distortion * straight.squaredNorm()));
+    }
+
+    Homography image_from_marker_;
+    Eigen::Vector2d image_centre_;
+    double half_diagonal_px_;
+    Eigen::Vector2d marker_centre_;
+    double distortion_ = 0.0, edge_shift_px_ = 0.0;
+};
+
+// A point of a side or of the circle, in sides of the black square.
+struct StagEdge {
+    Eigen::Vector2d place;
+    Eigen::Vector2d to_light;  // unit normal, from the dark to the light
+    double dark_room = 0.0;    // free of other edges on each side of it, along the normal
+    double light_room = 0.0;
+    double room_along = 0.0;  // to the next corner
+};
+
+constexpr int edges_a_side = 40, edges_around = 120;
+
+// Inside the circle the outer ring of code discs begins at 0.35; where its discs are white, the
+// next ring at 0.27.
+constexpr double room_to_outer_ring = stag_circle_radius - 0.35;
+constexpr double room_to_next_ring = stag_circle_radius - 0.28;
+
+// How far a point of the upper side is from the circle below it.
+double dark_below(double x) {
+    const double square = stag_circle_radius * stag_circle_radius - x * x;
+    return square > 0.0 ? 0.5 - std::sqrt(square) : 0.5;
+}
+
+// The four turns of an edge of the upper side.
+void add_sides(std::vector<StagEdge>& edges) {
+    for (int i = 0; i < edges_a_side; ++i) {
+        const double x = (i + 0.5) / edges_a_side - 0.5;
+        StagEdge edge{{x, -0.5}, {0.0, -1.0}, dark_below(x), stag_border, 0.5 - std::abs(x)};
+        for (int quarter = 0; quarter < 4; ++quarter) {
+            edges.push_back(edge);
+            edge.place = {-edge.place.y(), edge.place.x()};
+            edge.to_light = {-edge.to_light.y(), edge.to_light.x()};
+        }
+    }
+}
+
+// Whether a black disc of the outer ring, or what joins it to others, may be next to a direction.
+bool black_towards(StagCode code, const Eigen::Vector2d& direction) {
+    constexpr double outer_ring = 0.29, half_width = 0.065;
+    const auto& points = stag_code_points();
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        const double along = points[i].dot(direction);
+        if ((code >> i & 1) != 0 && along > outer_ring - 0.01 &&
+            (points[i] - along * direction).norm() < half_width)
+            return true;
+    }
+    return false;
+}
+
+void add_circle(StagCode code, std::vector<StagEdge>& edges) {
+    for (int i = 0; i < edges_around; ++i) {
+        const double angle = 2.0 * std::numbers::pi * (i + 0.5) / edges_around;
+        const Eigen::Vector2d outwards(std::cos(angle), std::sin(angle));
+        const double to_side = 0.5 / outwards.lpNorm<Eigen::Infinity>() - stag_circle_radius;
+        const double inside =
+            black_towards(code, outwards) ? room_to_outer_ring : room_to_next_ring;
+        edges.push_back({stag_circle_radius * outwards, -outwards, to_side, inside, 1.0});
+    }
+}
+
+// Where the step is, in samples from the middle of a profile from dark to light.
+std::optional<double> step_place(const std::vector<double>& profile, double contrast) {
+    const auto end_samples =
+        static_cast<std::ptrdiff_t>(std::max<std::size_t>(1, profile.size() / 6));
+    const auto mean = [&](auto from) {
+        return std::accumulate(from, from + end_samples, 0.0) / static_cast<double>(end_samples);
+    };
+    const double dark = mean(profile.begin()), light = mean(profile.end() - end_samples);
+    if (!(light - dark > contrast / 3.0))
+        return std::nullopt;
+    double area = 0.0;  // of the light part, by the trapezium rule
+    for (std::size_t i = 0; i + 1 < profile.size(); ++i)
+        area += (0.5 * (profile[i] + profile[i + 1]) - dark) / (light - dark);
+    return 0.5 * static_cast<double>(profile.size() - 1) - area;
+}
+
+// An edge where the image has it, compared with where the view has it.
+struct MeasuredEdge {
+    Eigen::Vector2d normal;  // unit, in the image, from the dark to the light
+    double offset_px = 0.0;  // along it, from view.pixel(place) and the view's shift
+};
+
+// Evenly along the four sides and around the circle, where the code leaves the circle room.
+std::vector<StagEdge> stag_edges(StagCode code) {
+    std::vector<StagEdge> edges;
+    add_sides(edges);
+    add_circle(code, edges);
+    return edges;
+}
+
+// From the grey profile along the edge's normal, `reach_px` to either side at most: with the levels
+// of both its ends, the area under it says where a step between them would be. A symmetric blur
+// does not change that. `contrast` is the marker's; nothing for an edge of less than a third of it,
+// one too near another for a profile, and one not wholly in the image.
+std::optional<MeasuredEdge> measure_edge(const cv::Mat& image, const StagView& view,
+                                         const StagEdge& edge, double reach_px, double contrast) {
+    constexpr double min_reach_px = 1.0, sample_px = 0.5, corner_px = 2.0, little = 1e-3;
+    const Eigen::Vector2d middle = view.pixel(edge.place);
+    const Eigen::Vector2d tangent(-edge.to_light.y(), edge.to_light.x());
+    const Eigen::Vector2d along = (view.pixel(edge.place + little * tangent) - middle) / little;
+    const Eigen::Vector2d across =
+        (view.pixel(edge.place + little * edge.to_light) - middle) / little;
+    Eigen::Vector2d normal = Eigen::Vector2d(-along.y(), along.x()).normalized();
+    if (normal.dot(across) < 0.0)
+        normal = -normal;
+    const double room_px = normal.dot(across) * std::min(edge.dark_room, edge.light_room);
+    const double reach = std::min(reach_px, 0.8 * room_px);
+    if (!(reach >= min_reach_px) || edge.room_along * along.norm() < corner_px + reach)
+        return std::nullopt;
+    const int steps = static_cast<int>(std::ceil(reach / sample_px));
+    const double spacing = reach / steps;
+    const Eigen::Vector2d expected = middle + view.edge_shift_px() * normal;
+    std::vector<double> profile;
+    for (int i = -steps; i <= steps; ++i) {
+        const auto value = bilinear(image, expected + i * (spacing * normal));
+        if (!value)
+            return std::nullopt;
+        profile.push_back(*value);
+    }
+    const auto place = step_place(profile, contrast);
+    if (!place)
+        return std::nullopt;
+    return MeasuredEdge{normal, *place * spacing};
+}
 
 using Parameters = StagView::Parameters;
 using Information = Eigen::Matrix<double, StagView::parameters, StagView::parameters>;

@@ -1,9 +1,9 @@
 // Runs of equal pixels row by row, joined to those of the row above by union and find. The smaller
 // label survives: it was met first, so that what lies left of its first run is the region around.
-#include "compare/detect/topotag/region_tree.h"
-
 #include <cstdint>
 #include <cstring>
+
+#include "compare/detect/topotag/topotag_detector.h"
 
 namespace etalon {
 namespace {
@@ -35,10 +35,7 @@ public:
     int make(int parent, bool is_dark) {
         const int label = static_cast<int>(joined_.size());
         joined_.push_back(label);
-        Region region;
-        region.parent = parent;
-        region.is_dark = is_dark;
-        regions_.push_back(region);
+        regions_.push_back({parent, is_dark});
         return label;
     }
 
@@ -118,11 +115,10 @@ void join_rows(const std::vector<Run>& above, std::vector<Run>& runs, Labels& la
 
 }  // namespace
 
-RegionTree::RegionTree(const cv::Mat& dark) {
+std::vector<Region> region_tree(const cv::Mat& dark) {
     Labels labels;
     const int outermost = labels.make(-1, false);
-    const std::vector<Run> border = {{-1, dark.cols + 1, outermost, false}};
-    std::vector<Run> above = border, runs;
+    std::vector<Run> above = {{-1, dark.cols + 1, outermost, false}}, runs;
     for (int y = 0; y < dark.rows; ++y) {
         take_runs(dark.ptr<uchar>(y), dark.cols, runs);
         join_rows(above, runs, labels);
@@ -136,26 +132,11 @@ RegionTree::RegionTree(const cv::Mat& dark) {
     for (const Run& run : above)
         if (!run.is_dark)
             labels.join(run.label, outermost);
-    regions_ = labels.survivors();
-
-    first_child_.assign(regions_.size() + 1, 0);
-    for (const Region& region : regions_)
-        if (region.parent >= 0)
-            ++first_child_[static_cast<std::size_t>(region.parent) + 1];
-    for (std::size_t i = 1; i < first_child_.size(); ++i)
-        first_child_[i] += first_child_[i - 1];
-    children_.resize(regions_.size());
-    std::vector<int> next(first_child_.begin(), first_child_.end());
-    for (std::size_t i = 1; i < regions_.size(); ++i)
-        children_[static_cast<std::size_t>(next[static_cast<std::size_t>(regions_[i].parent)]++)] =
-            static_cast<int>(i);
-}
-
-std::span<const int> RegionTree::children(int region) const {
-    const auto i = static_cast<std::size_t>(region);
-    return std::span(children_).subspan(
-        static_cast<std::size_t>(first_child_[i]),
-        static_cast<std::size_t>(first_child_[i + 1] - first_child_[i]));
+    std::vector<Region> regions = labels.survivors();
+    for (std::size_t i = 1; i < regions.size(); ++i)
+        regions[static_cast<std::size_t>(regions[i].parent)].children.push_back(
+            static_cast<int>(i));
+    return regions;
 }
 
 }  // namespace etalon

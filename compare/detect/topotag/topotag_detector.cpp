@@ -1,17 +1,13 @@
 #include "compare/detect/topotag/topotag_detector.h"
 
-#include <opencv2/imgproc.hpp>
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <limits>
-#include <optional>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "compare/detect/detector_adaptors.h"
-#include "compare/detect/topotag/region_tree.h"
-#include "compare/detect/topotag/topotag_fit.h"
-#include "core/program/errors.h"
 #include "sim/marker/topotag_pattern.h"
 
 namespace etalon {
@@ -39,16 +35,16 @@ cv::Mat dark_pixels(const cv::Mat& image) {
 }
 
 // A black region, filled, with the dots in it. Smaller holes are specks.
-Blob node_of(const RegionTree& tree, int region) {
+Blob node_of(const std::vector<Region>& tree, const Region& region) {
     constexpr double min_share = 0.02;  // of a node's area; a dot has 1/9 of it without blur
-    Blob node{tree.regions()[region].area, tree.regions()[region].sum, {}};
-    for (const int hole : tree.children(region)) {
-        node.area += tree.regions()[hole].area;
-        node.sum += tree.regions()[hole].sum;
+    Blob node{region.area, region.sum, {}};
+    for (const int hole : region.children) {
+        node.area += tree[hole].area;
+        node.sum += tree[hole].sum;
     }
-    for (const int hole : tree.children(region))
-        if (tree.regions()[hole].area > min_share * node.area)
-            node.dots.push_back(tree.regions()[hole].sum / tree.regions()[hole].area);
+    for (const int hole : region.children)
+        if (tree[hole].area > min_share * node.area)
+            node.dots.push_back(tree[hole].sum / tree[hole].area);
     return node;
 }
 
@@ -58,20 +54,19 @@ struct Candidate {
 };
 
 // The nodes of a white region when there are as many as a tag of this order has.
-std::optional<Candidate> candidate_in(const RegionTree& tree, int region, int order) {
+std::optional<Candidate> candidate_in(const std::vector<Region>& tree, const Region& region,
+                                      int order) {
     constexpr double min_area = 5.0, speck = 0.25, max_unlike = 8.0;
-    const auto children = tree.children(region);
     const auto count = static_cast<std::size_t>(order * order - 1);
-    if (children.size() < count)
+    if (region.children.size() < count)
         return std::nullopt;
     std::vector<Blob> nodes;
-    for (const int child : children)
-        if (tree.regions()[child].area >= min_area)
-            nodes.push_back(node_of(tree, child));
+    for (const int child : region.children)
+        if (tree[child].area >= min_area)
+            nodes.push_back(node_of(tree, tree[child]));
     if (nodes.size() < count)
         return std::nullopt;
-    std::sort(nodes.begin(), nodes.end(),
-              [](const Blob& a, const Blob& b) { return a.area > b.area; });
+    std::ranges::sort(nodes, std::greater(), &Blob::area);
     if ((nodes.size() > count && nodes[count].area > speck * nodes[count - 1].area) ||
         nodes[0].area > max_unlike * nodes[count - 1].area)
         return std::nullopt;
@@ -129,17 +124,15 @@ std::optional<std::array<Eigen::Vector2d, 4>> largest_quadrangle(const Points& h
     return result;
 }
 
-Eigen::Matrix3d homography(const std::array<Eigen::Vector2d, 4>& from,
-                           const std::array<Eigen::Vector2d, 4>& to) {
+Eigen::Matrix3d homography_of_corners(const std::array<Eigen::Vector2d, 4>& from,
+                                      const std::array<Eigen::Vector2d, 4>& to) {
     std::array<cv::Point2f, 4> a, b;
     for (std::size_t i = 0; i < 4; ++i) {
         a[i] = {static_cast<float>(from[i].x()), static_cast<float>(from[i].y())};
         b[i] = {static_cast<float>(to[i].x()), static_cast<float>(to[i].y())};
     }
-    const cv::Mat h = cv::getPerspectiveTransform(a.data(), b.data());
     Eigen::Matrix3d result;
-    for (int i = 0; i < 9; ++i)
-        result(i / 3, i % 3) = h.at<double>(i / 3, i % 3);
+    cv::cv2eigen(cv::getPerspectiveTransform(a.data(), b.data()), result);
     return result;
 }
 
@@ -182,8 +175,8 @@ std::optional<Points> in_order(const Candidate& candidate, int order) {
     std::rotate(corners->begin(), first, corners->end());
     const Points cells = topotag_vertices(order);
     const auto n = static_cast<std::size_t>(order);
-    const Eigen::Matrix3d h =
-        homography({cells[0], cells[n - 1], cells[n * n - 1], cells[n * (n - 1)]}, *corners);
+    const Eigen::Matrix3d h = homography_of_corners(
+        {cells[0], cells[n - 1], cells[n * n - 1], cells[n * (n - 1)]}, *corners);
     Points expected, vertices;
     for (const Eigen::Vector2d& cell : cells)
         expected.push_back((h * cell.homogeneous()).hnormalized());
@@ -199,10 +192,10 @@ std::optional<Points> in_order(const Candidate& candidate, int order) {
 }
 
 bool fits_a_plane(const Points& vertices, int order) {
-    const auto h = pixel_from_cell(order, vertices);
+    const Points cells = topotag_vertices(order);
+    const auto h = homography(cells, vertices);
     if (!h)
         return false;
-    const Points cells = topotag_vertices(order);
     for (std::size_t i = 0; i < cells.size(); ++i)
         if (!(((*h * cells[i].homogeneous()).hnormalized() - vertices[i]).norm() <
               close_fit * nearest_distance(vertices, i)))
@@ -210,23 +203,21 @@ bool fits_a_plane(const Points& vertices, int order) {
     return true;
 }
 
-bool same_place(const Points& a, const Points& b) {
-    const double reach = 0.5 * (b.front() - b.back()).norm();
-    return (a.front() - b.front()).norm() < reach && (a.back() - b.back()).norm() < reach;
-}
-
 // What is known from another scale is not fitted again.
-bool is_known(const std::vector<FoundTopotag>& tags, const Points& vertices) {
-    return std::any_of(tags.begin(), tags.end(),
-                       [&](const FoundTopotag& tag) { return same_place(tag.vertices, vertices); });
+bool is_known(const std::vector<DetectedCorners>& tags, const Points& vertices) {
+    const double reach = 0.5 * (vertices.front() - vertices.back()).norm();
+    return std::ranges::any_of(tags, [&](const DetectedCorners& tag) {
+        return (tag.pixels.front() - vertices.front()).norm() < reach &&
+               (tag.pixels.back() - vertices.back()).norm() < reach;
+    });
 }
 
 // Vertices of all that may be a tag, in px of the image before it was scaled.
 std::vector<Points> candidates_at(const cv::Mat& scaled, double scale, int order) {
-    const RegionTree tree(dark_pixels(scaled));
+    const std::vector<Region> tree = region_tree(dark_pixels(scaled));
     std::vector<Points> found;
-    for (int region = 0; region < static_cast<int>(tree.regions().size()); ++region) {
-        if (tree.regions()[region].is_dark)
+    for (const Region& region : tree) {
+        if (region.is_dark)
             continue;
         const auto candidate = candidate_in(tree, region, order);
         auto vertices = candidate ? in_order(*candidate, order) : std::nullopt;
@@ -249,11 +240,11 @@ cv::Mat half_of(const cv::Mat& image) {
 
 }  // namespace
 
-std::vector<FoundTopotag> find_topotags(const cv::Mat& eight_bit, const cv::Mat& pixels,
-                                        const std::string& family) {
+std::vector<DetectedCorners> find_topotags(const cv::Mat& eight_bit, const cv::Mat& pixels,
+                                           const std::string& family) {
     constexpr int min_side = 20;  // px, of an image that may hold a tag
     const int order = topotag_order(family);
-    std::vector<FoundTopotag> tags;
+    std::vector<DetectedCorners> tags;
     if (eight_bit.empty())
         return tags;
     cv::Mat scaled;
@@ -271,34 +262,11 @@ std::vector<FoundTopotag> find_topotags(const cv::Mat& eight_bit, const cv::Mat&
     return tags;
 }
 
-namespace {
-
-class TopotagDetector final : public Detector {
-public:
-    explicit TopotagDetector(const Marker& marker)
-        : Detector("topotag"), id_(marker.id), family_(marker.family) {}
-
-    Detection detect(const CodeImage& image) override {
-        cv::Mat pixels;
-        image.pixels.convertTo(pixels, CV_32F, 1.0 / image.full_scale());
-        std::vector<DetectedCorners> own;
-        for (const FoundTopotag& tag : find_topotags(as_8_bit(image), pixels, family_))
-            if (tag.id == id_)
-                own.push_back({id_, tag.vertices});
-        return only_one(own);
-    }
-
-private:
-    int id_;
-    std::string family_;
-};
-
-}  // namespace
-
-std::unique_ptr<Detector> make_topotag_detector(const Marker& marker, const std::string& place) {
-    if (marker.kind != Marker::Kind::topotag)
-        throw ConfigError({place}, "the topotag detector cannot see " + marker.spec);
-    return std::make_unique<TopotagDetector>(marker);
+std::unique_ptr<Detector> make_topotag_detector(const Marker& marker) {
+    return std::make_unique<Detector>(
+        "topotag", [id = marker.id, family = marker.family](const CodeImage& image) {
+            return only_one(id, find_topotags(as_8_bit(image), as_float(image), family));
+        });
 }
 
 }  // namespace etalon

@@ -1,17 +1,3 @@
-// TopoTags behind the Detector interface.
-#pragma once
-
-#include <opencv2/core.hpp>
-
-#include <Eigen/Core>
-#include <memory>
-#include <string>
-#include <vector>
-
-#include "compare/detect/detector.h"
-
-namespace etalon {
-
 // TopoTags in an image, by their topology: a white region that holds n^2 - 1 black nodes, one of
 // which, the baseline, has two white dots and the others one or none
 // (sim/marker/topotag_pattern.h).
@@ -19,28 +5,78 @@ namespace etalon {
 //   1. The image at twice, once, half, a quarter... of its size; in each a pixel is black when it
 //      is darker than the mean of the square around it. One of these squares is as wide as four to
 //      eight cells of the tag, whatever its size: wider than a node, narrower than the tag.
-//   2. The regions and what encloses what (compare/detect/topotag/region_tree.h); white regions
-//   with the
-//      right number of nodes. Specks, far smaller than nodes and dots, do not count.
+//   2. The regions and what encloses what; white regions with the right number of nodes. Specks,
+//      far smaller than nodes and dots, do not count.
 //   3. The centroids of nodes and of the baseline's dots, matched with the vertices: the largest
 //      quadrangle is that of the corner vertices, the dot among its corners is the first one.
 //   4. A homography through all n^2 points. All must fit.
-//   5. The image of this tag fitted to the pixels (compare/detect/topotag/topotag_fit.h): sub-pixel
-//      vertices, and whether each dot is really there. What does not look like the tag all over is
-//      none.
+//   5. The image of this tag fitted to the pixels: sub-pixel vertices, and whether each dot is
+//      really there. What does not look like the tag all over is none.
+//
+// All functions are safe from every thread.
+#pragma once
 
-struct FoundTopotag {
-    int id = 0;
-    std::vector<Eigen::Vector2d> vertices;  // px, row by row
+#include <Eigen/Core>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "compare/detect/detector.h"
+
+namespace etalon {
+
+// A connected region of a two-level image.
+struct Region {
+    int parent = -1;  // index of the region around it; -1 of the outermost one
+    bool is_dark = false;
+    double area = 0.0;                              // px
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();  // of the pixels' positions
+    std::vector<int> children = {};                 // ascending
 };
 
-// All tags of a family in an image: CV_8UC1, full scale 255, and the same with all its bits as
-// CV_32FC1 in which the vertices are measured. Safe from every thread; some 6 ms for 640 x 480.
-std::vector<FoundTopotag> find_topotags(const cv::Mat& eight_bit, const cv::Mat& pixels,
-                                        const std::string& family);
+// White regions are joined over corners too (8 neighbours), black ones over edges only (4): with
+// these two, every region but the outermost one has exactly one region around it (Rosenfeld,
+// "Connectivity in digital pictures", J. ACM 17, 1970). Outside the image all is white. Region 0 is
+// the outermost one; every region comes after its parent. `dark` is CV_8UC1, 255 or 0 (white).
+// About a ns a pixel and 20 a run of equal pixels.
+std::vector<Region> region_tree(const cv::Mat& dark);
 
-// The TopoTag finder of compare/detect/topotag/topotag_detector.h. ConfigError at `place` for any
-// other marker.
-std::unique_ptr<Detector> make_topotag_detector(const Marker& marker, const std::string& place);
+struct TopotagFit {
+    int id = 0;
+    std::vector<Eigen::Vector2d> vertices;  // px, row by row
+    double step = 0.0;                      // white - black, median of the windows
+    double blur_px = 0.0;                   // standard deviation of an edge's blur
+    double white_growth_px = 0.0;           // how far edges lie towards the black
+    double explained = 0.0;                 // of the windows' variance, 0 to 1
+};
+
+// The image of a TopoTag fitted to an image's pixels: vertices to a hundredth of a pixel.
+//
+// A centroid is not where a node's centre is seen (perspective), and is pulled by what is near.
+// Here every vertex has a window, node and half the gap around it, in which
+//
+//     pixel = dark + (step + g_x x + g_y y) m(p - shift)
+//
+// is fitted by least squares, with m the tag's image after the homography of all vertices, its
+// edges blurred by pixels and lens. Light may thus change over a node. A tone curve or spreading
+// ink moves black edges inwards or outwards: that, the blur, and whether the dot is there (an
+// amplitude from 0 to 1) are fitted too, the first two for all windows together. The shift need not
+// obey the homography: lens distortion stays in the vertices, where the pose wants it. Three times,
+// each with m from what was found before.
+//
+// `pixels` is CV_32FC1 and `vertices` are near those of a tag of this family, to a cell or so.
+// Nothing when a window leaves the image, there is not enough contrast all over the tag, the tag
+// explains too little of what is seen, or a dot is neither there nor not there. CPU time 1 to 3 ms.
+std::optional<TopotagFit> fit_topotag(const cv::Mat& pixels, const std::string& family,
+                                      const std::vector<Eigen::Vector2d>& vertices);
+
+// All tags of a family in an image, the vertices row by row: CV_8UC1, full scale 255, and the same
+// with all its bits as CV_32FC1 in which the vertices are measured. Some 6 ms for 640 x 480.
+std::vector<DetectedCorners> find_topotags(const cv::Mat& eight_bit, const cv::Mat& pixels,
+                                           const std::string& family);
+
+std::unique_ptr<Detector> make_topotag_detector(const Marker& marker);
 
 }  // namespace etalon

@@ -1,17 +1,45 @@
-#include "compare/detect/topotag/topotag_fit.h"
-
-#include <opencv2/calib3d.hpp>
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <span>
 
+#include "compare/detect/detector_adaptors.h"
+#include "compare/detect/topotag/topotag_detector.h"
 #include "core/statistics/distributions.h"
+#include "sim/marker/topotag_pattern.h"
 
 namespace etalon {
 namespace {
+
+// How a TopoTag's shapes are seen around a node: black and white with blurred edges, and how that
+// changes with place, blur and the edges' own shift.
+//
+// The blur (pixels and lens) is taken as normal: an edge is a normal distribution in the distance
+// from it. That is exact along straight edges, and symmetric about each shape's centre everywhere,
+// which is what a vertex's place hangs on. Where edges are nearer to each other than some sigmas,
+// shapes are painted over each other as if each had been blurred alone.
+
+// A value with its derivatives by the place on the tag (per cell), by the logarithm of the blur and
+// by the growth of what is white (per px).
+struct Shade {
+    double value = 0.0;  // 0 black, 1 white
+    Eigen::Vector4d slope = Eigen::Vector4d::Zero();
+};
+
+// Edges as they are seen around a node, in cells: blurred, and all moved towards the black.
+struct SeenEdges {
+    SeenEdges(double blur, double growth_px, const Eigen::Matrix2d& cell_per_px)
+        : covariance(blur * blur * cell_per_px * cell_per_px.transpose()),
+          sigma(covariance.diagonal().cwiseSqrt()),
+          area(std::sqrt(covariance.determinant())),
+          blur_px(blur),
+          growth_in_sigmas(growth_px / blur) {}
+
+    Eigen::Matrix2d covariance;
+    Eigen::Vector2d sigma;  // along the tag's axes
+    double area, blur_px, growth_in_sigmas;
+};
 
 // The normal distribution and its density, from a table: right to 1e-5. Nothing is left of an edge
 // beyond four sigmas (3e-5).
@@ -89,9 +117,8 @@ Shade disk_cover(const Eigen::Vector2d& d, double h, double growth, const SeenEd
             {slope.x(), slope.y(), -height * a * edge.slope, height * edge.slope}};
 }
 
-}  // namespace
-
-// What is white grows and what is black shrinks; the last derivative is that by the growth.
+// How much of a point (in cells) a shape covers. What is white grows and what is black shrinks; the
+// last derivative is that by the growth.
 Shade cover(const TopotagShape& shape, const Eigen::Vector2d& cell, const SeenEdges& edges) {
     const Eigen::Vector2d d = cell - shape.centre;
     const double sign = shape.is_white ? 1.0 : -1.0, growth = sign * edges.growth_in_sigmas;
@@ -101,6 +128,7 @@ Shade cover(const TopotagShape& shape, const Eigen::Vector2d& cell, const SeenEd
     return result;
 }
 
+// Those shapes of which something is seen between two corners, in the order of painting.
 std::vector<TopotagShape> shapes_between(const Eigen::Vector2d& low, const Eigen::Vector2d& high,
                                          std::span<const TopotagShape> shapes,
                                          const SeenEdges& edges) {
@@ -115,6 +143,7 @@ std::vector<TopotagShape> shapes_between(const Eigen::Vector2d& low, const Eigen
     return seen;
 }
 
+// All painted over each other on black.
 Shade shade(std::span<const TopotagShape> shapes, const Eigen::Vector2d& cell,
             const SeenEdges& edges) {
     Shade result;
@@ -126,8 +155,6 @@ Shade shade(std::span<const TopotagShape> shapes, const Eigen::Vector2d& cell,
     }
     return result;
 }
-
-namespace {
 
 // The tag as it is seen around one node. The baseline's two vertices have one window: the tone
 // curve moves its outer edges towards its middle, not its vertices.
@@ -290,7 +317,7 @@ std::optional<int> read_id(const std::vector<WindowFit>& fits, int id, int count
 
 // All windows are within the frame, the first shape: without it they start black, as they should.
 std::optional<TagView> view_of(const std::string& family, const TopotagFit& tag) {
-    const auto h = pixel_from_cell(topotag_order(family), tag.vertices);
+    const auto h = homography(topotag_vertices(topotag_order(family)), tag.vertices);
     if (!h)
         return std::nullopt;
     std::vector<TopotagShape> shapes = topotag_shapes(family, tag.id);
@@ -348,22 +375,6 @@ bool looks_like_a_tag(const std::vector<WindowFit>& fits, const TopotagFit& tag)
 }
 
 }  // namespace
-
-std::optional<Eigen::Matrix3d> pixel_from_cell(int order,
-                                               const std::vector<Eigen::Vector2d>& vertices) {
-    std::vector<cv::Point2d> cells, pixels;
-    for (const Eigen::Vector2d& cell : topotag_vertices(order))
-        cells.emplace_back(cell.x(), cell.y());
-    for (const Eigen::Vector2d& pixel : vertices)
-        pixels.emplace_back(pixel.x(), pixel.y());
-    const cv::Mat h = cv::findHomography(cells, pixels, 0);
-    if (h.empty())
-        return std::nullopt;
-    Eigen::Matrix3d result;
-    for (int i = 0; i < 9; ++i)
-        result(i / 3, i % 3) = h.at<double>(i / 3, i % 3);
-    return result;
-}
 
 std::optional<TopotagFit> fit_topotag(const cv::Mat& pixels, const std::string& family,
                                       const std::vector<Eigen::Vector2d>& vertices) {

@@ -10,6 +10,7 @@
 namespace etalon {
 namespace {
 
+using test::largest_error_px;
 using test::RenderedTag;
 using test::sharp_camera;
 using testing::HasSubstr;
@@ -51,14 +52,6 @@ Marker marker_of(const char* spec) {
 RenderedTag photo_of(const Marker& marker, const Eigen::Vector3d& middle) {
     return test::render_tag(Renderer(sharp_camera()), marker,
                             test::board_pose(marker, {0.1, -0.2, 0.3}, middle));
-}
-
-double largest_error_px(const std::vector<Eigen::Vector2d>& found,
-                        const std::vector<Eigen::Vector2d>& truth) {
-    double largest = 0.0;
-    for (std::size_t i = 0; i < truth.size(); ++i)
-        largest = std::max(largest, (found.at(i) - truth[i]).norm());
-    return largest;
 }
 
 class EveryDetector : public testing::TestWithParam<Contract> {
@@ -158,6 +151,31 @@ TEST_P(EveryDetector, RefusesMarkersThatItCannotSee) {
 INSTANTIATE_TEST_SUITE_P(InProcess, EveryDetector, testing::ValuesIn(contracts),
                          [](const auto& one) { return std::string(one.param.detector); });
 
+struct DeepImage {
+    const char* marker;
+    std::array<double, 6> pose;
+    double codes_per_code;  // of 12 bits
+    double largest_difference_px;
+};
+
+// Codes are rounded to 1/4095: 1e-4 of the step, and less of a pixel.
+TEST(TwelveBitImages, AreSeenAsEightBitOnesAre) {
+    for (const auto& [spec, pose, codes_per_code, largest_px] :
+         {DeepImage{"apriltag:36h11:5@50mm", {0.2, 0.1, 0, 3, 5, 300}, 4095.0 / 255.0, 1e-9},
+          DeepImage{"stag:HD21:5@50mm", {0.2, 0.1, 0, 3, 5, 300}, 16.0, 1e-6},
+          DeepImage{"topotag:4x4:9283@50mm", {0.2, 0.1, 0, 3, 5, 300}, 4095.0 / 255.0, 1e-3}}) {
+        const Marker marker = marker_of(spec);
+        const RenderedTag photo = test::render_tag(sharp_camera(), marker, pose);
+        CodeImage deep{{}, 12};
+        photo.image.pixels.convertTo(deep.pixels, CV_16U, codes_per_code);
+        const auto detector = make_detector("auto", marker, "test");
+        const auto eight = detector->detect(photo.image).corners,
+                   twelve = detector->detect(deep).corners;
+        ASSERT_TRUE(eight && twelve) << spec;
+        EXPECT_LT(largest_error_px(twelve->pixels, eight->pixels), largest_px) << spec;
+    }
+}
+
 // Right of x, nothing is seen.
 CodeImage covered_from(const CodeImage& image, int x) {
     CodeImage covered{image.pixels.clone(), image.bits};
@@ -165,10 +183,14 @@ CodeImage covered_from(const CodeImage& image, int x) {
     return covered;
 }
 
-TEST(CharucoDetector, FindsTheCornersThatAreSeenAndThePoseByThem) {
+class CharucoDetector : public testing::Test {
+protected:
     const Marker board = marker_of("charuco:4X4_50:9x6@12mm/9mm");
     const RenderedTag photo = photo_of(board, {10, -7, 290});
-    const auto detector = make_detector("auto", board, "test");
+    const std::unique_ptr<Detector> detector = make_detector("auto", board, "test");
+};
+
+TEST_F(CharucoDetector, FindsTheCornersThatAreSeenAndThePoseByThem) {
     const auto found = detector->detect(covered_from(photo.image, 350)).corners;
     ASSERT_TRUE(found);
     EXPECT_FALSE(found->is_whole());
@@ -188,12 +210,9 @@ TEST(CharucoDetector, FindsTheCornersThatAreSeenAndThePoseByThem) {
               0.2);
 }
 
-TEST(CharucoDetector, NeedsSixCornersOfABoardThatHasThem) {
-    const Marker board = marker_of("charuco:4X4_50:9x6@12mm/9mm");
-    const RenderedTag photo = photo_of(board, {10, -7, 290});
-    const auto detector = make_detector("auto", board, "test");
-    const auto leftmost = std::min_element(photo.corners.begin(), photo.corners.end(),
-                                           [](auto& a, auto& b) { return a.x() < b.x(); });
+TEST_F(CharucoDetector, NeedsSixCornersOfABoardThatHasThem) {
+    const auto leftmost =
+        std::ranges::min_element(photo.corners, {}, [](const auto& pixel) { return pixel.x(); });
     const Detection detection =
         detector->detect(covered_from(photo.image, static_cast<int>(leftmost->x()) + 15));
     EXPECT_FALSE(detection.corners);

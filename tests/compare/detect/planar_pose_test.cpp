@@ -48,15 +48,24 @@ Pixels projected(const Projector& projector, const Points& points, const Rigid& 
     return pixels;
 }
 
+class EstimatePose : public testing::Test {
+protected:
+    const Projector projector{webcam()};
+    const Points corners = square(50.0);
+
+    // From exact pixels.
+    auto found_at(const Points& points, const Rigid& truth) const {
+        return estimate_pose(projector, points, projected(projector, points, truth));
+    }
+};
+
 void expect_same_pose(const Rigid& estimate, const Rigid& truth, double rad, double mm) {
     const Vector6d delta = left_difference(truth, estimate);
     EXPECT_LT(delta.head<3>().norm(), rad);
     EXPECT_LT(delta.tail<3>().norm(), mm);
 }
 
-TEST(EstimatePose, RecoversTagPosesFromTheirProjectionsIncludingDistortion) {
-    const Projector projector(webcam());
-    const Points corners = square(50.0);
+TEST_F(EstimatePose, RecoversTagPosesFromTheirProjectionsIncludingDistortion) {
     RandomStream random(7, 5);
     for (int n = 0; n < 40; ++n) {
         const auto between = [&](double low, double high) {
@@ -66,8 +75,7 @@ TEST(EstimatePose, RecoversTagPosesFromTheirProjectionsIncludingDistortion) {
         v << between(-0.9, 0.9), between(-0.9, 0.9), between(-3, 3), between(-90, 90),
             between(-60, 60), between(250, 900);
         const Rigid truth = rigid_from_vector(v);
-        const auto estimate =
-            estimate_pose(projector, corners, projected(projector, corners, truth));
+        const auto estimate = found_at(corners, truth);
         ASSERT_TRUE(estimate) << "pose " << n;
         // 1e-12 of the pixel coordinates (rounding and unproject) times 900 mm / 30 px and the
         // tilt's lever leaves nanometres.
@@ -76,34 +84,31 @@ TEST(EstimatePose, RecoversTagPosesFromTheirProjectionsIncludingDistortion) {
     }
 }
 
-TEST(EstimatePose, RecoversABoardWhoseOriginIsItsFirstCorner) {
-    const Projector projector(webcam());
+TEST_F(EstimatePose, RecoversABoardWhoseOriginIsItsFirstCorner) {
     const Points corners = board(9, 6, 25.0);
     Vector6d v;
     v << 0.41, -0.33, 0.2, -85.0, -61.0, 410.0;
     const Rigid truth = rigid_from_vector(v);
-    const auto estimate = estimate_pose(projector, corners, projected(projector, corners, truth));
+    const auto estimate = found_at(corners, truth);
     ASSERT_TRUE(estimate);
     expect_same_pose(estimate->camera_from_marker, truth, 1e-9, 1e-7);
 }
 
-TEST(EstimatePose, AcceptsPointsInAnyPlaneOfTheMarkersFrame) {
-    const Projector projector(webcam());
+TEST_F(EstimatePose, AcceptsPointsInAnyPlaneOfTheMarkersFrame) {
     const Rigid tilted{rotation_from_vector({0.5, 0.3, -0.2}), {5.0, 7.0, 30.0}};
     Points points = square(60.0);
     for (Eigen::Vector3d& point : points)
         point = tilted * point;
     const Rigid truth{rotation_from_vector({0.2, -0.3, 0.7}), {20.0, -10.0, 400.0}};
-    const auto estimate = estimate_pose(projector, points, projected(projector, points, truth));
+    const auto estimate = found_at(points, truth);
     ASSERT_TRUE(estimate);
     expect_same_pose(estimate->camera_from_marker, truth, 1e-7, 1e-5);
 }
 
-TEST(EstimatePose, KeepsBothSolutionsOfASmallTagNearlySquareToTheCamera) {
-    const Projector projector(webcam());
+TEST_F(EstimatePose, KeepsBothSolutionsOfASmallTagNearlySquareToTheCamera) {
     const Points corners = square(20.0);
     const Rigid truth{rotation_from_vector({0.21, 0.14, 0.0}), {30.0, 20.0, 800.0}};
-    const auto estimate = estimate_pose(projector, corners, projected(projector, corners, truth));
+    const auto estimate = found_at(corners, truth);
     ASSERT_TRUE(estimate);
     expect_same_pose(estimate->camera_from_marker, truth, 1e-6, 1e-4);
     ASSERT_TRUE(estimate->alternative);
@@ -119,8 +124,7 @@ TEST(EstimatePose, KeepsBothSolutionsOfASmallTagNearlySquareToTheCamera) {
 }
 
 // The line between the two valleys is where the tag is square to the line of sight.
-TEST(EstimatePose, FromAStartTakesTheSolutionOnItsSide) {
-    const Projector projector(webcam());
+TEST_F(EstimatePose, FromAStartTakesTheSolutionOnItsSide) {
     const Points corners = square(20.0);
     const Rigid truth{rotation_from_vector({0.21, 0.14, 0.0}), {30.0, 20.0, 800.0}};
     Pixels pixels = projected(projector, corners, truth);
@@ -144,10 +148,9 @@ TEST(EstimatePose, FromAStartTakesTheSolutionOnItsSide) {
 // draws has the relative standard deviation sqrt(2/(n-1)) = 3.65 %; with six components and a
 // family-wise 1 % the two-sided limit is 3.14 standard deviations = 11.5 %. Second-order terms of
 // this pose are below 0.5 % (0.3 px on 150 px): 12 %.
-TEST(EstimatePose, CovarianceIsThatOfManyNoisyEstimates) {
+TEST_F(EstimatePose, CovarianceIsThatOfManyNoisyEstimates) {
     constexpr int runs = 1500;
     constexpr double sigma_px = 0.3;
-    const Projector projector(webcam());
     const Points corners = square(80.0);
     const Rigid truth{rotation_from_vector({0.5, -0.4, 0.3}), {25.0, -15.0, 300.0}};
     const Pixels exact = projected(projector, corners, truth);
@@ -178,8 +181,7 @@ TEST(EstimatePose, CovarianceIsThatOfManyNoisyEstimates) {
                         4.0 / std::sqrt(runs));
 }
 
-TEST(EstimatePose, IsLeastSquaresSoNoNearbyPoseIsBetter) {
-    const Projector projector(webcam());
+TEST_F(EstimatePose, IsLeastSquaresSoNoNearbyPoseIsBetter) {
     const Points corners = board(4, 3, 20.0);
     const Rigid truth{rotation_from_vector({0.3, 0.2, -0.4}), {-20.0, 15.0, 350.0}};
     Pixels pixels = projected(projector, corners, truth);
@@ -204,9 +206,8 @@ TEST(EstimatePose, IsLeastSquaresSoNoNearbyPoseIsBetter) {
         }
 }
 
-TEST(EstimatePose, RefusesATelecentricCamera) {
+TEST_F(EstimatePose, RefusesATelecentricCamera) {
     CameraModel camera = webcam();
-    const Points corners = square(50.0);
     const Pixels pixels =
         projected(Projector(camera), corners, {Eigen::Quaterniond::Identity(), {7.0, 5.0, 400.0}});
     camera.projection.kind = Projection::telecentric;
@@ -214,8 +215,7 @@ TEST(EstimatePose, RefusesATelecentricCamera) {
 }
 
 // Markers beside a lens of 200 degrees, their far corners behind the camera; exact pixels.
-TEST(EstimatePose, WorksBesideAWideLens) {
-    const Points corners = square(50.0);
+TEST_F(EstimatePose, WorksBesideAWideLens) {
     for (const auto& [name, camera] : test::wide_models()) {
         const Projector projector(camera);
         for (const double angle : {0.0, 0.8, 1.55}) {
@@ -238,9 +238,7 @@ TEST(EstimatePose, WorksBesideAWideLens) {
     }
 }
 
-TEST(EstimatePose, GivesNothingForDegenerateInput) {
-    const Projector projector(webcam());
-    const Points corners = square(50.0);
+TEST_F(EstimatePose, GivesNothingForDegenerateInput) {
     const Pixels pixels =
         projected(projector, corners, {Eigen::Quaterniond::Identity(), {7.0, 5.0, 400.0}});
     EXPECT_TRUE(estimate_pose(projector, corners, pixels));
@@ -267,9 +265,7 @@ TEST(EstimatePose, GivesNothingForDegenerateInput) {
     EXPECT_FALSE(estimate_pose(projector, bent, pixels));
 }
 
-TEST(EstimatePose, NeverReturnsAPoseThatIsNotFiniteOrIsBehindTheCamera) {
-    const Projector projector(webcam());
-    const Points corners = square(50.0);
+TEST_F(EstimatePose, NeverReturnsAPoseThatIsNotFiniteOrIsBehindTheCamera) {
     const std::vector<Pixels> nasty = {
         Pixels(4, Eigen::Vector2d(320.0, 240.0)),                              // all in one place
         {{300, 200}, {320, 220}, {340, 240}, {360, 260}},                      // on a line

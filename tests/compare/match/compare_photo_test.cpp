@@ -77,8 +77,8 @@ MeanResiduals mean_residuals(const std::string& side) {
         const PhotoMatch match =
             match_photo(set.photos[i], board.grid, area, camera, pose.value().camera_from_marker);
         EXPECT_LE(match.refined.parameters.size(), 16u);
-        mean.calibrated += match.calibrated.difference.scored.rms_gray / photos;
-        mean.refined += match.refined.difference.scored.rms_gray / photos;
+        mean.calibrated += match.calibrated.scored.rms_gray / photos;
+        mean.refined += match.refined.scored.rms_gray / photos;
     }
     std::printf("%s: mean residual %.2f gray at the calibrated poses, %.2f at the refined ones\n",
                 side.c_str(), mean.calibrated, mean.refined);

@@ -1,6 +1,6 @@
 // Poses from pixels, on photographs made by the reference integrator and the sensor's noise: the
 // renderer that is fitted has no part in them.
-#include "compare/photometric/photometric_pose.h"
+#include "compare/photometric/photometric_detector.h"
 
 #include <gtest/gtest.h>
 

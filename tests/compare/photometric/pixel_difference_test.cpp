@@ -135,29 +135,28 @@ struct NoisyScene {
 };
 
 // Rounding to 8 bits leaves an RMS of 1/sqrt(12) = 0.289 gray, and nothing else is wrong.
-TEST(PixelDifference, LeavesOnlyRoundingWhenTheRenderingIsRight) {
+TEST(PhotoFit, LeavesOnlyRoundingWhenTheRenderingIsRight) {
     const NoisyScene scene(small_camera());
-    const PixelDifference difference =
-        fit_photometry(scene.photo(0.0, 8), scene.camera, scene.pose).difference;
-    EXPECT_NEAR(difference.scored.rms_gray, 0.289, 0.03);
-    EXPECT_NEAR(difference.scored.mean_gray, 0.0, 0.05);
-    EXPECT_LE(difference.scored.worst_gray, 0.9);
-    EXPECT_EQ(difference.scored.pixels, cv::countNonZero(scene.use == pixel_scored));
+    const PhotoFit fit = fit_photometry(scene.photo(0.0, 8), scene.camera, scene.pose);
+    EXPECT_NEAR(fit.scored.rms_gray, 0.289, 0.03);
+    EXPECT_NEAR(fit.scored.mean_gray, 0.0, 0.05);
+    EXPECT_LE(fit.scored.worst_gray, 0.9);
+    EXPECT_EQ(fit.scored.pixels, cv::countNonZero(scene.use == pixel_scored));
 }
 
-TEST(PixelDifference, FindsAnErrorInTheScoredHalfAlone) {
+TEST(PhotoFit, FindsAnErrorInTheScoredHalfAlone) {
     const NoisyScene scene(small_camera());
     PhotoOfMarker photo = scene.photo(0.0, 8);
     cv::add(photo.gray, cv::Scalar(12), photo.gray, scene.use == pixel_scored);
-    const PixelDifference difference = fit_photometry(photo, scene.camera, scene.pose).difference;
-    EXPECT_NEAR(difference.scored.mean_gray, 12.0, 0.3);
-    EXPECT_NEAR(difference.scored.rms_gray, 12.0, 0.3);
-    EXPECT_NEAR(difference.fitted.mean_gray, 0.0, 0.1);
+    const PhotoFit fit = fit_photometry(photo, scene.camera, scene.pose);
+    EXPECT_NEAR(fit.scored.mean_gray, 12.0, 0.3);
+    EXPECT_NEAR(fit.scored.rms_gray, 12.0, 0.3);
+    EXPECT_NEAR(fit.fitted.mean_gray, 0.0, 0.1);
 }
 
 // Pure noise of the camera's own size: 0.27 % of normal deviates lie beyond three standard
 // deviations. Of about 9 000 scored pixels 24 +- 5: between 0.05 % and 0.6 % by a wide margin.
-TEST(PixelDifference, KnowsNoiseFromSignificantResiduals) {
+TEST(PhotoFit, KnowsNoiseFromSignificantResiduals) {
     CameraModel model = small_camera();
     model.sensor.emplace();
     model.sensor->bits = 12;
@@ -165,8 +164,7 @@ TEST(PixelDifference, KnowsNoiseFromSignificantResiduals) {
     model.sensor->read_noise_e = 50.0 * 40.0;  // 40 DN, much more than shot noise at any level
     const NoisyScene scene(model);
     const double sigma_gray = 40.0 * 255.0 / 4095.0;
-    const PixelDifference quiet =
-        fit_photometry(scene.photo(sigma_gray, 12), scene.camera, scene.pose).difference;
+    const PhotoFit quiet = fit_photometry(scene.photo(sigma_gray, 12), scene.camera, scene.pose);
     EXPECT_EQ(quiet.noise_source, NoiseSource::camera);
     EXPECT_NEAR(quiet.noise_gray, sigma_gray, 0.05) << "shot noise adds 1 to 2 %";
     EXPECT_LT(quiet.scored.significant.value(), 0.006);
@@ -174,23 +172,23 @@ TEST(PixelDifference, KnowsNoiseFromSignificantResiduals) {
     EXPECT_NEAR(quiet.scored.rms_gray, sigma_gray, 0.1);
     EXPECT_NEAR(quiet.scored.p99_gray, 2.576 * sigma_gray, 0.4);
 
-    const PixelDifference loud =
-        fit_photometry(scene.photo(3.0 * sigma_gray, 12), scene.camera, scene.pose).difference;
+    const PhotoFit loud =
+        fit_photometry(scene.photo(3.0 * sigma_gray, 12), scene.camera, scene.pose);
     EXPECT_NEAR(loud.scored.significant.value(), 0.317, 0.04) << "beyond one standard deviation";
 }
 
 // Half of the scored pixels are 25 gray off: the noise, found on the other half, does not follow.
-TEST(PixelDifference, TakesTheNoiseFromTheFittedHalfWhereTheCameraKnowsNone) {
+TEST(PhotoFit, TakesTheNoiseFromTheFittedHalfWhereTheCameraKnowsNone) {
     const NoisyScene scene(small_camera());
     PhotoOfMarker photo = scene.photo(2.5, 8);
-    const PixelDifference right = fit_photometry(photo, scene.camera, scene.pose).difference;
+    const PhotoFit right = fit_photometry(photo, scene.camera, scene.pose);
     EXPECT_EQ(right.noise_source, NoiseSource::residuals);
     EXPECT_NEAR(right.noise_gray, std::hypot(2.5, 0.289), 0.1);
     EXPECT_LT(right.scored.significant.value(), 0.006);
     cv::Mat left_half = scene.use == pixel_scored;
     left_half.colRange(160, 320).setTo(0);
     cv::add(photo.gray, cv::Scalar(25), photo.gray, left_half);
-    const PixelDifference wrong = fit_photometry(photo, scene.camera, scene.pose).difference;
+    const PhotoFit wrong = fit_photometry(photo, scene.camera, scene.pose);
     EXPECT_NEAR(wrong.noise_gray, right.noise_gray, 1e-3);
     EXPECT_NEAR(wrong.scored.significant.value(),
                 cv::countNonZero(left_half) / static_cast<double>(wrong.scored.pixels), 0.01);

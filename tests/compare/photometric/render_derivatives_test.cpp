@@ -1,5 +1,5 @@
 // Derivatives of renderings against central differences of renderings.
-#include "compare/photometric/render_derivatives.h"
+#include "compare/photometric/photometric_equations.h"
 
 #include <gtest/gtest.h>
 

@@ -8,15 +8,9 @@ namespace etalon {
 namespace {
 
 // Sees what it is told to.
-class ToldDetector final : public Detector {
-public:
-    explicit ToldDetector(DetectedCorners corners)
-        : Detector("told"), corners_(std::move(corners)) {}
-    Detection detect(const CodeImage&) override { return {corners_, {}}; }
-
-private:
-    DetectedCorners corners_;
-};
+Detector told(const DetectedCorners& corners) {
+    return {"told", [corners](const CodeImage&) { return Detection{corners}; }};
+}
 
 CameraModel webcam() {
     CameraModel camera;
@@ -38,7 +32,7 @@ DetectedCorners seen(const Marker& board, const std::vector<int>& points) {
 
 TEST(PartialMarker, HasAPoseByThePointsThatAreSeen) {
     const Marker board = parse_marker("charuco:4X4_50:6x5@12mm/9mm", "test");
-    ToldDetector detector(seen(board, {2, 3, 4, 7, 8, 9, 13}));
+    Detector detector = told(seen(board, {2, 3, 4, 7, 8, 9, 13}));
     const PhotoPose pose = find_marker("photo.png", {}, detector, Projector(webcam()), board);
     ASSERT_TRUE(pose.estimate) << pose.failure;
     EXPECT_LT(left_difference(camera_from_board, pose.estimate->camera_from_marker).norm(), 1e-6);
@@ -46,7 +40,7 @@ TEST(PartialMarker, HasAPoseByThePointsThatAreSeen) {
 
 TEST(PartialMarker, IsNotDetectedWhereMeansOverFramesAreTaken) {
     const Marker board = parse_marker("charuco:4X4_50:6x5@12mm/9mm", "test");
-    ToldDetector part(seen(board, {2, 3, 4, 7, 8, 9, 13})), whole(seen(board, {}));
+    Detector part = told(seen(board, {2, 3, 4, 7, 8, 9, 13})), whole = told(seen(board, {}));
     FrameRecord partly, wholly;
     detect_frame(part, {}, partly);
     detect_frame(whole, {}, wholly);

@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/make_detector.h"
-#include "tests/compare/detect/stag/stag_judgement.h"
+#include "tests/compare/detect/stag/stag_images.h"
 #include "tests/compare/rendered_tags.h"
 
 namespace etalon {
@@ -20,12 +20,7 @@ Marker marker(const std::string& spec) {
 
 double worst_corner(const std::optional<DetectedCorners>& found,
                     const std::vector<Eigen::Vector2d>& truth) {
-    if (!found || found->pixels.size() != truth.size())
-        return 1e9;
-    double worst = 0.0;
-    for (std::size_t i = 0; i < truth.size(); ++i)
-        worst = std::max(worst, (found->pixels[i] - truth[i]).norm());
-    return worst;
+    return found ? test::largest_error_px(found->pixels, truth) : 1e9;
 }
 
 // A sharp edge without noise is found to some hundredths of a pixel; a wrong order of the corners
@@ -109,19 +104,6 @@ TEST(StagRefinement, GivesNoCornersThatTheEdgesDoNotFix) {
     EXPECT_FALSE(seen.refined_from({0.0, 0.0}));
     seen.pixels.setTo(cv::Scalar(100.0));
     EXPECT_FALSE(seen.refined_from({0.0, 0.0}));
-}
-
-TEST(StagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
-    const Marker stag = marker("stag:HD21:5@50mm");
-    const auto photo = test::render_tag(sharp_camera(), stag, {0.2, 0.1, 0, 3, 5, 300});
-    CodeImage deep{{}, 12};
-    photo.image.pixels.convertTo(deep.pixels, CV_16U, 16.0);
-    const auto detector = make_detector("auto", stag, "test");
-    const auto eight = detector->detect(photo.image).corners,
-               twelve = detector->detect(deep).corners;
-    ASSERT_TRUE(eight && twelve);
-    for (std::size_t i = 0; i < 4; ++i)
-        EXPECT_LT((eight->pixels[i] - twelve->pixels[i]).norm(), 1e-6);
 }
 
 TEST(StagDetector, SurvivesNoiseOfAnySize) {

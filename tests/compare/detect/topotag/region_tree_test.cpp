@@ -1,5 +1,5 @@
 // Truth: the same regions by flooding from the outside inwards, pixel by pixel.
-#include "compare/detect/topotag/region_tree.h"
+#include "compare/detect/topotag/topotag_detector.h"
 
 #include <gtest/gtest.h>
 
@@ -13,6 +13,16 @@ namespace {
 
 // What is told of a region and of the one around it, in any order of the regions.
 using Told = std::tuple<bool, double, double, double, double>;  // dark, area, sums, parent's area
+
+std::vector<Told> told_of(const std::vector<Region>& regions) {
+    std::vector<Told> told;
+    for (const Region& region : regions)
+        told.emplace_back(
+            region.is_dark, region.area, region.sum.x(), region.sum.y(),
+            region.parent < 0 ? -1.0 : regions[static_cast<std::size_t>(region.parent)].area);
+    std::sort(told.begin(), told.end());
+    return told;
+}
 
 cv::Mat picture(const std::vector<std::string>& rows) {
     cv::Mat dark(static_cast<int>(rows.size()), static_cast<int>(rows[0].size()), CV_8UC1);
@@ -65,53 +75,35 @@ std::vector<Told> by_flooding(const cv::Mat& dark) {
         }
         regions.push_back(region);
     }
-    std::vector<Told> told;
-    for (const Region& region : regions)
-        told.emplace_back(
-            region.is_dark, region.area, region.sum.x(), region.sum.y(),
-            region.parent < 0 ? -1.0 : regions[static_cast<std::size_t>(region.parent)].area);
-    std::sort(told.begin(), told.end());
-    return told;
-}
-
-std::vector<Told> by_tree(const cv::Mat& dark) {
-    const RegionTree tree(dark);
-    std::vector<Told> told;
-    for (const Region& region : tree.regions())
-        told.emplace_back(region.is_dark, region.area, region.sum.x(), region.sum.y(),
-                          region.parent < 0
-                              ? -1.0
-                              : tree.regions()[static_cast<std::size_t>(region.parent)].area);
-    std::sort(told.begin(), told.end());
-    return told;
+    return told_of(regions);
 }
 
 TEST(RegionTree, TellsWhatEnclosesWhat) {
-    const RegionTree tree(picture({".........",  //
-                                   ".#######.",  //
-                                   ".#.....#.",  //
-                                   ".#.###.#.",  //
-                                   ".#.#.#.#.",  //
-                                   ".#.###.#.",  //
-                                   ".#.....#.",  //
-                                   ".#######.",  //
-                                   "........."}));
-    ASSERT_EQ(tree.regions().size(), 5u);
+    const std::vector<Region> tree = region_tree(picture({".........",  //
+                                                          ".#######.",  //
+                                                          ".#.....#.",  //
+                                                          ".#.###.#.",  //
+                                                          ".#.#.#.#.",  //
+                                                          ".#.###.#.",  //
+                                                          ".#.....#.",  //
+                                                          ".#######.",  //
+                                                          "........."}));
+    ASSERT_EQ(tree.size(), 5u);
     const std::vector<double> areas = {32, 24, 16, 8, 1};
     for (int i = 0; i < 5; ++i) {
-        const Region& region = tree.regions()[static_cast<std::size_t>(i)];
+        const Region& region = tree[static_cast<std::size_t>(i)];
         EXPECT_EQ(region.parent, i - 1);
         EXPECT_EQ(region.is_dark, i % 2 == 1);
         EXPECT_EQ(region.area, areas[static_cast<std::size_t>(i)]);
         EXPECT_EQ(region.sum, Eigen::Vector2d(4, 4) * region.area);
-        EXPECT_EQ(tree.children(i).size(), i < 4 ? 1u : 0u);
+        EXPECT_EQ(region.children.size(), i < 4 ? 1u : 0u);
     }
 }
 
 TEST(RegionTree, WhiteIsJoinedOverCornersAndBlackIsNot) {
-    const RegionTree tree(picture({"#.", ".#"}));
-    EXPECT_EQ(tree.regions().size(), 3u) << "white all around, two black pixels";
-    EXPECT_EQ(tree.children(0).size(), 2u);
+    const std::vector<Region> tree = region_tree(picture({"#.", ".#"}));
+    EXPECT_EQ(tree.size(), 3u) << "white all around, two black pixels";
+    EXPECT_EQ(tree[0].children.size(), 2u);
 }
 
 // An arm that is met before the region it belongs to, and black at the image's edges.
@@ -125,7 +117,7 @@ TEST(RegionTree, OfRandomPicturesIsThatOfFlooding) {
         for (int y = 0; y < rows; ++y)
             for (int x = 0; x < columns; ++x)
                 dark.at<uchar>(y, x) = random.uniform() < share ? 255 : 0;
-        EXPECT_EQ(by_tree(dark), by_flooding(dark)) << n;
+        EXPECT_EQ(told_of(region_tree(dark)), by_flooding(dark)) << n;
     }
 }
 

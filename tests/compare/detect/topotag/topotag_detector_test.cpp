@@ -13,13 +13,6 @@ namespace {
 
 using test::sharp_camera;
 
-double largest_error(const DetectedCorners& found, const std::vector<Eigen::Vector2d>& truth) {
-    double largest = 0.0;
-    for (std::size_t i = 0; i < truth.size(); ++i)
-        largest = std::max(largest, (found.pixels[i] - truth[i]).norm());
-    return largest;
-}
-
 TEST(TopotagDetector, FindsTheVerticesRowByRowInEveryFamily) {
     for (const char* name : {"3x3:70", "4x4:9283", "5x5:7654321", "6x6:1122334455", "3x3-circle:93",
                              "4x4-circle:16383", "5x5-circle:0", "6x6-circle:7"}) {
@@ -31,7 +24,7 @@ TEST(TopotagDetector, FindsTheVerticesRowByRowInEveryFamily) {
         ASSERT_TRUE(found) << name;
         EXPECT_EQ(found->id, tag.id);
         ASSERT_EQ(found->pixels.size(), tag.points_mm.size());
-        EXPECT_LT(largest_error(*found, photo.corners), 0.05) << name;
+        EXPECT_LT(test::largest_error_px(found->pixels, photo.corners), 0.05) << name;
     }
 }
 
@@ -96,7 +89,8 @@ TEST(TopotagDetector, IsNotMovedByAToneCurve) {
     const auto photo = test::render_tag(camera, tag, {0.2, -0.1, 0.05, 3, 5, 500});
     const auto found = make_detector("auto", tag, "test")->detect(photo.image).corners;
     ASSERT_TRUE(found);
-    EXPECT_LT(largest_error(*found, photo.corners), 0.03) << "0.1 px if white did not grow";
+    EXPECT_LT(test::largest_error_px(found->pixels, photo.corners), 0.03)
+        << "0.1 px if white did not grow";
 }
 
 // Twice as much light on one side of the tag as on the other.
@@ -104,8 +98,7 @@ TEST(TopotagDetector, IsNotMovedByUnevenLight) {
     const Marker tag = parse_marker("topotag:4x4:9283@50mm", "test");
     const auto photo = test::render_tag(sharp_camera(), tag, {0.2, -0.3, 0.4, 3, 5, 400});
     const auto [left, right] =
-        std::minmax_element(photo.corners.begin(), photo.corners.end(),
-                            [](const auto& a, const auto& b) { return a.x() < b.x(); });
+        std::ranges::minmax_element(photo.corners, {}, [](const auto& pixel) { return pixel.x(); });
     CodeImage lit{photo.image.pixels.clone(), 8};
     for (int y = 0; y < lit.pixels.rows; ++y)
         for (int x = 0; x < lit.pixels.cols; ++x) {
@@ -115,20 +108,7 @@ TEST(TopotagDetector, IsNotMovedByUnevenLight) {
         }
     const auto found = make_detector("auto", tag, "test")->detect(lit).corners;
     ASSERT_TRUE(found);
-    EXPECT_LT(largest_error(*found, photo.corners), 0.05);
-}
-
-TEST(TopotagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
-    const Marker tag = parse_marker("topotag:4x4:9283@50mm", "test");
-    const auto photo = test::render_tag(sharp_camera(), tag, {0.2, 0.1, 0, 3, 5, 300});
-    CodeImage deep{{}, 12};
-    photo.image.pixels.convertTo(deep.pixels, CV_16U, 4095.0 / 255.0);
-    const auto detector = make_detector("auto", tag, "test");
-    const auto eight = detector->detect(photo.image).corners,
-               twelve = detector->detect(deep).corners;
-    ASSERT_TRUE(eight && twelve);
-    // Codes are rounded to 1/4095: 1e-4 of the step, and less of a pixel.
-    EXPECT_LT(largest_error(*twelve, eight->pixels), 1e-3);
+    EXPECT_LT(test::largest_error_px(found->pixels, photo.corners), 0.05);
 }
 
 // A small share of the 100 000 images of the evidence program.

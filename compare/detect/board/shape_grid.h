@@ -1,0 +1,59 @@
+// Grids of dark shapes on a brighter ground, dots or squares, and where a board lies in one.
+//
+// Shapes: the image is halved until little of it is left, and at each size compared with its local
+// mean in two windows, which takes uneven light off. The outline of what is darker tells the shape.
+// Of an ellipse its distance from the centre, measured by the outline's own second moments, is the
+// same all around: squares, letters and merged dots are none. A square is seen as four corners with
+// straight sides between them.
+//
+// Lattices: one is grown from every shape. Two neighbours give the steps, each further shape must
+// be where the steps from its neighbours lead, and passes its own steps on, so that perspective and
+// distortion may change them over the image. Which two directions were taken does not matter: the
+// board is looked for under every change of basis with small whole numbers (determinant 1: boards
+// are seen from the front) and every shift. So square, staggered and hexagonal boards are one case.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace etalon {
+
+struct DarkShape {
+    Eigen::Vector2d centre;  // px
+    double area_px2 = 0.0;
+    std::vector<Eigen::Vector2d> corners = {};  // four of a square, clockwise as seen
+};
+
+enum class ShapeKind { ellipse, square };
+
+// The shapes at the places of a board.
+struct FoundShapes {
+    // In the board's order; nothing where one is not seen, and empty where the board is not.
+    std::vector<std::optional<DarkShape>> shapes;
+    std::string reason;  // why it is not
+};
+
+// `board`: the places of a board's shapes in a lattice, in their order. At least three quarters of
+// them must be seen, and no other place in the lattice may have as many. Where nothing tells one
+// end from the other, the first half of the board's places is the one nearer to the image's upper
+// left. `image`: CV_8UC1; the coarsest size that shows the board serves. Safe from every thread.
+FoundShapes find_shape_grid(ShapeKind kind, const cv::Mat& image,
+                            const std::vector<Eigen::Vector2i>& board);
+
+// A plane as it is seen around its points, to place windows with: px from mm by one homography.
+// Distortion is left to who looks there.
+struct SeenPlane {
+    Eigen::Matrix3d pixel_from_mm;
+
+    // Least squares; nothing when the points do not determine it.
+    static std::optional<SeenPlane> through(const std::vector<Eigen::Vector2d>& mm,
+                                            const std::vector<Eigen::Vector2d>& pixels);
+
+    Eigen::Vector2d at(const Eigen::Vector2d& mm) const;
+    Eigen::Matrix2d px_per_mm(const Eigen::Vector2d& mm) const;  // derivative
+};
+
+}  // namespace etalon

@@ -321,10 +321,10 @@ private:
 
 // ---- TIFF ------------------------------------------------------------------------------------
 
-// A file in memory, as libtiff wants it.
+// A file in memory, as libtiff wants it: `given` to be read, or one that is made.
 class TiffFile {
 public:
-    TiffFile(std::vector<unsigned char> bytes, const char* mode) : bytes_(std::move(bytes)) {
+    TiffFile(Bytes given, const char* mode) : given_(given) {
         std::unique_ptr<TIFFOpenOptions, decltype(&TIFFOpenOptionsFree)> options(
             TIFFOpenOptionsAlloc(), &TIFFOpenOptionsFree);
         TIFFOpenOptionsSetErrorHandlerExtR(options.get(), &keep_first, this);
@@ -358,25 +358,25 @@ public:
     std::vector<unsigned char> closed() {
         TIFFClose(std::exchange(tiff_, nullptr));
         require(failure_.empty());
-        return std::move(bytes_);
+        return std::move(made_);
     }
 
 private:
+    Bytes bytes() const { return given_.empty() ? Bytes(made_) : given_; }
     static TiffFile& self(thandle_t handle) { return *static_cast<TiffFile*>(handle); }
     static tmsize_t read(thandle_t handle, void* to, tmsize_t count) {
         TiffFile& file = self(handle);
-        const std::size_t left = file.at_ < file.bytes_.size() ? file.bytes_.size() - file.at_ : 0;
-        const std::size_t given = std::min(left, static_cast<std::size_t>(count));
-        if (given > 0)
-            std::memcpy(to, file.bytes_.data() + file.at_, given);
-        file.at_ += given;
-        return static_cast<tmsize_t>(given);
+        const Bytes left = file.bytes().subspan(std::min(file.at_, file.bytes().size()));
+        const Bytes given = left.first(std::min(left.size(), static_cast<std::size_t>(count)));
+        std::ranges::copy(given, static_cast<unsigned char*>(to));
+        file.at_ += given.size();
+        return std::ssize(given);
     }
     static tmsize_t write(thandle_t handle, void* from, tmsize_t count) {
         TiffFile& file = self(handle);
         const auto given = static_cast<std::size_t>(count);
-        file.bytes_.resize(std::max(file.bytes_.size(), file.at_ + given));
-        std::memcpy(file.bytes_.data() + file.at_, from, given);
+        file.made_.resize(std::max(file.made_.size(), file.at_ + given));
+        std::memcpy(file.made_.data() + file.at_, from, given);
         file.at_ += given;
         return count;
     }
@@ -384,12 +384,12 @@ private:
         TiffFile& file = self(handle);
         const std::size_t start = from == SEEK_SET   ? 0
                                   : from == SEEK_CUR ? file.at_
-                                                     : file.bytes_.size();
+                                                     : file.bytes().size();
         file.at_ = start + offset;
         return file.at_;
     }
     static int close(thandle_t) { return 0; }
-    static toff_t size(thandle_t handle) { return self(handle).bytes_.size(); }
+    static toff_t size(thandle_t handle) { return self(handle).bytes().size(); }
     static int keep_first(TIFF*, void* file, const char*, const char* format, va_list values) {
         std::array<char, 200> text{};
         std::vsnprintf(text.data(), text.size(), format, values);
@@ -398,7 +398,8 @@ private:
         return 1;  // said: not to be printed
     }
 
-    std::vector<unsigned char> bytes_;
+    Bytes given_;
+    std::vector<unsigned char> made_;
     std::size_t at_ = 0;
     std::string failure_;
     TIFF* tiff_ = nullptr;
@@ -428,7 +429,7 @@ int plain_tiff_type(const TiffFile& tiff) {
 
 // Empty when it is of another kind than ours.
 cv::Mat decode_tiff(Bytes bytes) {
-    const TiffFile tiff({bytes.begin(), bytes.end()}, "rm");
+    const TiffFile tiff(bytes, "rm");
     const long width = tiff.field<std::uint32_t>(TIFFTAG_IMAGEWIDTH),
                height = tiff.field<std::uint32_t>(TIFFTAG_IMAGELENGTH);
     check_size(width, height, bytes);
@@ -437,8 +438,12 @@ cv::Mat decode_tiff(Bytes bytes) {
         return {};
     cv::Mat picture(static_cast<int>(height), static_cast<int>(width), type);
     tiff.require(TIFFScanlineSize(tiff.get()) == static_cast<tmsize_t>(picture.step[0]));
-    for (int y = 0; y < picture.rows; ++y)
-        tiff.require(TIFFReadScanline(tiff.get(), picture.ptr(y), static_cast<unsigned>(y)) == 1);
+    const long strip_rows = std::clamp(tiff.field<std::uint32_t>(TIFFTAG_ROWSPERSTRIP), 1L, height);
+    for (long y = 0, strip = 0; y < height; y += strip_rows, ++strip) {
+        const auto size = static_cast<tmsize_t>(picture.step[0]) * std::min(strip_rows, height - y);
+        tiff.require(TIFFReadEncodedStrip(tiff.get(), static_cast<std::uint32_t>(strip),
+                                          picture.ptr(static_cast<int>(y)), size) == size);
+    }
     return picture;
 }
 
@@ -459,9 +464,9 @@ std::vector<unsigned char> encode_tiff(const cv::Mat& picture) {
     if (!is_float)
         set(TIFFTAG_PREDICTOR, PREDICTOR_HORIZONTAL);
     set(TIFFTAG_ROWSPERSTRIP, TIFFDefaultStripSize(tiff.get(), 0));
-    cv::Mat row;  // libtiff's predictor works in place
     for (int y = 0; y < picture.rows; ++y) {
-        picture.row(y).copyTo(row);
+        // libtiff's predictor works in place.
+        cv::Mat row = is_float ? picture.row(y) : picture.row(y).clone();
         tiff.require(TIFFWriteScanline(tiff.get(), row.ptr(), static_cast<unsigned>(y), 0) == 1);
     }
     return tiff.closed();

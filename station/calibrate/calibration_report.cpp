@@ -456,8 +456,8 @@ ResultTable model_table(const CalibrationRun& run) {
 ResultTable parameter_table(const CameraCalibration& calibration) {
     const auto two_digits = [](double value) { return fmt::format("{:#.2g}", value); };
     const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
-    ResultTable table = empty_table({"parameter", "value", "used", "formal", "cluster-robust",
-                                     "bootstrap", "used/formal"});
+    ResultTable table = empty_table(
+        {"parameter", "value", "used", "formal", "cluster-robust", "bootstrap", "used/formal"});
     for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
         const ParameterDeviation& each = calibration.deviations[i];
         table.rows.push_back(

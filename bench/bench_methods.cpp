@@ -48,43 +48,6 @@ double add_warm_runs(const std::function<void()>& work, std::vector<double>& tim
     return median(of_turn);
 }
 
-}  // namespace
-
-void keep_freed_memory() {
-    mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest that glibc takes
-    mallopt(M_TRIM_THRESHOLD, 1 << 30);
-}
-
-double median_cpu_ms(const std::function<void()>& work) {
-    const double first = run_ms(work);
-    if (first > long_run_ms)
-        return first;
-    std::vector<double> times;
-    double sum = 0.0;
-    while (times.size() < repetitions ||
-           (sum < long_enough_ms && times.size() < 20 * repetitions)) {
-        times.push_back(run_ms(work));
-        sum += times.back();
-    }
-    return median(times);
-}
-
-TimesByTurns cpu_ms_by_turns(const std::function<void()>& one, const std::function<void()>& other) {
-    constexpr int turns = 9;
-    std::vector<double> ones, others;
-    double sum = 0.0, squares = 0.0;
-    for (int turn = 0; turn < turns; ++turn) {
-        const double one_ms = add_warm_runs(one, ones);
-        const double log_ratio = std::log(add_warm_runs(other, others) / one_ms);
-        sum += log_ratio;
-        squares += log_ratio * log_ratio;
-    }
-    const double variance = std::max(0.0, squares - sum * sum / turns) / (turns - 1);
-    return {median(ones), median(others), std::sqrt(variance / turns)};
-}
-
-namespace {
-
 using Undistortion = PublishedMethod::Undistortion;
 
 constexpr std::uint64_t cloud_seed = 20;
@@ -263,7 +226,64 @@ void append(RenderTruth& all, const RenderTruth& one) {
     all.values.insert(all.values.end(), one.values.begin(), one.values.end());
 }
 
+// `render` makes the frame of a pose. One pose per task, because one may take 100 times as long as
+// another; each renders in an arena of one thread: only the loop over the poses is parallel.
+template <class Render>
+RenderRate rate(const std::vector<Rigid>& poses, const Render& render) {
+    tbb::enumerable_thread_specific<tbb::task_arena> serial([] { return tbb::task_arena(1); });
+    const auto start = std::chrono::steady_clock::now();
+    const double cpu_start = process_cpu_ms();
+    tbb::parallel_for(
+        std::size_t{0}, poses.size(),
+        [&](std::size_t i) { serial.local().execute([&] { render(poses[i]); }); },
+        tbb::simple_partitioner());
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+    return {static_cast<int>(poses.size()), static_cast<double>(poses.size()) / wall.count(),
+            1e-3 * (process_cpu_ms() - cpu_start) / wall.count()};
+}
+
+std::vector<Rigid> every_nth(const std::vector<Rigid>& poses, std::size_t count) {
+    std::vector<Rigid> some;
+    count = std::min(count, poses.size());
+    for (std::size_t i = 0; i < count; ++i)
+        some.push_back(poses[i * poses.size() / count]);
+    return some;
+}
+
 }  // namespace
+
+void keep_freed_memory() {
+    mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest that glibc takes
+    mallopt(M_TRIM_THRESHOLD, 1 << 30);
+}
+
+double median_cpu_ms(const std::function<void()>& work) {
+    const double first = run_ms(work);
+    if (first > long_run_ms)
+        return first;
+    std::vector<double> times;
+    double sum = 0.0;
+    while (times.size() < repetitions ||
+           (sum < long_enough_ms && times.size() < 20 * repetitions)) {
+        times.push_back(run_ms(work));
+        sum += times.back();
+    }
+    return median(times);
+}
+
+TimesByTurns cpu_ms_by_turns(const std::function<void()>& one, const std::function<void()>& other) {
+    constexpr int turns = 9;
+    std::vector<double> ones, others;
+    double sum = 0.0, squares = 0.0;
+    for (int turn = 0; turn < turns; ++turn) {
+        const double one_ms = add_warm_runs(one, ones);
+        const double log_ratio = std::log(add_warm_runs(other, others) / one_ms);
+        sum += log_ratio;
+        squares += log_ratio * log_ratio;
+    }
+    const double variance = std::max(0.0, squares - sum * sum / turns) / (turns - 1);
+    return {median(ones), median(others), std::sqrt(variance / turns)};
+}
 
 BenchPlan quick_plan() {
     BenchPlan plan;
@@ -336,34 +356,6 @@ BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan
          compare_with_truth(by_published.values, truth), 1e6 * by_published.cpu_ms / pixels}};
     return result;
 }
-
-namespace {
-
-// `render` makes the frame of a pose. One pose per task, because one may take 100 times as long as
-// another; each renders in an arena of one thread: only the loop over the poses is parallel.
-template <class Render>
-RenderRate rate(const std::vector<Rigid>& poses, const Render& render) {
-    tbb::enumerable_thread_specific<tbb::task_arena> serial([] { return tbb::task_arena(1); });
-    const auto start = std::chrono::steady_clock::now();
-    const double cpu_start = process_cpu_ms();
-    tbb::parallel_for(
-        std::size_t{0}, poses.size(),
-        [&](std::size_t i) { serial.local().execute([&] { render(poses[i]); }); },
-        tbb::simple_partitioner());
-    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-    return {static_cast<int>(poses.size()), static_cast<double>(poses.size()) / wall.count(),
-            1e-3 * (process_cpu_ms() - cpu_start) / wall.count()};
-}
-
-std::vector<Rigid> every_nth(const std::vector<Rigid>& poses, std::size_t count) {
-    std::vector<Rigid> some;
-    count = std::min(count, poses.size());
-    for (std::size_t i = 0; i < count; ++i)
-        some.push_back(poses[i * poses.size() / count]);
-    return some;
-}
-
-}  // namespace
 
 Throughput measure_throughput(const BenchmarkScene& scene, const std::vector<Rigid>& poses) {
     const auto posed = [&](const Rigid& pose) {

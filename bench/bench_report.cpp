@@ -137,6 +137,123 @@ void add_speed_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) 
         at_most(scene.name + ": baseline, ns per ray", scene.ns_per_ray, slowest_baseline_ns));
 }
 
+SvgPlot panel(const BenchScene& scene) {
+    SvgPlot plot("CPU time of a frame, ms (one thread)", scene.name + ": RMS error, gray");
+    plot.set_log_axes();
+    const std::vector<std::pair<std::string, Color>> methods{
+        {"default", Color::red},
+        {"E", Color::blue},
+        {"C", Color::green},
+        {"published", Color::orange},
+        {"published-linearised", Color::orange},
+        {"qmc", Color::gray}};
+    for (const auto& [method, ink] : methods) {
+        Series curve;
+        for (const BenchRow& row : scene.rows)
+            if (row.method == method)
+                curve.add(row.cpu_ms, row.error.rms_gray,
+                          fmt::format("{}: {:.3g} ms, {:.3g} gray", row_name(row), row.cpu_ms,
+                                      row.error.rms_gray));
+        plot.add_curve(curve, ink, method);
+    }
+    plot.add_level(scene.default_row().error.reference_rms_gray, Color::gray,
+                   "the reference's own standard error");
+    return plot;
+}
+
+ordered_json row_json(const BenchRow& row) {
+    ordered_json json = {{"scene", row.scene}, {"method", row.method}, {"setting", row.setting}};
+    for (const RowFigure& figure : row_figures)
+        json[figure.name] = figure.of(row);
+    return json;
+}
+
+ordered_json throughput_json(const Throughput& t) {
+    return {{"frames", t.by_default.frames},
+            {"frames_per_s", t.by_default.frames_per_s},
+            {"cores_used", t.by_default.cores_used},
+            {"refused", t.refused},
+            {"published_frames", t.by_published.frames},
+            {"published_frames_per_s", t.by_published.frames_per_s},
+            {"ratio", t.ratio()},
+            {"early_peak_mib", t.early_peak_mib},
+            {"final_peak_mib", t.final_peak_mib}};
+}
+
+// "AMD EPYC 9B14, 2 processors".
+std::string machine_name() {
+    constexpr std::string_view key = "model name";
+    std::ifstream file("/proc/cpuinfo");
+    std::string line, model = "unknown processor";
+    while (std::getline(file, line))
+        if (const auto colon = line.find(':'); line.starts_with(key) && colon != line.npos) {
+            model = trimmed(line.substr(colon + 1));
+            break;
+        }
+    return fmt::format("{}, {} processors", model, std::thread::hardware_concurrency());
+}
+
+std::string compiler_with_flags() {
+    const std::vector<SoftwareVersion> versions = software_versions();
+    const auto compiler = std::ranges::find(versions, "compiler", &SoftwareVersion::name);
+    return fmt::format("{} {}", compiler->version, ETALON_COMPILER_FLAGS);
+}
+
+std::string table(const BenchResult& result) {
+    std::string text = fmt::format("{:<12} {:<26} {:>9} {:>8} {:>8} {:>8}\n", "scene",
+                                   "method and setting", "CPU ms", "RMS", "max", "ratio");
+    for (const BenchScene* scene : all_scenes(result))
+        for (const BenchRow& row : scene->rows)
+            text += fmt::format("{:<12} {:<26} {:>9.3f} {:>8.4f} {:>8.3f} {:>8}\n", row.scene,
+                                row_name(row), row.cpu_ms, row.error.rms_gray, row.error.max_gray,
+                                ratio_text(ratio_to_published(*scene, row)));
+    return text;
+}
+
+std::string scene_words(const BenchScene& scene) {
+    const RenderComparison& error = scene.default_row().error;
+    std::string text = fmt::format(
+        "{}: max {:.3f} gray <= 0.1 + 4 s.e.: {}; edge shift {:.1e} px\n", scene.name,
+        error.max_gray, error.max_sigmas <= allowed_sigmas ? "ok" : "FAIL", error.edge_shift_px);
+    text += fmt::format(
+        "  reference s.e. {:.4f} gray, {:.1e} px; without it RMS {:.4f}, shift {:.1e}\n",
+        error.reference_rms_gray, error.reference_shift_px, error.corrected_rms_gray(),
+        error.corrected_shift_px());
+    if (scene.ns_per_ray > 0.0)
+        text += fmt::format("  caches {:.1f} ms; {} refined px; baseline {:.2f} ns per ray\n",
+                            scene.cache_ms, scene.refined_pixels, scene.ns_per_ray);
+    for (const std::string& what : scene.left_out)
+        text += "  left out: " + what + "\n";
+    return text;
+}
+
+std::string throughput_words(const std::string& name, const Throughput& t) {
+    std::string text =
+        fmt::format("{}: {:.1f} frames/s over {} poses, {:.2f} cores used\n", name,
+                    t.by_default.frames_per_s, t.by_default.frames, t.by_default.cores_used);
+    text += fmt::format(
+        "  published n256: {:.1f} frames/s over {} of them, {:.2f} cores used: {:.1f}x\n",
+        t.by_published.frames_per_s, t.by_published.frames, t.by_published.cores_used, t.ratio());
+    return text + fmt::format("  peak memory {:.1f} MiB after a tenth, {:.1f} MiB at the end\n",
+                              t.early_peak_mib, t.final_peak_mib);
+}
+
+SceneSpeed read_scene(const JsonEntry& entry) {
+    SceneSpeed scene{entry.at("scene").text(), entry.at("default_cpu_ms").number(positive)};
+    if (const JsonEntry ratio = entry.at("ratio"); !ratio.is_null())
+        scene.ratio = ratio.number(positive);
+    scene.ratio_error = entry.at("ratio_error").number(non_negative);
+    return scene;
+}
+
+bool is_slower(const SceneSpeed& before, const SceneSpeed& now, double margin) {
+    constexpr double errors = 3.0;
+    if (!now.ratio || !before.ratio)
+        return false;
+    const double noise = errors * std::hypot(before.ratio_error, now.ratio_error);
+    return std::log(*before.ratio / *now.ratio) > std::max(-std::log1p(-margin), noise);
+}
+
 }  // namespace
 
 std::vector<BenchCheck> bench_checks(const BenchResult& result) {
@@ -187,82 +304,12 @@ std::string bench_markdown(const BenchResult& result) {
     return text;
 }
 
-namespace {
-
-SvgPlot panel(const BenchScene& scene) {
-    SvgPlot plot("CPU time of a frame, ms (one thread)", scene.name + ": RMS error, gray");
-    plot.set_log_axes();
-    const std::vector<std::pair<std::string, Color>> methods{
-        {"default", Color::red},
-        {"E", Color::blue},
-        {"C", Color::green},
-        {"published", Color::orange},
-        {"published-linearised", Color::orange},
-        {"qmc", Color::gray}};
-    for (const auto& [method, ink] : methods) {
-        Series curve;
-        for (const BenchRow& row : scene.rows)
-            if (row.method == method)
-                curve.add(row.cpu_ms, row.error.rms_gray,
-                          fmt::format("{}: {:.3g} ms, {:.3g} gray", row_name(row), row.cpu_ms,
-                                      row.error.rms_gray));
-        plot.add_curve(curve, ink, method);
-    }
-    plot.add_level(scene.default_row().error.reference_rms_gray, Color::gray,
-                   "the reference's own standard error");
-    return plot;
-}
-
-ordered_json row_json(const BenchRow& row) {
-    ordered_json json = {{"scene", row.scene}, {"method", row.method}, {"setting", row.setting}};
-    for (const RowFigure& figure : row_figures)
-        json[figure.name] = figure.of(row);
-    return json;
-}
-
-ordered_json throughput_json(const Throughput& t) {
-    return {{"frames", t.by_default.frames},
-            {"frames_per_s", t.by_default.frames_per_s},
-            {"cores_used", t.by_default.cores_used},
-            {"refused", t.refused},
-            {"published_frames", t.by_published.frames},
-            {"published_frames_per_s", t.by_published.frames_per_s},
-            {"ratio", t.ratio()},
-            {"early_peak_mib", t.early_peak_mib},
-            {"final_peak_mib", t.final_peak_mib}};
-}
-
-}  // namespace
-
 std::string bench_plot(const std::vector<BenchScene>& scenes) {
     std::vector<SvgPlot> panels;
     for (const BenchScene& scene : scenes)
         panels.push_back(panel(scene));
     return svg_panels(panels, 2, 640, 360);
 }
-
-namespace {
-
-// "AMD EPYC 9B14, 2 processors".
-std::string machine_name() {
-    constexpr std::string_view key = "model name";
-    std::ifstream file("/proc/cpuinfo");
-    std::string line, model = "unknown processor";
-    while (std::getline(file, line))
-        if (const auto colon = line.find(':'); line.starts_with(key) && colon != line.npos) {
-            model = trimmed(line.substr(colon + 1));
-            break;
-        }
-    return fmt::format("{}, {} processors", model, std::thread::hardware_concurrency());
-}
-
-std::string compiler_with_flags() {
-    const std::vector<SoftwareVersion> versions = software_versions();
-    const auto compiler = std::ranges::find(versions, "compiler", &SoftwareVersion::name);
-    return fmt::format("{} {}", compiler->version, ETALON_COMPILER_FLAGS);
-}
-
-}  // namespace
 
 std::string bench_json(const BenchResult& result) {
     ordered_json json = {{"etalon", bench_kind},
@@ -306,49 +353,6 @@ std::string pareto_words(const BenchScene& scene) {
     return fmt::format("{}: {}\n  front: {}\n", scene.name, about_default, front);
 }
 
-namespace {
-
-std::string table(const BenchResult& result) {
-    std::string text = fmt::format("{:<12} {:<26} {:>9} {:>8} {:>8} {:>8}\n", "scene",
-                                   "method and setting", "CPU ms", "RMS", "max", "ratio");
-    for (const BenchScene* scene : all_scenes(result))
-        for (const BenchRow& row : scene->rows)
-            text += fmt::format("{:<12} {:<26} {:>9.3f} {:>8.4f} {:>8.3f} {:>8}\n", row.scene,
-                                row_name(row), row.cpu_ms, row.error.rms_gray, row.error.max_gray,
-                                ratio_text(ratio_to_published(*scene, row)));
-    return text;
-}
-
-std::string scene_words(const BenchScene& scene) {
-    const RenderComparison& error = scene.default_row().error;
-    std::string text = fmt::format(
-        "{}: max {:.3f} gray <= 0.1 + 4 s.e.: {}; edge shift {:.1e} px\n", scene.name,
-        error.max_gray, error.max_sigmas <= allowed_sigmas ? "ok" : "FAIL", error.edge_shift_px);
-    text += fmt::format(
-        "  reference s.e. {:.4f} gray, {:.1e} px; without it RMS {:.4f}, shift {:.1e}\n",
-        error.reference_rms_gray, error.reference_shift_px, error.corrected_rms_gray(),
-        error.corrected_shift_px());
-    if (scene.ns_per_ray > 0.0)
-        text += fmt::format("  caches {:.1f} ms; {} refined px; baseline {:.2f} ns per ray\n",
-                            scene.cache_ms, scene.refined_pixels, scene.ns_per_ray);
-    for (const std::string& what : scene.left_out)
-        text += "  left out: " + what + "\n";
-    return text;
-}
-
-std::string throughput_words(const std::string& name, const Throughput& t) {
-    std::string text =
-        fmt::format("{}: {:.1f} frames/s over {} poses, {:.2f} cores used\n", name,
-                    t.by_default.frames_per_s, t.by_default.frames, t.by_default.cores_used);
-    text += fmt::format(
-        "  published n256: {:.1f} frames/s over {} of them, {:.2f} cores used: {:.1f}x\n",
-        t.by_published.frames_per_s, t.by_published.frames, t.by_published.cores_used, t.ratio());
-    return text + fmt::format("  peak memory {:.1f} MiB after a tenth, {:.1f} MiB at the end\n",
-                              t.early_peak_mib, t.final_peak_mib);
-}
-
-}  // namespace
-
 std::string bench_text(const BenchResult& result) {
     std::string text = table(result) + "\n";
     for (const BenchScene* scene : all_scenes(result))
@@ -362,26 +366,6 @@ std::string bench_text(const BenchResult& result) {
         text += throughput_words("throughput from near focus to far", *result.wide_throughput);
     return text;
 }
-
-namespace {
-
-SceneSpeed read_scene(const JsonEntry& entry) {
-    SceneSpeed scene{entry.at("scene").text(), entry.at("default_cpu_ms").number(positive)};
-    if (const JsonEntry ratio = entry.at("ratio"); !ratio.is_null())
-        scene.ratio = ratio.number(positive);
-    scene.ratio_error = entry.at("ratio_error").number(non_negative);
-    return scene;
-}
-
-bool is_slower(const SceneSpeed& before, const SceneSpeed& now, double margin) {
-    constexpr double errors = 3.0;
-    if (!now.ratio || !before.ratio)
-        return false;
-    const double noise = errors * std::hypot(before.ratio_error, now.ratio_error);
-    return std::log(*before.ratio / *now.ratio) > std::max(-std::log1p(-margin), noise);
-}
-
-}  // namespace
 
 BenchBefore read_bench(const std::filesystem::path& path) {
     const JsonEntry root(read_text(path), {path.string()});

@@ -60,6 +60,21 @@ std::optional<Eigen::Matrix3d> grid_from_camera(const PlacedMarker& marker) {
     return camera_from_grid.inverse();
 }
 
+// Energy of the point spread in the pixel (dx, dy), as far as it lies within the kernel's reach:
+// midpoint rule. A pixel is `height` as high as it is wide.
+double energy_in_pixel(const PointSpreadFunction& spread, int dx, int dy, double height) {
+    constexpr int steps = 64;
+    double sum = 0.0;
+    for (int j = 0; j < steps; ++j)
+        for (int i = 0; i < steps; ++i) {
+            const double r =
+                std::hypot(dx + (i + 0.5) / steps - 0.5, height * (dy + (j + 0.5) / steps - 0.5));
+            if (r < kernel_reach)
+                sum += spread.density(r);
+        }
+    return sum * height / (steps * steps);
+}
+
 }  // namespace
 
 namespace published {
@@ -153,25 +168,6 @@ void PublishedMethod::make_rays(int count) {
         lens_y_.push_back(static_cast<float>(lens.y()));
     }
 }
-
-namespace {
-
-// Energy of the point spread in the pixel (dx, dy), as far as it lies within the kernel's reach:
-// midpoint rule. A pixel is `height` as high as it is wide.
-double energy_in_pixel(const PointSpreadFunction& spread, int dx, int dy, double height) {
-    constexpr int steps = 64;
-    double sum = 0.0;
-    for (int j = 0; j < steps; ++j)
-        for (int i = 0; i < steps; ++i) {
-            const double r =
-                std::hypot(dx + (i + 0.5) / steps - 0.5, height * (dy + (j + 0.5) / steps - 0.5));
-            if (r < kernel_reach)
-                sum += spread.density(r);
-        }
-    return sum * height / (steps * steps);
-}
-
-}  // namespace
 
 void PublishedMethod::make_kernel() {
     if (!camera_.lens) {

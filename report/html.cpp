@@ -1,6 +1,7 @@
 #include "report/html.h"
 
 #include <fmt/format.h>
+#include <openssl/evp.h>
 
 #include <algorithm>
 #include <map>
@@ -48,19 +49,9 @@ std::vector<bool> numeric_columns(std::size_t columns, const TableRows& rows) {
 }
 
 std::string base64(const std::vector<unsigned char>& bytes) {
-    constexpr std::string_view letters =
-        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    std::string text;
-    text.reserve((bytes.size() + 2) / 3 * 4);
-    for (std::size_t i = 0; i < bytes.size(); i += 3) {
-        const std::size_t present = std::min<std::size_t>(3, bytes.size() - i);
-        unsigned word = 0;
-        for (std::size_t k = 0; k < 3; ++k)
-            word = (word << 8) | (k < present ? bytes[i + k] : 0u);
-        for (std::size_t k = 0; k < 4; ++k)
-            text += k <= present ? letters[(word >> (18 - 6 * k)) & 63u] : '=';
-    }
-    return text;
+    std::vector<unsigned char> text(4 * ((bytes.size() + 2) / 3) + 1);
+    const int length = EVP_EncodeBlock(text.data(), bytes.data(), static_cast<int>(bytes.size()));
+    return {text.begin(), text.begin() + length};
 }
 
 std::string list_html(const std::vector<std::string>& items, const char* css) {

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
+#include "report/number_text.h"
 
 namespace etalon {
 namespace {
@@ -19,16 +20,15 @@ struct Overloaded : Functions... {
     using Functions::operator()...;
 };
 
-std::string csv_cell(const TableCell& cell, const std::string& format) {
-    return std::visit(Overloaded{[](std::monostate) { return std::string(); },
-                                 [](const std::string& text) { return csv_text(text); },
-                                 [&](double number) {
-                                     return format.empty()
-                                                ? exact(number)
-                                                : fmt::format(fmt::runtime(format), number);
-                                 },
+// `number`: what a number becomes.
+template <class Function>
+std::string text_of_cell(const TableCell& cell, const char* missing, const char* yes,
+                         const char* no, Function number) {
+    return std::visit(Overloaded{[&](std::monostate) { return std::string(missing); },
+                                 [](const std::string& text) { return text; },
+                                 [&](double value) -> std::string { return number(value); },
                                  [](std::int64_t count) { return std::to_string(count); },
-                                 [](bool flag) { return std::string(flag ? "1" : "0"); },
+                                 [&](bool flag) { return std::string(flag ? yes : no); },
                                  [](const std::vector<double>& numbers) {
                                      return fmt::format("{}", fmt::join(numbers, " "));
                                  }},
@@ -77,8 +77,11 @@ TextColumn text_column(const ResultTable& table, std::size_t i) {
     const ColumnHead& head = table.columns[i];
     TextColumn column{{head.heading, head.unit}};
     for (const std::vector<TableCell>& row : table.rows) {
-        const std::string& cell = column.lines.emplace_back(cell_text(row[i], head, "-"));
+        std::string cell = cell_text(row[i], head);
+        if (cell == dash)
+            cell = "-";
         column.is_text |= cell != "-" && !cell.empty() && !parse_number(cell);
+        column.lines.push_back(std::move(cell));
     }
     for (const std::string& line : column.lines)
         column.width = std::max(column.width, characters(line));
@@ -106,8 +109,7 @@ const ColumnsOf<Rigid>& columns_of_pose() {
     static const ColumnsOf<Rigid> columns = [] {
         ColumnsOf<Rigid> six;
         for (int i = 0; const char* key : {"rx", "ry", "rz", "tx", "ty", "tz"}) {
-            six.push_back({key, [i](const Rigid& pose) { return vector_from_rigid(pose)[i]; }, key,
-                           i < 3 ? "rad" : "mm", i < 3 ? "{:.5f}" : "{:.3f}"});
+            six.push_back({key, [i](const Rigid& pose) { return vector_from_rigid(pose)[i]; }});
             ++i;
         }
         return six;
@@ -126,6 +128,10 @@ ResultTable empty_table(const std::vector<std::string>& headings) {
 }
 
 std::string csv_of(const ResultTable& table, const std::string& number_format) {
+    const auto number = [&](double value) {
+        return number_format.empty() ? exact(value)
+                                     : fmt::format(fmt::runtime(number_format), value);
+    };
     std::vector<std::string> cells;
     for (const ColumnHead& column : table.columns)
         if (!column.key.empty())
@@ -135,7 +141,7 @@ std::string csv_of(const ResultTable& table, const std::string& number_format) {
         cells.clear();
         for (std::size_t i = 0; i < row.size(); ++i)
             if (!table.columns[i].key.empty())
-                cells.push_back(csv_cell(row[i], number_format));
+                cells.push_back(csv_text(text_of_cell(row[i], "", "1", "0", number)));
         text += fmt::format("{}\n", fmt::join(cells, ","));
     }
     return text;
@@ -172,20 +178,10 @@ ordered_json json_object(const ResultTable& table, MissingFigure missing) {
     return row_json(table, table.rows.at(0), missing);
 }
 
-std::string cell_text(const TableCell& cell, const ColumnHead& column, const char* missing) {
-    return std::visit(Overloaded{[&](std::monostate) { return std::string(missing); },
-                                 [](const std::string& text) { return text; },
-                                 [&](double number) {
-                                     return std::isfinite(number)
-                                                ? fmt::format(fmt::runtime(column.format), number)
-                                                : missing;
-                                 },
-                                 [](std::int64_t count) { return std::to_string(count); },
-                                 [](bool flag) { return std::string(flag ? "yes" : "no"); },
-                                 [](const std::vector<double>& numbers) {
-                                     return fmt::format("{:.4g}", fmt::join(numbers, " "));
-                                 }},
-                      cell.value);
+std::string cell_text(const TableCell& cell, const ColumnHead& column) {
+    return text_of_cell(cell, dash, "yes", "no", [&](double number) {
+        return std::isfinite(number) ? fmt::format(fmt::runtime(column.format), number) : dash;
+    });
 }
 
 std::vector<std::string> headings_of(const ResultTable& table) {

@@ -23,7 +23,6 @@
 #include <vector>
 
 #include "core/geometry/rigid.h"
-#include "report/number_text.h"
 
 namespace etalon {
 
@@ -89,7 +88,7 @@ void add_columns(ColumnsOf<Row>& columns, const ColumnsOf<Part>& of_part, Functi
     }
 }
 
-// Six columns of a pose, "rx" to "tz": rotation vector in rad, then translation in mm.
+// Six columns of a pose in files, "rx" to "tz": rotation vector in rad, then translation in mm.
 const ColumnsOf<Rigid>& columns_of_pose();
 
 // From columns, or filled row by row.
@@ -144,8 +143,8 @@ Json json_object(const ColumnsOf<Row>& columns, const Row& row,
 
 // ---- people: the columns with a heading -----------------------------------------------------
 
-// A cell as people read it. `missing`: where there is nothing or no finite number.
-std::string cell_text(const TableCell& cell, const ColumnHead& column, const char* missing = dash);
+// A cell as people read it: a dash where there is nothing or no finite number.
+std::string cell_text(const TableCell& cell, const ColumnHead& column);
 
 // "fit / px"
 std::vector<std::string> headings_of(const ResultTable& table);

@@ -50,7 +50,7 @@ words_of() {
             station/setup study calib/files/camera_file.cpp calib/camera/camera_model.h core/geometry/units.h" ;;
         foreign_cameras) sources=calib/files ;;
         event_log) sources="capture/frame/frame_log.cpp core/image/image.cpp station/qualify/recorded_run.cpp station/record" ;;
-        records) sources="station/history station/render/image_set.cpp study/study_description.cpp" ;;
+        records) sources="station/history station/render/image_set.cpp study/study_results.cpp" ;;
         command_lines) sources="station sim/marker" ;;
         detector_answers) sources=study/external_detector.cpp ;;
         descriptions) sources=capture/genicam ;;

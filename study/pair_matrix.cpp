@@ -91,45 +91,7 @@ void count_beyond(PairMatrix& matrix, const DetectedError& error) {
     }
 }
 
-}  // namespace
-
-std::uint32_t PairMatrix::highest_count() const {
-    std::uint32_t highest = 0;
-    for (const auto& line : panels)
-        for (const PairPanel& panel : line)
-            for (const std::uint32_t count : panel.counts)
-                highest = std::max(highest, count);
-    return highest;
-}
-
-PairMatrix pair_matrix(const std::string& detector, std::span<const PoseComponents> truth,
-                       const DetectorErrors& errors) {
-    if (truth.size() != errors.size())
-        throw NumericalError(
-            fmt::format("pair matrix: {} true poses and {} errors", truth.size(), errors.size()));
-    PairMatrix matrix;
-    matrix.detector = detector;
-    matrix.poses = errors.size();
-    matrix.detected = static_cast<std::size_t>(std::count_if(
-        errors.begin(), errors.end(), [](const auto& error) { return error.has_value(); }));
-    if (matrix.detected == 0)
-        return matrix;
-    find_axes(matrix, truth, errors);
-    for (std::size_t e = 0; e < pose_component_count; ++e)
-        for (std::size_t f = 0; f < pose_component_count; ++f)
-            matrix.panels[e][f] = empty_panel(matrix.freedoms[f]);
-    for (std::size_t i = 0; i < errors.size(); ++i) {
-        if (!errors[i])
-            continue;
-        count_beyond(matrix, *errors[i]);
-        for (std::size_t e = 0; e < pose_component_count; ++e)
-            for (std::size_t f = 0; f < pose_component_count; ++f)
-                add(matrix.panels[e][f], matrix.freedoms[f], truth[i][f], matrix.errors[e],
-                    errors[i]->measures[e]);
-    }
-    return matrix;
-}
-
+// "true x / mm" and "X error / mm".
 std::string freedom_label(std::size_t component) {
     constexpr std::array names{"x", "y", "z", "roll", "pitch", "yaw"};
     return fmt::format("true {} / {}", names.at(component), error_measures.at(component).unit);
@@ -140,7 +102,13 @@ std::string error_label(std::size_t component) {
                        error_measures.at(component).unit);
 }
 
-namespace {
+// Of a panel, in the units of its <svg>: the density's cells are 2 x 2, two rows at the top and the
+// bottom are the rims for what lies beyond the axis, with an empty row between.
+constexpr double panel_width = 2.0 * PairMatrix::columns,
+                 panel_height = 2.0 * (PairMatrix::rows + 6), panel_rim = 6.0;
+
+// In a page every panel has the data that enlarging needs, and every bin its <title>.
+enum class PairPicture { in_page, stand_alone };
 
 constexpr double gap = 12, left = 74, right = 52, top = 64, bottom = 62;
 constexpr double picture_width = left + 6 * panel_width + 5 * gap + right;
@@ -450,13 +418,10 @@ private:
     std::uint32_t highest_;
 };
 
-}  // namespace
-
+// Style rules of the picture; those of a page follow its colours.
 std::string pair_matrix_style(PairPicture kind) {
-    const bool page = kind == PairPicture::in_page;
-    const auto colour = [page](const char* in_page, const char* plain) {
-        return page ? in_page : plain;
-    };
+    const bool is_page = kind == PairPicture::in_page;
+    const char* paper = is_page ? "var(--card)" : "#fff";
     return fmt::format(
         ".pairs .title{{font-size:15px;font-weight:600}}.pairs .label{{font-weight:600}}"
         ".pairs .note{{font-size:11px}}"
@@ -467,22 +432,8 @@ std::string pair_matrix_style(PairPicture kind) {
         ".plot .mean,.plot "
         ".spread{{fill:none;stroke:{};stroke-width:1.8;stroke-linejoin:round;stroke-linecap:round}}"
         ".plot .spread{{stroke-width:1.3;stroke-dasharray:4 3}}",
-        colour("var(--card)", "#fff"), colour("var(--card)", "#fff"),
-        colour("var(--mean)", "#d1131f"));
+        paper, paper, is_page ? "var(--mean)" : "#d1131f");
 }
-
-std::string pair_matrix_picture(const PairMatrix& matrix, PairPicture kind) {
-    return Picture(matrix, kind).text();
-}
-
-std::string pair_matrix_svg(const PairMatrix& matrix) {
-    std::string svg = pair_matrix_picture(matrix, PairPicture::stand_alone);
-    svg = stand_alone_svg(std::move(svg));
-    const std::string end = "</style>";
-    return svg.insert(svg.find(end), pair_matrix_style(PairPicture::stand_alone));
-}
-
-namespace {
 
 std::string sized_script() {
     std::string text = std::string("<script>\n") + pair_matrix_js + "</script>\n";
@@ -495,6 +446,48 @@ std::string sized_script() {
 
 }  // namespace
 
+std::uint32_t PairMatrix::highest_count() const {
+    std::uint32_t highest = 0;
+    for (const auto& line : panels)
+        for (const PairPanel& panel : line)
+            for (const std::uint32_t count : panel.counts)
+                highest = std::max(highest, count);
+    return highest;
+}
+
+PairMatrix pair_matrix(const std::string& detector, std::span<const PoseComponents> truth,
+                       const DetectorErrors& errors) {
+    if (truth.size() != errors.size())
+        throw NumericalError(
+            fmt::format("pair matrix: {} true poses and {} errors", truth.size(), errors.size()));
+    PairMatrix matrix;
+    matrix.detector = detector;
+    matrix.poses = errors.size();
+    matrix.detected = static_cast<std::size_t>(std::count_if(
+        errors.begin(), errors.end(), [](const auto& error) { return error.has_value(); }));
+    if (matrix.detected == 0)
+        return matrix;
+    find_axes(matrix, truth, errors);
+    for (std::size_t e = 0; e < pose_component_count; ++e)
+        for (std::size_t f = 0; f < pose_component_count; ++f)
+            matrix.panels[e][f] = empty_panel(matrix.freedoms[f]);
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+        if (!errors[i])
+            continue;
+        count_beyond(matrix, *errors[i]);
+        for (std::size_t e = 0; e < pose_component_count; ++e)
+            for (std::size_t f = 0; f < pose_component_count; ++f)
+                add(matrix.panels[e][f], matrix.freedoms[f], truth[i][f], matrix.errors[e],
+                    errors[i]->measures[e]);
+    }
+    return matrix;
+}
+
+std::string pair_matrix_svg(const PairMatrix& matrix) {
+    std::string svg = stand_alone_svg(Picture(matrix, PairPicture::stand_alone).text());
+    return svg.insert(svg.find("</style>"), pair_matrix_style(PairPicture::stand_alone));
+}
+
 void add_pair_matrices(HtmlPage& page, std::span<const PairMatrix> matrices) {
     if (matrices.empty())
         return;
@@ -506,7 +499,7 @@ void add_pair_matrices(HtmlPage& page, std::span<const PairMatrix> matrices) {
             "</label>",
             i, i == 0 ? " checked" : "", escape_html(matrices[i].detector));
         pages += fmt::format("<div class=\"pair-page pairs{}\">{}</div>", i,
-                             pair_matrix_picture(matrices[i], PairPicture::in_page));
+                             Picture(matrices[i], PairPicture::in_page).text());
         rules += fmt::format("#pairs{0}:checked~.pairs{0}{{display:block}}", i);
     }
     page.add_style(rules);

@@ -33,11 +33,6 @@ private:
     double start_ms_;
 };
 
-CameraModel focused_at(CameraModel camera, double focus_mm) {
-    camera.lens->focus_distance_mm = focus_mm;
-    return camera;
-}
-
 std::vector<cv::Point2f> projected(const Projector& projector,
                                    const std::vector<Eigen::Vector3d>& points_mm,
                                    const Rigid& camera_from_marker) {
@@ -78,10 +73,12 @@ std::optional<double> corner_rms_px(const Projector& projector,
     return std::sqrt(sum / static_cast<double>(points_mm.size()));
 }
 
-StudyFinding failed(const std::string& why) {
-    StudyFinding finding;
-    finding.failure = why;
-    return finding;
+// What an image shows of the switches: poses are estimated with the others.
+StudySwitches seen_in_images(StudySwitches switches) {
+    for (const StudySwitch one : {StudySwitch::half_pixel, StudySwitch::undistortion})
+        if (switches.has(one))
+            switches.toggle(one);
+    return switches;
 }
 
 bool disturbs_radiance(const Disturbances& d) {
@@ -138,24 +135,19 @@ StudyOptics::StudyOptics(const StudyFile& study, std::vector<StudyVariant> varia
     }
     if (uses(false) && study_.focus_mm.empty())
         lens_.emplace_back(study_.camera);
-    if (uses(false))
-        for (const double focus_mm : study_.focus_mm)
-            lens_.emplace_back(focused_at(study_.camera, focus_mm));
+    for (const double focus_mm : study_.focus_mm)
+        if (uses(false)) {
+            CameraModel focused = study_.camera;
+            focused.lens->focus_distance_mm = focus_mm;
+            lens_.emplace_back(focused);
+        }
 }
 
 void StudyOptics::add_imaging(std::size_t variant) {
-    StudySwitches seen = variants_[variant].switches;  // those that an image shows
-    for (const StudySwitch one : {StudySwitch::half_pixel, StudySwitch::undistortion})
-        if (seen.has(one))
-            seen.toggle(one);
-    for (Imaging& imaging : imagings_) {
-        StudySwitches other = variants_[imaging.variants.front()].switches;
-        for (const StudySwitch one : {StudySwitch::half_pixel, StudySwitch::undistortion})
-            if (other.has(one))
-                other.toggle(one);
-        if (seen == other)
+    const StudySwitches seen = seen_in_images(variants_[variant].switches);
+    for (Imaging& imaging : imagings_)
+        if (seen == seen_in_images(variants_[imaging.variants.front()].switches))
             return imaging.variants.push_back(variant);
-    }
     const CameraModel camera = imaging_camera(study_.camera, seen, {study_.id});
     SensorModel sensor(camera);
     Disturber disturber(camera, sensor);
@@ -260,8 +252,8 @@ void StudyWorker::evaluate_marker(const std::vector<std::size_t>& detectors, con
         if (!image) {
             for (const std::size_t variant : imaging.variants)
                 for (const std::size_t detector : detectors)
-                    findings[variant * study.detectors.size() + detector] =
-                        failed(fmt::format("not rendered: {}", image.cause));
+                    findings[variant * study.detectors.size() + detector] = {
+                        .failure = fmt::format("not rendered: {}", image.cause)};
             continue;
         }
         for (const std::size_t detector : detectors)
@@ -303,7 +295,7 @@ StudyFinding StudyWorker::judge_corners(const Detection& sighting, std::size_t v
     const Stopwatch watch(times_.estimate);
     const StudiedDetector& one = optics_.study().detectors[detector];
     if (!sighting.corners)
-        return failed(sighting.reason);
+        return {.failure = sighting.reason};
     DetectedCorners corners = *sighting.corners;
     if (optics_.variants()[variant].switches.has(StudySwitch::half_pixel))
         for (Eigen::Vector2d& pixel : corners.pixels)
@@ -311,39 +303,35 @@ StudyFinding StudyWorker::judge_corners(const Detection& sighting, std::size_t v
     const std::vector<Eigen::Vector3d> points = seen_points_mm(one.marker, corners);
     const auto estimate = estimate_pose(optics_.projector(variant), points, corners.pixels);
     if (!estimate)
-        return failed(no_pose);
-    StudyFinding finding;
-    finding.error = detected_error(estimate->camera_from_marker, truth, is_flip(*estimate, truth));
-    finding.corner_rms_px = corner_rms_px(optics_.true_projector(), points, corners, truth);
-    return finding;
+        return {.failure = no_pose};
+    return {.error = detected_error(estimate->camera_from_marker, truth, is_flip(*estimate, truth)),
+            .corner_rms_px = corner_rms_px(optics_.true_projector(), points, corners, truth)};
 }
 
 StudyFinding StudyWorker::judge_photometric(const CodeImage& image, const Detection& sighting,
                                             std::size_t variant, std::size_t detector,
                                             const Rigid& truth) {
     if (!sighting.corners)
-        return failed(sighting.reason);
+        return {.failure = sighting.reason};
     const Stopwatch watch(times_.detectors[detector]);
     const auto start =
         estimate_pose(optics_.projector(variant),
                       seen_points_mm(optics_.study().detectors[detector].marker, *sighting.corners),
                       sighting.corners->pixels);
     if (!start)
-        return failed(no_pose);
+        return {.failure = no_pose};
     auto pose = attempted([&] {
         return optics_.photometric(variant, detector)
             ->find(image, start->camera_from_marker, detector_error_px);
     });
     if (!pose)
-        return failed(pose.cause);
+        return {.failure = pose.cause};
     const auto angle = [&](const Rigid& one) {
         return one.rotation.angularDistance(truth.rotation);
     };
     const bool flip =
         pose->other && angle(pose->other->camera_from_marker) < angle(pose->camera_from_marker);
-    StudyFinding finding;
-    finding.error = detected_error(pose->camera_from_marker, truth, flip);
-    return finding;
+    return {.error = detected_error(pose->camera_from_marker, truth, flip)};
 }
 
 StudyFinding StudyWorker::judge_external(const CodeImage& image, std::size_t variant,
@@ -354,10 +342,8 @@ StudyFinding StudyWorker::judge_external(const CodeImage& image, std::size_t var
     const ExternalAnswer answer =
         externals_[detector]->detect(file, scratch_ / fmt::format("camera-{}.yml", variant));
     if (!answer.camera_from_marker)
-        return failed(answer.failure);
-    StudyFinding finding;
-    finding.error = detected_error(*answer.camera_from_marker, truth, /*flip=*/false);
-    return finding;
+        return {.failure = answer.failure};
+    return {.error = detected_error(*answer.camera_from_marker, truth, /*flip=*/false)};
 }
 
 }  // namespace etalon

@@ -234,25 +234,6 @@ std::string file_word(const std::string& name) {
     return word;
 }
 
-}  // namespace
-
-std::string study_html(const StudyResults& results, const StudySummary& summary) {
-    return html_of(results, summary, matrices_of(results));
-}
-
-void write_study_report(const StudyResults& results, const StudySummary& summary,
-                        const std::filesystem::path& folder) {
-    const std::vector<PairMatrix> matrices = matrices_of(results);
-    for (const PairMatrix& matrix : matrices)
-        write_text(folder / ("pairs-" + file_word(matrix.detector) + ".svg"),
-                   pair_matrix_svg(matrix));
-    write_text(folder / "summary.csv", summary_csv(results.description, summary));
-    write_text(folder / "summary.json", summary_json(results, summary));
-    write_text(folder / "report.html", html_of(results, summary, matrices));
-}
-
-namespace {
-
 constexpr std::array inks{Color::blue,   Color::orange, Color::green, Color::red,
                           Color::purple, Color::sky,    Color::gray};
 
@@ -316,6 +297,21 @@ bool spans_a_decade(const std::vector<Series>& curves) {
 }
 
 }  // namespace
+
+std::string study_html(const StudyResults& results, const StudySummary& summary) {
+    return html_of(results, summary, matrices_of(results));
+}
+
+void write_study_report(const StudyResults& results, const StudySummary& summary,
+                        const std::filesystem::path& folder) {
+    const std::vector<PairMatrix> matrices = matrices_of(results);
+    for (const PairMatrix& matrix : matrices)
+        write_text(folder / ("pairs-" + file_word(matrix.detector) + ".svg"),
+                   pair_matrix_svg(matrix));
+    write_text(folder / "summary.csv", summary_csv(results.description, summary));
+    write_text(folder / "summary.json", summary_json(results, summary));
+    write_text(folder / "report.html", html_of(results, summary, matrices));
+}
 
 SvgPlot detection_rate_plot(const std::string& axis, std::span<const BinnedDetector> detectors) {
     SvgPlot plot(axis, "detected / %", plot_width, plot_height);

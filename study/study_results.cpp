@@ -101,49 +101,6 @@ std::string volume_words(const StudyPoses& poses) {
                        range_words("yaw", v.yaw, deg_per_rad), sequence, poses.seed);
 }
 
-}  // namespace
-
-StudyDescription describe(const StudyFile& study, const std::filesystem::path& file,
-                          const std::vector<StudyVariant>& variants, const Shard& shard) {
-    StudyDescription description{.id = study.id,
-                                 .camera = camera_words(study.camera),
-                                 .poses = static_cast<std::size_t>(study.poses.count),
-                                 .volume = volume_words(study.poses),
-                                 .shard = shard};
-    for (const StudiedDetector& one : study.detectors)
-        description.detectors.push_back({one.name, one.detector, one.marker.spec});
-    for (const StudyVariant& variant : variants)
-        description.variants.push_back(variant.name);
-    for (const StudiedDisturbance& one : study.disturbances)
-        description.axes.push_back({one.axis->name, one.axis->unit});
-    if (!study.focus_mm.empty())
-        description.axes.push_back({"focus-mm", "mm"});
-    ordered_json made_from{{"version", version},
-                           {"study_sha256", sha256_of_file(file)},
-                           {"camera_sha256", camera_sha256(study.camera_file, study.camera)}};
-    if (!study.poses.file.empty())
-        made_from["poses_sha256"] = sha256_of_file(study.poses.file);
-    for (const StudiedDetector& one : study.detectors)
-        if (const std::string name = marker_file(one.marker); !name.empty())
-            made_from["marker_files_sha256"][name] = sha256_of_file(name);
-    description.made_from = made_from.dump();
-    return description;
-}
-
-StudyDescription read_description(const std::filesystem::path& folder) {
-    const std::filesystem::path path = folder / study_work.description;
-    const ordered_json json = read_json(path);
-    if (!json.is_object() || json.value("etalon", ordered_json()) != kind)
-        throw ConfigError({path.string()}, std::string("is not of ") + kind);
-    try {
-        return description_of(json);
-    } catch (const ordered_json::exception& error) {
-        throw ConfigError({path.string()}, error.what());
-    }
-}
-
-namespace {
-
 void append_numbers(std::string& line, std::span<const double> numbers) {
     for (const double number : numbers)
         fmt::format_to(std::back_inserter(line), "{:.6f},", number);
@@ -179,39 +136,6 @@ RowsDescription rows_of(const StudyDescription& description) {
     return {study_work, text_of(json_of(description)), results_header(description),
             description.poses, description.rows_per_pose()};
 }
-
-}  // namespace
-
-StudyRecord::StudyRecord(const std::filesystem::path& folder, const StudyDescription& description)
-    : description_(description), rows_(folder, rows_of(description)) {}
-
-void StudyRecord::add(const StudyPose& pose, const std::vector<double>& axis_values,
-                      const std::vector<StudyFinding>& findings) {
-    std::string common;
-    append_numbers(common, pose_components(pose.camera_from_marker));
-    append_numbers(common, axis_values);
-    std::string lines;
-    for (std::size_t i = 0; i < findings.size(); ++i) {
-        const std::size_t detectors = description_.detectors.size();
-        lines +=
-            fmt::format("{},{},{},", pose.index, csv_text(description_.variants[i / detectors]),
-                        csv_text(description_.detectors[i % detectors].name));
-        lines += findings_text(findings[i], common);
-    }
-    rows_.add(lines);
-}
-
-void merge_shards(const std::vector<std::filesystem::path>& shards,
-                  const std::filesystem::path& out) {
-    std::vector<std::string> descriptions;
-    for (const std::filesystem::path& folder : shards)
-        descriptions.push_back(text_of(json_of(read_description(folder))));
-    StudyDescription whole = read_description(shards.front());
-    whole.shard = {};
-    merge_rows(shards_in_order(study_work, shards, descriptions), rows_of(whole), out);
-}
-
-namespace {
 
 // Places of the fields in a line.
 struct Fields {
@@ -329,6 +253,74 @@ private:
 };
 
 }  // namespace
+
+StudyDescription describe(const StudyFile& study, const std::filesystem::path& file,
+                          const std::vector<StudyVariant>& variants, const Shard& shard) {
+    StudyDescription description{.id = study.id,
+                                 .camera = camera_words(study.camera),
+                                 .poses = static_cast<std::size_t>(study.poses.count),
+                                 .volume = volume_words(study.poses),
+                                 .shard = shard};
+    for (const StudiedDetector& one : study.detectors)
+        description.detectors.push_back({one.name, one.detector, one.marker.spec});
+    for (const StudyVariant& variant : variants)
+        description.variants.push_back(variant.name);
+    for (const StudiedDisturbance& one : study.disturbances)
+        description.axes.push_back({one.axis->name, one.axis->unit});
+    if (!study.focus_mm.empty())
+        description.axes.push_back({"focus-mm", "mm"});
+    ordered_json made_from{{"version", version},
+                           {"study_sha256", sha256_of_file(file)},
+                           {"camera_sha256", camera_sha256(study.camera_file, study.camera)}};
+    if (!study.poses.file.empty())
+        made_from["poses_sha256"] = sha256_of_file(study.poses.file);
+    for (const StudiedDetector& one : study.detectors)
+        if (const std::string name = marker_file(one.marker); !name.empty())
+            made_from["marker_files_sha256"][name] = sha256_of_file(name);
+    description.made_from = made_from.dump();
+    return description;
+}
+
+StudyDescription read_description(const std::filesystem::path& folder) {
+    const std::filesystem::path path = folder / study_work.description;
+    const ordered_json json = read_json(path);
+    if (!json.is_object() || json.value("etalon", ordered_json()) != kind)
+        throw ConfigError({path.string()}, std::string("is not of ") + kind);
+    try {
+        return description_of(json);
+    } catch (const ordered_json::exception& error) {
+        throw ConfigError({path.string()}, error.what());
+    }
+}
+
+StudyRecord::StudyRecord(const std::filesystem::path& folder, const StudyDescription& description)
+    : description_(description), rows_(folder, rows_of(description)) {}
+
+void StudyRecord::add(const StudyPose& pose, const std::vector<double>& axis_values,
+                      const std::vector<StudyFinding>& findings) {
+    std::string common;
+    append_numbers(common, pose_components(pose.camera_from_marker));
+    append_numbers(common, axis_values);
+    std::string lines;
+    for (std::size_t i = 0; i < findings.size(); ++i) {
+        const std::size_t detectors = description_.detectors.size();
+        lines +=
+            fmt::format("{},{},{},", pose.index, csv_text(description_.variants[i / detectors]),
+                        csv_text(description_.detectors[i % detectors].name));
+        lines += findings_text(findings[i], common);
+    }
+    rows_.add(lines);
+}
+
+void merge_shards(const std::vector<std::filesystem::path>& shards,
+                  const std::filesystem::path& out) {
+    std::vector<std::string> descriptions;
+    for (const std::filesystem::path& folder : shards)
+        descriptions.push_back(text_of(json_of(read_description(folder))));
+    StudyDescription whole = read_description(shards.front());
+    whole.shard = {};
+    merge_rows(shards_in_order(study_work, shards, descriptions), rows_of(whole), out);
+}
 
 StudyResults read_results(const std::filesystem::path& folder) {
     StudyResults results;

@@ -63,112 +63,74 @@ struct EvaluatedPose {
     std::vector<StudyFinding> findings;
 };
 
-class StudyPipeline {
-public:
-    StudyPipeline(const StudyOptics& optics, const Shard& shard, StudyRecord& record,
-                  std::stop_token stop, Progress& progress)
-        : optics_(optics),
-          shard_(shard),
-          record_(record),
-          stop_(std::move(stop)),
-          progress_(progress),
-          source_(optics.study()),
-          workers_([this] { return StudyWorker(optics_, scratch_of_next_worker()); }),
-          serial_([] { return tbb::task_arena(1); }) {
-        for (std::size_t done = 0; done < record.poses_done();)
-            done += shard_.holds(source_.next().index);
-        workers_.local();  // whether its programs can be started
-    }
-    ~StudyPipeline() {
+// Of the external detectors' images.
+struct ScratchFolder {
+    std::filesystem::path path;
+
+    ~ScratchFolder() {
         std::error_code ignored;
-        std::filesystem::remove_all(scratch_, ignored);
+        std::filesystem::remove_all(path, ignored);
     }
-
-    StudyRun run() {
-        StudyRun result;
-        const std::size_t of = shard_.units(poses());
-        const std::size_t before = record_.poses_done();
-        if (before < of)
-            progress_.begin("study", static_cast<int>(of - before),
-                            std::chrono::milliseconds(20) * (of - before));
-        run_pipeline();
-        progress_.end();
-        result.poses = record_.poses_done() - before;
-        result.complete = record_.poses_done() == of;
-        for (const StudyWorker& worker : workers_)
-            result.times.add(worker.times());
-        return result;
-    }
-
-private:
-    std::size_t poses() const { return static_cast<std::size_t>(optics_.study().poses.count); }
-
-    std::filesystem::path scratch_of_next_worker() {
-        return scratch_ / fmt::format("{}", ++worker_count_);
-    }
-
-    // A pose is one task in an arena of one thread: what renders and detectors do in parallel would
-    // only wait for each other, and a thread that waits must not begin another pose with the
-    // detectors that it is using.
-    void run_pipeline() {
-        const auto in_flight =
-            2 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
-        tbb::parallel_pipeline(
-            in_flight, tbb::make_filter<void, StudyPose>(
-                           tbb::filter_mode::serial_in_order,
-                           [this](tbb::flow_control& control) { return next_pose(control); }) &
-                           tbb::make_filter<StudyPose, EvaluatedPose>(
-                               tbb::filter_mode::parallel,
-                               [this](const StudyPose& pose) {
-                                   StudyWorker& worker = workers_.local();
-                                   return serial_.local().execute([&] {
-                                       return EvaluatedPose{pose, worker.evaluate(pose)};
-                                   });
-                               }) &
-                           tbb::make_filter<EvaluatedPose, void>(
-                               tbb::filter_mode::serial_in_order,
-                               [this](const EvaluatedPose& evaluated) { keep(evaluated); }));
-    }
-
-    StudyPose next_pose(tbb::flow_control& control) {
-        while (source_.next_index() < poses() && !stop_.stop_requested()) {
-            const StudyPose pose = source_.next();
-            if (shard_.holds(pose.index))
-                return pose;
-        }
-        control.stop();
-        return {};
-    }
-
-    void keep(const EvaluatedPose& evaluated) {
-        std::vector<double> values;
-        for (const StudiedDisturbance& one : optics_.study().disturbances)
-            values.push_back(evaluated.pose.disturbances.*one.axis->value);
-        if (!optics_.study().focus_mm.empty())
-            values.push_back(optics_.study().focus_mm[evaluated.pose.focus]);
-        record_.add(evaluated.pose, values, evaluated.findings);
-        progress_.step();
-    }
-
-    const StudyOptics& optics_;
-    Shard shard_;
-    StudyRecord& record_;
-    std::stop_token stop_;
-    Progress& progress_;
-    StudyPoseSource source_;
-    std::filesystem::path scratch_ = record_.folder() / "scratch";
-    std::atomic<int> worker_count_ = 0;
-    tbb::enumerable_thread_specific<StudyWorker> workers_;
-    tbb::enumerable_thread_specific<tbb::task_arena> serial_;
 };
 
 }  // namespace
 
 StudyRun run_study(const StudyOptics& optics, const Shard& shard, StudyRecord& record,
                    std::stop_token stop, Progress& progress) {
+    const StudyFile& study = optics.study();
     const double cpu_start = process_cpu_ms();
     const auto start = std::chrono::steady_clock::now();
-    StudyRun result = StudyPipeline(optics, shard, record, std::move(stop), progress).run();
+    const auto poses = static_cast<std::size_t>(study.poses.count);
+    const std::size_t of = shard.units(poses), before = record.poses_done();
+    StudyPoseSource source(study);
+    for (std::size_t done = 0; done < before;)
+        done += shard.holds(source.next().index);
+    const ScratchFolder scratch{record.folder() / "scratch"};
+    std::atomic<int> worker_count = 0;
+    tbb::enumerable_thread_specific<StudyWorker> workers(
+        [&] { return StudyWorker(optics, scratch.path / fmt::format("{}", ++worker_count)); });
+    tbb::enumerable_thread_specific<tbb::task_arena> serial([] { return tbb::task_arena(1); });
+    workers.local();  // whether its programs can be started
+
+    const auto next_pose = [&](tbb::flow_control& control) -> StudyPose {
+        while (source.next_index() < poses && !stop.stop_requested()) {
+            const StudyPose pose = source.next();
+            if (shard.holds(pose.index))
+                return pose;
+        }
+        control.stop();
+        return {};
+    };
+    // A pose is one task in an arena of one thread: what renders and detectors do in parallel would
+    // only wait for each other, and a thread that waits must not begin another pose with the
+    // detectors that it is using.
+    const auto evaluate = [&](const StudyPose& pose) {
+        StudyWorker& worker = workers.local();
+        return serial.local().execute([&] { return EvaluatedPose{pose, worker.evaluate(pose)}; });
+    };
+    const auto keep = [&](const EvaluatedPose& evaluated) {
+        std::vector<double> values;
+        for (const StudiedDisturbance& one : study.disturbances)
+            values.push_back(evaluated.pose.disturbances.*one.axis->value);
+        if (!study.focus_mm.empty())
+            values.push_back(study.focus_mm[evaluated.pose.focus]);
+        record.add(evaluated.pose, values, evaluated.findings);
+        progress.step();
+    };
+    if (before < of)
+        progress.begin("study", static_cast<int>(of - before),
+                       std::chrono::milliseconds(20) * (of - before));
+    const auto in_order = tbb::filter_mode::serial_in_order;
+    tbb::parallel_pipeline(
+        2 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()),
+        tbb::make_filter<void, StudyPose>(in_order, next_pose) &
+            tbb::make_filter<StudyPose, EvaluatedPose>(tbb::filter_mode::parallel, evaluate) &
+            tbb::make_filter<EvaluatedPose, void>(in_order, keep));
+    progress.end();
+
+    StudyRun result{.poses = record.poses_done() - before, .complete = record.poses_done() == of};
+    for (const StudyWorker& worker : workers)
+        result.times.add(worker.times());
     result.cpu_ms = process_cpu_ms() - cpu_start;
     const std::chrono::duration<double, std::milli> wall = std::chrono::steady_clock::now() - start;
     result.wall_ms = wall.count();

@@ -39,42 +39,6 @@ void judge_corners(SizeClass& one, std::vector<double> corners_px) {
     one.median_corner_px = median_estimate(corners_px);
 }
 
-}  // namespace
-
-std::vector<SizeClass> size_classes(const DetectorErrors& errors, std::span<const double> sizes_px,
-                                    std::span<const std::optional<double>> corner_rms_px) {
-    if (sizes_px.size() != errors.size() || corner_rms_px.size() != errors.size())
-        throw NumericalError(fmt::format("size classes: {} sizes and {} corner errors for {} poses",
-                                         sizes_px.size(), corner_rms_px.size(), errors.size()));
-    std::vector<SizeClass> result;
-    for (const Bounds& bounds : classes) {
-        SizeClass& one = result.emplace_back(SizeClass{bounds.from_px, bounds.to_px});
-        std::size_t detected = 0;
-        std::vector<double> corners_px;
-        for (std::size_t i = 0; i < errors.size(); ++i) {
-            if (!bounds.hold(sizes_px[i]))
-                continue;
-            ++one.poses;
-            detected += errors[i].has_value();
-            if (corner_rms_px[i])
-                corners_px.push_back(*corner_rms_px[i]);
-        }
-        if (one.poses > 0)
-            one.detected = wilson_share(detected, one.poses);
-        judge_corners(one, std::move(corners_px));
-    }
-    return result;
-}
-
-std::string size_words(const SizeClass& one) {
-    if (one.to_px)
-        return one.from_px > 0.0 ? fmt::format("{:g} to {:g}", one.from_px, *one.to_px)
-                                 : fmt::format("below {:g}", *one.to_px);
-    return one.from_px > 0.0 ? fmt::format("from {:g}", one.from_px) : "all";
-}
-
-namespace {
-
 using nlohmann::ordered_json;
 
 constexpr std::uint64_t bootstrap_seed = 1;
@@ -216,6 +180,38 @@ std::string csv_line(const std::string& start, const SizeClass& one) {
 }
 
 }  // namespace
+
+std::vector<SizeClass> size_classes(const DetectorErrors& errors, std::span<const double> sizes_px,
+                                    std::span<const std::optional<double>> corner_rms_px) {
+    if (sizes_px.size() != errors.size() || corner_rms_px.size() != errors.size())
+        throw NumericalError(fmt::format("size classes: {} sizes and {} corner errors for {} poses",
+                                         sizes_px.size(), corner_rms_px.size(), errors.size()));
+    std::vector<SizeClass> result;
+    for (const Bounds& bounds : classes) {
+        SizeClass& one = result.emplace_back(SizeClass{bounds.from_px, bounds.to_px});
+        std::size_t detected = 0;
+        std::vector<double> corners_px;
+        for (std::size_t i = 0; i < errors.size(); ++i) {
+            if (!bounds.hold(sizes_px[i]))
+                continue;
+            ++one.poses;
+            detected += errors[i].has_value();
+            if (corner_rms_px[i])
+                corners_px.push_back(*corner_rms_px[i]);
+        }
+        if (one.poses > 0)
+            one.detected = wilson_share(detected, one.poses);
+        judge_corners(one, std::move(corners_px));
+    }
+    return result;
+}
+
+std::string size_words(const SizeClass& one) {
+    if (one.to_px)
+        return one.from_px > 0.0 ? fmt::format("{:g} to {:g}", one.from_px, *one.to_px)
+                                 : fmt::format("below {:g}", *one.to_px);
+    return one.from_px > 0.0 ? fmt::format("from {:g}", one.from_px) : "all";
+}
 
 StudySummary summarise(const StudyResults& results) {
     StudySummary summary;

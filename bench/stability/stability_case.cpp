@@ -14,6 +14,58 @@ constexpr double tolerance_gray = 0.1;
 constexpr int probes = 24;
 constexpr ReferenceEffort effort{.samples_per_scramble = 1024, .rounds = 2};
 
+constexpr std::uint32_t probe_stream = 17;
+constexpr double radiance_in_gray = 255.0;
+
+// A place on the marker: one of its corners, on its outline, on a grid line, or anywhere.
+Eigen::Vector2d place_on(const CellGrid& grid, RandomStream& random) {
+    const auto line = [&](int last) {
+        return std::min(last, static_cast<int>(random.uniform() * (last + 1)));
+    };
+    const auto end = [&](int last) { return random.uniform() < 0.5 ? 0.0 : double(last); };
+    const int columns = grid.columns(), rows = grid.rows();
+    double u = columns * random.uniform(), v = rows * random.uniform();
+    const double kind = random.uniform();
+    if (kind < 0.2)
+        return {end(columns), end(rows)};
+    if (kind < 0.6)
+        return kind < 0.4 ? Eigen::Vector2d(end(columns), v) : Eigen::Vector2d(u, end(rows));
+    if (kind < 0.9)
+        return kind < 0.75 ? Eigen::Vector2d(line(columns), v) : Eigen::Vector2d(u, line(rows));
+    return {u, v};
+}
+
+std::optional<cv::Point> pixel_near(const Projector& projector, const PlacedMarker& marker,
+                                    RandomStream& random) {
+    const Eigen::Vector2d place = place_on(marker.grid, random);
+    const auto seen =
+        projector.project(marker.camera_from_marker * marker.grid.point_mm(place.x(), place.y()));
+    if (!seen || !(seen->cwiseAbs().maxCoeff() < 1e8))
+        return std::nullopt;
+    return cv::Point(static_cast<int>(std::lround(seen->x() + random.normal())),
+                     static_cast<int>(std::lround(seen->y() + random.normal())));
+}
+
+cv::Point any_pixel(const CameraModel& camera, RandomStream& random) {
+    return {static_cast<int>(random.uniform() * camera.width),
+            static_cast<int>(random.uniform() * camera.height)};
+}
+
+// A pixel's difference, and how far beyond the bound.
+ReferenceCheck check_of(const Radiance& radiance, const cv::Point& pixel,
+                        const ReferencePixel& reference, double tolerance_gray) {
+    ReferenceCheck check;
+    check.pixel = pixel;
+    check.difference_gray = radiance_in_gray * (radiance.at<float>(pixel) - reference.mean);
+    check.standard_error_gray = radiance_in_gray * reference.standard_error;
+    check.bound_gray = tolerance_gray + 4.0 * check.standard_error_gray;
+    return check;
+}
+
+double part_of_bound(const ReferenceCheck& check) {
+    return std::abs(check.difference_gray) / check.bound_gray;
+}
+
 }  // namespace
 
 RenderedImage render_once(const CameraModel& camera, const Scene& scene,
@@ -73,62 +125,6 @@ StabilityOutcome differ_by(const Radiance& a, const Radiance& b, double bound_gr
     const double gray = 255.0 * cv::norm(a, b, cv::NORM_INF);
     return {gray <= bound_gray, gray, bound_gray, "largest difference of the two images"};
 }
-
-namespace {
-
-constexpr std::uint32_t probe_stream = 17;
-constexpr double radiance_in_gray = 255.0;
-
-// A place on the marker: one of its corners, on its outline, on a grid line, or anywhere.
-Eigen::Vector2d place_on(const CellGrid& grid, RandomStream& random) {
-    const auto line = [&](int last) {
-        return std::min(last, static_cast<int>(random.uniform() * (last + 1)));
-    };
-    const auto end = [&](int last) { return random.uniform() < 0.5 ? 0.0 : double(last); };
-    const int columns = grid.columns(), rows = grid.rows();
-    double u = columns * random.uniform(), v = rows * random.uniform();
-    const double kind = random.uniform();
-    if (kind < 0.2)
-        return {end(columns), end(rows)};
-    if (kind < 0.6)
-        return kind < 0.4 ? Eigen::Vector2d(end(columns), v) : Eigen::Vector2d(u, end(rows));
-    if (kind < 0.9)
-        return kind < 0.75 ? Eigen::Vector2d(line(columns), v) : Eigen::Vector2d(u, line(rows));
-    return {u, v};
-}
-
-std::optional<cv::Point> pixel_near(const Projector& projector, const PlacedMarker& marker,
-                                    RandomStream& random) {
-    const Eigen::Vector2d place = place_on(marker.grid, random);
-    const auto seen =
-        projector.project(marker.camera_from_marker * marker.grid.point_mm(place.x(), place.y()));
-    if (!seen || !(seen->cwiseAbs().maxCoeff() < 1e8))
-        return std::nullopt;
-    return cv::Point(static_cast<int>(std::lround(seen->x() + random.normal())),
-                     static_cast<int>(std::lround(seen->y() + random.normal())));
-}
-
-cv::Point any_pixel(const CameraModel& camera, RandomStream& random) {
-    return {static_cast<int>(random.uniform() * camera.width),
-            static_cast<int>(random.uniform() * camera.height)};
-}
-
-// A pixel's difference, and how far beyond the bound.
-ReferenceCheck check_of(const Radiance& radiance, const cv::Point& pixel,
-                        const ReferencePixel& reference, double tolerance_gray) {
-    ReferenceCheck check;
-    check.pixel = pixel;
-    check.difference_gray = radiance_in_gray * (radiance.at<float>(pixel) - reference.mean);
-    check.standard_error_gray = radiance_in_gray * reference.standard_error;
-    check.bound_gray = tolerance_gray + 4.0 * check.standard_error_gray;
-    return check;
-}
-
-double part_of_bound(const ReferenceCheck& check) {
-    return std::abs(check.difference_gray) / check.bound_gray;
-}
-
-}  // namespace
 
 std::vector<cv::Point> probe_pixels(const CameraModel& camera, const Scene& scene, int count,
                                     std::uint64_t seed) {

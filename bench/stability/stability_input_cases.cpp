@@ -24,28 +24,18 @@ std::vector<Number> camera_numbers(RenderInput& input) {
     Intrinsics& k = input.camera.intrinsics;
     Distortion& d = input.camera.distortion;
     Lens& lens = *input.camera.lens;
-    return {{"fx", &k.fx},
-            {"fy", &k.fy},
-            {"cx", &k.cx},
-            {"cy", &k.cy},
-            {"k1", &d.k1},
-            {"k2", &d.k2},
-            {"p1", &d.p1},
-            {"p2", &d.p2},
-            {"k3", &d.k3},
-            {"k4", &d.k4},
-            {"k5", &d.k5},
-            {"k6", &d.k6},
-            {"s1", &d.s1},
-            {"s2", &d.s2},
-            {"s3", &d.s3},
-            {"s4", &d.s4},
-            {"tau_x", &d.tau_x},
-            {"tau_y", &d.tau_y},
-            {"f_number", &lens.f_number},
-            {"focus_distance", &lens.focus_distance_mm},
-            {"wavelength", &lens.wavelength_nm},
-            {"pixel_pitch", &input.camera.sensor->pixel_pitch_um}};
+    std::vector<Number> numbers = {{"fx", &k.fx},
+                                   {"fy", &k.fy},
+                                   {"cx", &k.cx},
+                                   {"cy", &k.cy},
+                                   {"f_number", &lens.f_number},
+                                   {"focus_distance", &lens.focus_distance_mm},
+                                   {"wavelength", &lens.wavelength_nm},
+                                   {"pixel_pitch", &input.camera.sensor->pixel_pitch_um}};
+    for (int i = 0; double* coefficient : {&d.k1, &d.k2, &d.p1, &d.p2, &d.k3, &d.k4, &d.k5, &d.k6,
+                                           &d.s1, &d.s2, &d.s3, &d.s4, &d.tau_x, &d.tau_y})
+        numbers.push_back({distortion_names[i++], coefficient});
+    return numbers;
 }
 
 std::vector<Number> pose_numbers(RenderInput& input) {

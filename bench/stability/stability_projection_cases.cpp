@@ -157,29 +157,7 @@ StabilityOutcome zeros_are_the_ideal_lens(const RenderFunction&) {
     return {worst <= bound, worst, bound, "equidistant, x = 0.8 f theta + cx"};
 }
 
-}  // namespace
-
-std::vector<StabilityCase> wide_lens_cases() {
-    std::vector<StabilityCase> cases;
-    for (const WideLens& lens : wide_lenses()) {
-        const auto add = [&](const char* what, const char* expectation,
-                             StabilityOutcome (*check)(const CameraModel&)) {
-            cases.push_back(
-                {fmt::format("{}{}", what, lens.name), expectation,
-                 [=, camera = lens.camera](const RenderFunction&) { return check(camera); }});
-        };
-        add("wide: ", "round trip, relative", there_and_back);
-        add("angles: ", "round trip, rad", angles_come_back);
-        add("near, far: ", "same pixel, relative", distance_does_not_matter);
-    }
-    cases.push_back({"wide: no image", "number accepted", nonsense_has_no_image});
-    cases.push_back({"wide: zeros are ideal", "closed form, relative", zeros_are_the_ideal_lens});
-    return cases;
-}
-
 // Projection and undistortion of lenses that see a plane.
-
-namespace {
 
 StabilityCase round_trip(const std::string& name, const CameraModel& camera) {
     return {"projection: " + name, "round trip, relative",
@@ -219,24 +197,8 @@ StabilityOutcome no_ray_for_nonsense(const RenderFunction&) {
     return {accepted == 0, double(accepted), 0.0, "points and pixels without a meaning"};
 }
 
-}  // namespace
-
-std::vector<StabilityCase> projection_cases() {
-    return {round_trip("webcam", benchmark_scene("webcam-500").camera),
-            round_trip("k3 = -40", benchmark_scene("canon-500").camera),
-            round_trip("fold", wide_camera({.k1 = -1.5})),
-            round_trip("pole", wide_camera({.k4 = -2.0})),
-            round_trip("pole and fold", wide_camera({.k1 = -4.2, .k4 = -4.0})),
-            round_trip("all 14 numbers", wide_camera(every_distortion())),
-            round_trip("focal length 5 px", focal_length(5.0)),
-            round_trip("focal length 5e5 px", focal_length(500000.0)),
-            {"projection: nan and infinity", "number accepted", no_ray_for_nonsense}};
-}
-
 // Renders through lenses that see more than a plane: the scenes of the bench, and what is hard of
 // them: much blur far from the axis, focus inside the marker, the valid region's end, very near.
-
-namespace {
 
 constexpr double deg = std::numbers::pi / 180.0;
 
@@ -267,6 +229,36 @@ Scene beside(double angle_deg, double distance_mm, double cell_mm, double tilt_d
 }
 
 }  // namespace
+
+std::vector<StabilityCase> wide_lens_cases() {
+    std::vector<StabilityCase> cases;
+    for (const WideLens& lens : wide_lenses()) {
+        const auto add = [&](const char* what, const char* expectation,
+                             StabilityOutcome (*check)(const CameraModel&)) {
+            cases.push_back(
+                {fmt::format("{}{}", what, lens.name), expectation,
+                 [=, camera = lens.camera](const RenderFunction&) { return check(camera); }});
+        };
+        add("wide: ", "round trip, relative", there_and_back);
+        add("angles: ", "round trip, rad", angles_come_back);
+        add("near, far: ", "same pixel, relative", distance_does_not_matter);
+    }
+    cases.push_back({"wide: no image", "number accepted", nonsense_has_no_image});
+    cases.push_back({"wide: zeros are ideal", "closed form, relative", zeros_are_the_ideal_lens});
+    return cases;
+}
+
+std::vector<StabilityCase> projection_cases() {
+    return {round_trip("webcam", benchmark_scene("webcam-500").camera),
+            round_trip("k3 = -40", benchmark_scene("canon-500").camera),
+            round_trip("fold", wide_camera({.k1 = -1.5})),
+            round_trip("pole", wide_camera({.k4 = -2.0})),
+            round_trip("pole and fold", wide_camera({.k1 = -4.2, .k4 = -4.0})),
+            round_trip("all 14 numbers", wide_camera(every_distortion())),
+            round_trip("focal length 5 px", focal_length(5.0)),
+            round_trip("focal length 5e5 px", focal_length(500000.0)),
+            {"projection: nan and infinity", "number accepted", no_ray_for_nonsense}};
+}
 
 std::vector<StabilityCase> wide_render_cases() {
     std::vector<StabilityCase> cases;

@@ -32,6 +32,14 @@ std::string point_note(const CalibrationRun& run, std::size_t view, std::size_t 
                        r.y(), r.norm());
 }
 
+// `take` gets the place of each corner's photo among the views, its own in it, and its pixel.
+template <class Function>
+void for_each_corner(const CalibrationRun& run, Function take) {
+    for (std::size_t v = 0; v < run.views.size(); ++v)
+        for (std::size_t i = 0; i < run.views[v].pixels.size(); ++i)
+            take(v, i, run.views[v].pixels[i]);
+}
+
 // What differs between the photos' names, for labels: "left01.jpg" among its like is "01".
 std::vector<std::string> short_labels(const std::vector<std::string>& photos) {
     std::vector<std::string> names;
@@ -127,12 +135,10 @@ HtmlPage::Figure photo_figure(const CalibrationRun& run) {
 
 HtmlPage::Figure coverage_figure(const CalibrationRun& run) {
     Series used, left_out;
-    for (std::size_t v = 0; v < run.views.size(); ++v)
-        for (std::size_t i = 0; i < run.views[v].pixels.size(); ++i) {
-            const Eigen::Vector2d& q = run.views[v].pixels[i];
-            (run.calibration.views[v].left_out[i] ? left_out : used)
-                .add(q.x(), q.y(), point_note(run, v, i));
-        }
+    for_each_corner(run, [&](std::size_t v, std::size_t i, const Eigen::Vector2d& pixel) {
+        (run.calibration.views[v].left_out[i] ? left_out : used)
+            .add(pixel.x(), pixel.y(), point_note(run, v, i));
+    });
     SvgPlot plot = image_plot(run.calibration.camera);
     plot.add_points(used, Color::blue, "used");
     if (!left_out.empty())
@@ -145,11 +151,10 @@ HtmlPage::Figure coverage_figure(const CalibrationRun& run) {
 
 HtmlPage::Figure residual_figure(const CalibrationRun& run) {
     Arrows arrows;
-    for (std::size_t v = 0; v < run.views.size(); ++v)
-        for (std::size_t i = 0; i < run.views[v].pixels.size(); ++i)
-            if (!run.calibration.views[v].left_out[i])
-                arrows.add(run.views[v].pixels[i], run.calibration.views[v].residuals_px[i],
-                           point_note(run, v, i));
+    for_each_corner(run, [&](std::size_t v, std::size_t i, const Eigen::Vector2d& pixel) {
+        if (!run.calibration.views[v].left_out[i])
+            arrows.add(pixel, run.calibration.views[v].residuals_px[i], point_note(run, v, i));
+    });
     const double factor = arrow_scale(arrows, run.calibration.camera);
     SvgPlot plot = image_plot(run.calibration.camera);
     plot.add_arrows(arrows, factor, Color::blue, "photo minus model");
@@ -166,19 +171,17 @@ HtmlPage::Figure radial_figure(const CalibrationRun& run) {
         0.5 * std::hypot(run.calibration.camera.width, run.calibration.camera.height);
     Series radial, ring_means;
     std::array<double, rings> sums{}, counts{};
-    for (std::size_t v = 0; v < run.views.size(); ++v)
-        for (std::size_t i = 0; i < run.views[v].pixels.size(); ++i) {
-            const Eigen::Vector2d arm = run.views[v].pixels[i] - Eigen::Vector2d(k.cx, k.cy);
-            const double radius = arm.norm();
-            if (run.calibration.views[v].left_out[i] || !(radius > 0.0))
-                continue;
-            radial.add(radius, run.calibration.views[v].residuals_px[i].dot(arm) / radius,
-                       point_note(run, v, i));
-            const auto ring =
-                std::min(rings - 1, static_cast<std::size_t>(rings * radius / corner));
-            sums[ring] += radial.ys.back();
-            counts[ring] += 1.0;
-        }
+    for_each_corner(run, [&](std::size_t v, std::size_t i, const Eigen::Vector2d& pixel) {
+        const Eigen::Vector2d arm = pixel - Eigen::Vector2d(k.cx, k.cy);
+        const double radius = arm.norm();
+        if (run.calibration.views[v].left_out[i] || !(radius > 0.0))
+            return;
+        radial.add(radius, run.calibration.views[v].residuals_px[i].dot(arm) / radius,
+                   point_note(run, v, i));
+        const auto ring = std::min(rings - 1, static_cast<std::size_t>(rings * radius / corner));
+        sums[ring] += radial.ys.back();
+        counts[ring] += 1.0;
+    });
     constexpr double min_for_a_mean = 8;
     for (std::size_t ring = 0; ring < rings; ++ring)
         if (counts[ring] >= min_for_a_mean)

@@ -180,23 +180,7 @@ void remark_on_image(const CalibrationRun& run, std::vector<std::string>& remark
             halves->rms_px, std::max(halves->expected_formal_px, halves->expected_robust_px)));
 }
 
-// ---- photos, models and parameters: their columns in JSON, on the page and on a terminal ------
-
-// A photo that was given; without a view where the target was not found or it was not used.
-struct PhotoRow {
-    std::string photo, state;
-    const CalibratedView* view = nullptr;
-};
-
-std::vector<PhotoRow> photo_rows(const CalibrationRun& run) {
-    std::vector<PhotoRow> rows;
-    for (std::size_t i = 0; i < run.photos.size(); ++i) {
-        const CalibratedView& view = run.calibration.views[i];
-        rows.push_back(
-            {run.photos[i], view.used() ? "used" : "left out: does not fit the others", &view});
-    }
-    return rows;
-}
+// ---- photos, models and parameters, on the page and on a terminal ----------------------------
 
 // Angle between the board's normal and the optical axis; a telecentric camera does not tell to
 // which side.
@@ -204,40 +188,6 @@ std::string tilt_text(const Rigid& camera_from_target, bool is_telecentric) {
     const double cosine = std::abs((camera_from_target.rotation * Eigen::Vector3d::UnitZ()).z());
     return (is_telecentric ? "\u00b1" : "") +
            fixed(std::acos(std::min(1.0, cosine)) * deg_per_rad, 1);
-}
-
-ColumnsOf<PhotoRow> photo_columns(bool is_telecentric) {
-    const auto of_pose = [](auto value) {
-        return [value](const CalibratedView& view) {
-            return view.camera_from_target ? TableCell(value(view)) : TableCell();
-        };
-    };
-    const ColumnsOf<CalibratedView> of_view = {
-        {"used", &CalibratedView::used},
-        {"corners", [](const auto& view) { return view.left_out.size(); }, "corners"},
-        {"corners_left_out", count_left_out, "left out"},
-        {"rms_px", of_pose([](const auto& view) { return view.rms_px; }), "fit", "px", "{:.3f}"},
-        {"camera_from_target",
-         of_pose([](const auto& view) { return pose_numbers(*view.camera_from_target); })},
-        {"left_out_rms_px", &CalibratedView::left_out_rms_px, "predicted", "px", "{:.3f}"},
-        {"", of_pose([=](const auto& view) {
-             return is_telecentric ? TableCell() : view.camera_from_target->translation.norm();
-         }),
-         "distance", "mm", "{:.0f}"},
-        {"", of_pose([=](const auto& view) {
-             return tilt_text(*view.camera_from_target, is_telecentric);
-         }),
-         "tilt", "deg"}};
-    ColumnsOf<PhotoRow> columns = {
-        {"photo", &PhotoRow::photo},
-        {"", [](const PhotoRow& row) { return short_name(row.photo); }, "photo"},
-        {"", &PhotoRow::state, "state"}};
-    add_columns(columns, of_view, &PhotoRow::view);
-    return columns;
-}
-
-std::optional<std::string> unless_empty(const std::string& text) {
-    return text.empty() ? std::nullopt : std::optional(text);
 }
 
 std::string judged(const CalibrationRun& run, const ModelScore& score) {
@@ -259,84 +209,15 @@ std::string judged(const CalibrationRun& run, const ModelScore& score) {
 }
 
 // The difference of mean squares as a difference of RMS values, near the best one's.
-std::optional<std::string> difference(const ModelScore& score, const ModelAdvice& advice) {
+std::string difference(const ModelScore& score, const ModelAdvice& advice) {
     if (!score.leave_one_out_rms_px || !advice.best)
-        return std::nullopt;
+        return dash;
     const ModelScore& best = advice.models[*advice.best];
     if (&score == &best)
         return "0 (best)";
     const double twice = *score.leave_one_out_rms_px + *best.leave_one_out_rms_px;
     return fmt::format("{:.4f}\u00a0±\u00a0{:.4f}", score.above_best / twice,
                        score.above_best_error / twice);
-}
-
-ColumnsOf<ModelScore> model_columns(const CalibrationRun& run) {
-    const auto if_fitted = [](auto value) {
-        return [value](const ModelScore& score) {
-            return score.fit ? TableCell(value(score)) : TableCell();
-        };
-    };
-    const auto if_left_out = [](double ModelScore::*value) {
-        return [value](const ModelScore& score) {
-            return score.leave_one_out_rms_px ? TableCell(score.*value) : TableCell();
-        };
-    };
-    return {{"model", &ModelScore::model, "model"},
-            {"parameters", &ModelScore::parameters, "parameters"},
-            {"rms_px", if_fitted([](const auto& score) { return score.rms_px; }), "fit", "px",
-             "{:.4f}"},
-            {"condition_number",
-             if_fitted([](const auto& score) { return score.fit->condition_number; }), "condition",
-             "", "{:.1e}"},
-            {"leave_one_out_rms_px", &ModelScore::leave_one_out_rms_px, "left out", "px", "{:.4f}"},
-            {"above_best_px2", if_left_out(&ModelScore::above_best)},
-            {"above_best_standard_error_px2", if_left_out(&ModelScore::above_best_error)},
-            {"", [&](const ModelScore& score) { return difference(score, run.calibration.advice); },
-             "above the best", "px"},
-            {"projection_deviation_px", &ModelScore::projection_deviation_px, "certain to", "px",
-             "{:.3g}"},
-            {"halves_px", &ModelScore::halves_px, "halves", "px", "{:.3g}"},
-            {"", [&](const ModelScore& score) { return judged(run, score); }, "judged"},
-            {"doubt", [](const ModelScore& score) { return unless_empty(score.doubt); }},
-            {"failure", [](const ModelScore& score) { return unless_empty(score.failure); }},
-            {"photo_not_predicted",
-             [&](const ModelScore& score) {
-                 return score.failed_view ? TableCell(run.photos[*score.failed_view]) : TableCell();
-             }},
-            {"overfits", &ModelScore::overfits}};
-}
-
-struct ParameterRow {
-    std::string name, value;
-    const ParameterDeviation* deviation = nullptr;  // none: the parameter is held
-};
-
-std::vector<ParameterRow> parameter_rows(const CameraCalibration& calibration) {
-    const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
-    std::vector<ParameterRow> rows;
-    for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
-        const ParameterDeviation& each = calibration.deviations[i];
-        rows.push_back({each.name,
-                        with_uncertainty(values[static_cast<Eigen::Index>(i)], each.stated),
-                        &each});
-    }
-    for (const auto& [name, value] : held_parameters(calibration))
-        rows.push_back({name, exact(value)});
-    return rows;
-}
-
-ColumnsOf<ParameterRow> parameter_columns() {
-    const char* two_digits = "{:#.2g}";
-    ColumnsOf<ParameterRow> columns = {{"", &ParameterRow::name, "parameter"},
-                                       {"", &ParameterRow::value, "value"}};
-    const ColumnsOf<ParameterDeviation> deviations = {
-        {"", &ParameterDeviation::stated, "used", "", two_digits},
-        {"", &ParameterDeviation::formal, "formal", "", two_digits},
-        {"", &ParameterDeviation::cluster_robust, "cluster-robust", "", two_digits},
-        {"", &ParameterDeviation::bootstrap, "bootstrap", "", two_digits},
-        {"", &ParameterDeviation::ratio, "used / formal", "", "{:.2f}"}};
-    add_columns(columns, deviations, &ParameterRow::deviation);
-    return columns;
 }
 
 // ---- JSON -----------------------------------------------------------------------------------
@@ -358,6 +239,31 @@ ordered_json parameters_json(const CameraCalibration& calibration) {
     }
     for (const auto& [name, value] : held_parameters(calibration))
         json[name] = {{"value", value}, {"held", reason_held}};
+    return json;
+}
+
+ordered_json model_json(const CalibrationRun& run, const ModelScore& score) {
+    ordered_json json = {{"model", score.model}, {"parameters", score.parameters}};
+    if (score.fit) {
+        json["rms_px"] = score.rms_px;
+        json["condition_number"] = score.fit->condition_number;
+    }
+    if (score.leave_one_out_rms_px) {
+        json["leave_one_out_rms_px"] = *score.leave_one_out_rms_px;
+        json["above_best_px2"] = score.above_best;
+        json["above_best_standard_error_px2"] = score.above_best_error;
+    }
+    if (score.projection_deviation_px)
+        json["projection_deviation_px"] = *score.projection_deviation_px;
+    if (score.halves_px)
+        json["halves_px"] = *score.halves_px;
+    if (!score.doubt.empty())
+        json["doubt"] = score.doubt;
+    if (!score.failure.empty())
+        json["failure"] = score.failure;
+    if (score.failed_view)
+        json["photo_not_predicted"] = run.photos[*score.failed_view];
+    json["overfits"] = score.overfits;
     return json;
 }
 
@@ -410,6 +316,25 @@ ordered_json board_json(const BoardShape& board) {
                                      {"displacement_mm", numbers(point.displacement_mm)},
                                      {"standard_deviation_mm", numbers(point.deviation_mm)}};
              })}};
+}
+
+ordered_json photos_json(const CalibrationRun& run) {
+    ordered_json json = ordered_json::array();
+    for (std::size_t i = 0; i < run.photos.size(); ++i) {
+        const CalibratedView& view = run.calibration.views[i];
+        ordered_json entry = {{"photo", run.photos[i]},
+                              {"used", view.used()},
+                              {"corners", view.left_out.size()},
+                              {"corners_left_out", count_left_out(view)}};
+        if (view.camera_from_target) {
+            entry["rms_px"] = view.rms_px;
+            entry["camera_from_target"] = pose_numbers(*view.camera_from_target);
+        }
+        if (view.left_out_rms_px)
+            entry["left_out_rms_px"] = *view.left_out_rms_px;
+        json.push_back(entry);
+    }
+    return json;
 }
 
 // In the order of the used photos.
@@ -491,20 +416,60 @@ std::vector<std::string> calibration_remarks(const CalibrationRun& run) {
 }
 
 ResultTable photo_table(const CalibrationRun& run) {
-    std::vector<PhotoRow> rows = photo_rows(run);
-    for (const std::string& photo : run.without_target)
-        rows.push_back({photo, "target not found"});
-    for (const std::string& photo : run.others.photos)
-        rows.push_back({photo, "not used: another zoom, focus or camera"});
-    return table_of(photo_columns(is_telecentric(run)), rows);
+    ResultTable table = empty_table({"photo", "state", "corners", "left out", "fit / px",
+                                     "predicted / px", "distance / mm", "tilt / deg"});
+    for (std::size_t i = 0; i < run.photos.size(); ++i) {
+        const CalibratedView& view = run.calibration.views[i];
+        const auto& pose = view.camera_from_target;
+        table.rows.push_back(
+            {short_name(run.photos[i]), view.used() ? "used" : "left out: does not fit the others",
+             view.left_out.size(), count_left_out(view), pose ? fixed(view.rms_px, 3) : dash,
+             fixed(view.left_out_rms_px, 3),
+             pose && !is_telecentric(run) ? fixed(pose->translation.norm(), 0) : dash,
+             pose ? tilt_text(*pose, is_telecentric(run)) : dash});
+    }
+    const auto add_unused = [&](const std::vector<std::string>& photos, const char* why) {
+        for (const std::string& photo : photos) {
+            table.rows.push_back({short_name(photo), why});
+            table.rows.back().resize(table.columns.size());
+        }
+    };
+    add_unused(run.without_target, "target not found");
+    add_unused(run.others.photos, "not used: another zoom, focus or camera");
+    return table;
 }
 
 ResultTable model_table(const CalibrationRun& run) {
-    return table_of(model_columns(run), run.calibration.advice.models);
+    ResultTable table =
+        empty_table({"model", "parameters", "fit / px", "left out / px", "above the best / px",
+                     "certain to / px", "halves / px", "condition", "judged"});
+    for (const ModelScore& score : run.calibration.advice.models)
+        table.rows.push_back(
+            {score.model, score.parameters, score.fit ? fixed(score.rms_px, 4) : dash,
+             fixed(score.leave_one_out_rms_px, 4), difference(score, run.calibration.advice),
+             significant(score.projection_deviation_px, 3), significant(score.halves_px, 3),
+             score.fit ? fmt::format("{:.1e}", score.fit->condition_number) : dash,
+             judged(run, score)});
+    return table;
 }
 
 ResultTable parameter_table(const CameraCalibration& calibration) {
-    return table_of(parameter_columns(), parameter_rows(calibration));
+    const auto two_digits = [](double value) { return fmt::format("{:#.2g}", value); };
+    const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
+    ResultTable table = empty_table(
+        {"parameter", "value", "used", "formal", "cluster-robust", "bootstrap", "used/formal"});
+    for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
+        const ParameterDeviation& each = calibration.deviations[i];
+        table.rows.push_back(
+            {each.name, with_uncertainty(values[static_cast<Eigen::Index>(i)], each.stated),
+             two_digits(each.stated), two_digits(each.formal), two_digits(each.cluster_robust),
+             each.bootstrap ? two_digits(*each.bootstrap) : dash, fixed(each.ratio(), 2)});
+    }
+    for (const auto& [name, value] : held_parameters(calibration)) {
+        table.rows.push_back({name, exact(value)});
+        table.rows.back().resize(table.columns.size());
+    }
+    return table;
 }
 
 std::string calibration_tables(const CalibrationRun& run) {
@@ -533,8 +498,8 @@ std::string calibration_json(const CalibrationRun& run) {
     json["corners_left_out"] = calibration.points_left_out();
     json["photos_left_out"] = calibration.views.size() - photos_used(calibration);
     json["parameters"] = parameters_json(calibration);
-    json["models"] =
-        json_rows(table_of(model_columns(run), calibration.advice.models), MissingFigure::left_out);
+    json["models"] = json_list(calibration.advice.models,
+                               [&](const auto& score) { return model_json(run, score); });
     json["projection_uncertainty"] = uncertainty_json(calibration.uncertainty);
     if (calibration.halves)
         json["halves"] = halves_json(*calibration.halves);
@@ -544,8 +509,7 @@ std::string calibration_json(const CalibrationRun& run) {
         json["board"] = board_json(*calibration.board);
     if (run.refinement)
         json["photometric_refinement"] = refinement_json(*run.refinement);
-    json["photos"] =
-        json_rows(table_of(photo_columns(false), photo_rows(run)), MissingFigure::left_out);
+    json["photos"] = photos_json(run);
     json["photos_without_target"] = run.without_target;
     json["photos_of_other_cameras"] = run.others.photos;
     json["remarks"] = calibration_remarks(run);

@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
-#include <numeric>
 
 #include "compare/pose/pose_bias.h"
 #include "core/config/strict_reader.h"
@@ -97,76 +97,71 @@ constexpr SummaryFigure summary_figures[] = {
      &PhotoSummary::refined_edge_shift_px},
     {"psf_sigma_px", "fitted blur", "px", &PhotoSummary::psf_sigma_px}};
 
-struct Samples {
-    std::string quantity, unit;
-    std::vector<double> earlier, now;  // by pair
+// What is compared of a pair of photographs: then and now; nothing where one of them has none.
+struct Quantity {
+    std::string key, name, unit;
+    std::function<std::optional<std::pair<double, double>>(const PhotoPair&)> then_and_now;
 };
 
-Samples samples_of(const SummaryFigure& figure, const std::vector<PhotoPair>& pairs) {
-    Samples samples{figure.name, figure.unit, {}, {}};
-    for (const PhotoPair& pair : pairs)
-        if (pair.earlier.*figure.value && pair.now.*figure.value) {
-            samples.earlier.push_back(*(pair.earlier.*figure.value));
-            samples.now.push_back(*(pair.now.*figure.value));
-        }
-    return samples;
+Quantity figure_quantity(const SummaryFigure& figure) {
+    return {figure.key, figure.name, figure.unit, [value = figure.value](const PhotoPair& pair) {
+                const auto &then = pair.earlier.*value, &now = pair.now.*value;
+                return then && now ? std::optional(std::pair(*then, *now)) : std::nullopt;
+            }};
 }
 
 // Of a pose only the change has a meaning: it counts from 0.
-std::vector<Samples> pose_samples(const std::string& what, std::optional<Rigid> PhotoSummary::*pose,
-                                  const std::vector<PhotoPair>& pairs) {
-    std::vector<Samples> samples;
-    for (const char* component : {" x", " y", " z"})
-        samples.push_back({what + component, "mm", {}, {}});
-    for (const char* component : {" rx", " ry", " rz"})
-        samples.push_back({what + component, "mrad", {}, {}});
-    for (const PhotoPair& pair : pairs) {
-        if (!(pair.earlier.*pose) || !(pair.now.*pose))
-            continue;
-        const Vector6d difference = pose_change(*(pair.earlier.*pose), *(pair.now.*pose));
-        for (std::size_t i = 0; i < samples.size(); ++i) {
-            samples[i].earlier.push_back(0.0);
-            samples[i].now.push_back(difference[static_cast<Eigen::Index>(i)]);
+std::vector<Quantity> pose_quantities() {
+    std::vector<Quantity> all;
+    for (const auto& [prefix, name, pose] :
+         {std::tuple("pose_", "pose", &PhotoSummary::camera_from_marker),
+          std::tuple("refined_pose_", "refined pose", &PhotoSummary::refined_from_marker)})
+        for (int i = 0; const std::string component : {"x", "y", "z", "rx", "ry", "rz"}) {
+            const std::string unit = i < 3 ? "mm" : "mrad";
+            all.push_back({prefix + component + "_" + unit, name + (" " + component), unit,
+                           [pose = pose, i](const PhotoPair& pair) {
+                               const auto &then = pair.earlier.*pose, &now = pair.now.*pose;
+                               return then && now ? std::optional(
+                                                        std::pair(0.0, pose_change(*then, *now)[i]))
+                                                  : std::nullopt;
+                           }});
+            ++i;
         }
-    }
-    return samples;
-}
-
-double mean(const std::vector<double>& values) {
-    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
-
-// Bonferroni: each of `quantities` intervals misses with a probability of (1 - confidence) /
-// quantities at most.
-PairedChange paired_change(const Samples& samples, std::size_t quantities) {
-    const std::size_t n = samples.now.size();
-    PairedChange change{samples.quantity,  samples.unit, static_cast<int>(n), mean(samples.earlier),
-                        mean(samples.now), 0.0,          std::nullopt};
-    change.mean = change.now - change.earlier;
-    if (n < 2)
-        return change;
-    double squares = 0.0;
-    for (std::size_t i = 0; i < n; ++i)
-        squares += std::pow(samples.now[i] - samples.earlier[i] - change.mean, 2);
-    const double count = static_cast<double>(n);
-    const double error_of_mean = std::sqrt(squares / (count - 1.0) / count);
-    const double tail = 0.5 * (1.0 - baseline_confidence) / static_cast<double>(quantities);
-    change.half_width = student_t_quantile(tail, static_cast<int>(n) - 1) * error_of_mean;
-    return change;
+    return all;
 }
 
 std::vector<PairedChange> paired_changes(const std::vector<PhotoPair>& pairs) {
-    std::vector<Samples> all;
-    for (const SummaryFigure& figure : summary_figures)
-        all.push_back(samples_of(figure, pairs));
-    for (const auto& [what, pose] : {std::pair("pose", &PhotoSummary::camera_from_marker),
-                                     std::pair("refined pose", &PhotoSummary::refined_from_marker)})
-        for (Samples& samples : pose_samples(what, pose, pairs))
-            all.push_back(std::move(samples));
-    std::erase_if(all, [](const Samples& samples) { return samples.now.empty(); });
+    std::vector<Quantity> quantities = pose_quantities();
+    std::ranges::transform(summary_figures, std::inserter(quantities, quantities.begin()),
+                           figure_quantity);
     std::vector<PairedChange> changes;
-    for (const Samples& samples : all)
-        changes.push_back(paired_change(samples, all.size()));
+    std::vector<double> squares;  // of the deviations from the mean change
+    for (const Quantity& quantity : quantities) {
+        PairedChange change{quantity.name, quantity.unit};
+        std::vector<double> differences;
+        for (const PhotoPair& pair : pairs)
+            if (const auto values = quantity.then_and_now(pair)) {
+                ++change.pairs;
+                change.earlier += values->first;
+                change.now += values->second;
+                differences.push_back(values->second - values->first);
+            }
+        if (differences.empty())
+            continue;
+        change.earlier /= change.pairs;
+        change.now /= change.pairs;
+        change.mean = change.now - change.earlier;
+        squares.push_back(0.0);
+        for (const double difference : differences)
+            squares.back() += std::pow(difference - change.mean, 2);
+        changes.push_back(change);
+    }
+    // Bonferroni: each interval misses with a probability of (1 - confidence) / quantities at most.
+    const double tail = 0.5 * (1.0 - baseline_confidence) / static_cast<double>(changes.size());
+    for (std::size_t i = 0; i < changes.size(); ++i)
+        if (const double n = changes[i].pairs; n > 1)
+            changes[i].half_width = student_t_quantile(tail, changes[i].pairs - 1) *
+                                    std::sqrt(squares[i] / (n - 1.0) / n);
     return changes;
 }
 
@@ -253,30 +248,25 @@ std::string baseline_csv(const BaselineChange& change) {
         {"photo", [](const PhotoPair& pair) { return pair.now.name; }},
         {"outcome_earlier", [](const PhotoPair& pair) { return pair.earlier.outcome; }},
         {"outcome_now", [](const PhotoPair& pair) { return pair.now.outcome; }}};
-    for (const auto& [key, name, unit, value] : summary_figures) {
-        const std::string start = key;
-        const auto figure = value;
-        columns.push_back(
-            {start + "_earlier", [=](const PhotoPair& pair) { return pair.earlier.*figure; }});
-        columns.push_back(
-            {start + "_now", [=](const PhotoPair& pair) { return pair.now.*figure; }});
-        columns.push_back({start + "_change", [=](const PhotoPair& pair) -> TableCell {
-                               const auto &before = pair.earlier.*figure, &after = pair.now.*figure;
-                               return before && after ? TableCell(*after - *before) : TableCell();
+    for (const SummaryFigure& figure : summary_figures) {
+        const std::string key = figure.key;
+        columns.push_back({key + "_earlier", [value = figure.value](const PhotoPair& pair) {
+                               return pair.earlier.*value;
+                           }});
+        columns.push_back({key + "_now", [value = figure.value](const PhotoPair& pair) {
+                               return pair.now.*value;
+                           }});
+        columns.push_back({key + "_change", [of = figure_quantity(figure)](const PhotoPair& pair) {
+                               const auto values = of.then_and_now(pair);
+                               return values ? TableCell(values->second - values->first)
+                                             : TableCell();
                            }});
     }
-    for (const auto& [prefix, pose] : {std::pair("pose_", &PhotoSummary::camera_from_marker),
-                                       {"refined_pose_", &PhotoSummary::refined_from_marker}})
-        for (int i = 0;
-             const char* end : {"x_mm", "y_mm", "z_mm", "rx_mrad", "ry_mrad", "rz_mrad"}) {
-            const auto of = pose;
-            columns.push_back({std::string(prefix) + end, [=](const PhotoPair& pair) -> TableCell {
-                                   const auto &before = pair.earlier.*of, &after = pair.now.*of;
-                                   return before && after ? pose_change(*before, *after)[i]
-                                                          : TableCell();
-                               }});
-            ++i;
-        }
+    for (const Quantity& quantity : pose_quantities())
+        columns.push_back({quantity.key, [quantity](const PhotoPair& pair) {
+                               const auto values = quantity.then_and_now(pair);
+                               return values ? TableCell(values->second) : TableCell();
+                           }});
     return csv_of(table_of(columns, change.pairs));
 }
 

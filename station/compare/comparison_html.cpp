@@ -40,6 +40,36 @@ std::optional<PoseChange> pose_change_of(const ComparedPhoto& photo) {
         1e3 * rotation.norm(), 1e3 * deviation(rotation, covariance.topLeftCorner<3, 3>())};
 }
 
+// One place for several pictures of the same size: side by side, in turn, or one of them, by radio
+// buttons; pressing holds the first one. Nothing moves for readers who want less motion, and no
+// script is needed. `id` is unique in the page; pictures are names and <img> elements.
+std::string viewer_html(const std::string& id,
+                        const std::vector<std::pair<std::string, std::string>>& pictures,
+                        bool starts_in_turn) {
+    std::string text = "<fieldset class=\"viewer\">";
+    const auto choice = [&](const std::string& key, const std::string& css,
+                            const std::string& label, bool is_checked) {
+        text += fmt::format(
+            "<input type=\"radio\" name=\"{0}\" id=\"{0}-{1}\" class=\"{2}\"{3}><label "
+            "for=\"{0}-{1}\">{4}</label>",
+            id, key, css, is_checked ? " checked" : "", escape_html(label));
+    };
+    choice("both", "both", "side by side", !starts_in_turn);
+    choice("turn", "one turn", "in turn", starts_in_turn);
+    for (std::size_t i = 0; i < pictures.size(); ++i)
+        choice(std::to_string(i + 1), fmt::format("one m{}", i + 1), pictures[i].first, false);
+    text += "<div class=\"stage\">";
+    for (const auto& [name, html] : pictures)
+        text += fmt::format("<div>{}<span>{}</span></div>", html, escape_html(name));
+    return text + "</div></fieldset>";
+}
+
+// The colours of residual and significance maps with their ends, "-30" and "+30 gray".
+std::string colour_scale_html(double end, const std::string& unit) {
+    return fmt::format("<div class=\"scale\">−{0:.0f}<i></i>+{0:.0f} {1}</div>", end,
+                       escape_html(unit));
+}
+
 // A picture that fills the card's width when it is chosen.
 std::string zoomable(const std::string& content) {
     return "<label class=\"zoom\"><input type=\"checkbox\" aria-label=\"large\">" + content +
@@ -106,31 +136,19 @@ std::string defocus_line(const ComparedPhoto& photo) {
                        escape_html(minimum_in_words(photo.defocus->rendering)));
 }
 
-// A parameter at the pose under test and at the refined one.
-struct ParameterRow {
-    const MatchParameter *here, *refined;
-};
-
 std::string parameters_html(const ComparedPhoto& photo) {
-    const std::vector<MatchParameter>& parameters = photo.calibrated->parameters;
-    if (parameters.empty())
-        return "";
-    std::vector<ParameterRow> rows;
-    for (std::size_t i = 0; i < parameters.size(); ++i)
-        rows.push_back({&parameters[i], &photo.refined->parameters.at(i)});
-    ColumnsOf<MatchParameter> figures = {
-        {"", &MatchParameter::value, "pose under test", "", "{:.4g}"},
-        {"", &MatchParameter::deviation, "σ", "", "{:.2g}"}};
-    ColumnsOf<ParameterRow> columns = {
-        {"", [](const ParameterRow& row) { return row.here->name; }, "parameter"}};
-    add_columns(columns, figures, &ParameterRow::here);
-    figures[0].heading = "refined pose";
-    add_columns(columns, figures, &ParameterRow::refined);
-    columns.push_back({"", [](const ParameterRow& row) { return row.here->unit; }, "unit"});
-    columns.push_back({"", [](const ParameterRow& row) { return row.here->source; }, "from"});
-    const ResultTable table = table_of(columns, rows);
+    TableRows rows;
+    for (std::size_t i = 0; i < photo.calibrated->parameters.size(); ++i) {
+        const MatchParameter& here = photo.calibrated->parameters[i];
+        const MatchParameter& refined = photo.refined->parameters.at(i);
+        rows.push_back({here.name, significant(here.value, 4), significant(here.deviation, 2),
+                        significant(refined.value, 4), significant(refined.deviation, 2), here.unit,
+                        here.source});
+    }
     return "<details><summary>Photometric parameters</summary>" +
-           table_html(headings_of(table), texts_of(table)) + "</details>";
+           table_html({"parameter", "pose under test", "σ", "refined pose", "σ", "unit", "from"},
+                      rows) +
+           "</details>";
 }
 
 std::string significance_caption(const ComparedFit& fit) {
@@ -152,12 +170,13 @@ std::string significance_caption(const ComparedFit& fit) {
 std::string pictures_html(const ComparedPhoto& photo, std::size_t number, bool starts_in_turn,
                           double magnification) {
     const PhotoPictures& pictures = photo.pictures;
-    const std::vector<NamedPicture> shown = {{"photograph", pictures.photo},
-                                             {"rendering", pictures.rendering},
-                                             {"refined pose", pictures.refined_rendering}};
     std::string text =
         "<div class=\"pictures\"><figure class=\"wide\">" +
-        viewer_html(fmt::format("view-{}", number), shown, starts_in_turn) +
+        viewer_html(fmt::format("view-{}", number),
+                    {{"photograph", pictures.photo},
+                     {"rendering", pictures.rendering},
+                     {"refined pose", pictures.refined_rendering}},
+                    starts_in_turn) +
         "<figcaption>In turn: what moves or changes is the difference. Press to hold "
         "the photograph. Pale in the rendering: the photograph, where nothing is rendered."
         "</figcaption></figure>";
@@ -302,37 +321,31 @@ void add_method(HtmlPage& page, const Comparison& comparison) {
 }
 
 void add_photo_table(HtmlPage& page, const std::vector<ComparedPhoto>& photos) {
-    ColumnsOf<ComparedFit> fit = {
-        {"", [](const ComparedFit& f) { return f.scored.rms_gray; }, "residual", "gray", "{:.2f}"},
-        {"",
-         [](const ComparedFit& f) {
-             return f.edge_summary.edges > 0 ? TableCell(f.edge_summary.shift.rms_px) : TableCell();
-         },
-         "edge shift", "px", "{:.3f}"}};
-    const ColumnsOf<PoseChange> change = {
-        {"", &PoseChange::translation_mm, "pose change", "mm", "{:.3f}"},
-        {"", &PoseChange::rotation_mrad, "pose change", "mrad", "{:.2f}"}};
-    ColumnsOf<ComparedPhoto> columns = {
-        {"", [](const ComparedPhoto& photo) { return photo.photo.filename().string(); },
-         "photograph"},
-        {"", &ComparedPhoto::outcome, "outcome"}};
-    add_columns(columns, fit, &ComparedPhoto::calibrated);
-    for (Column<ComparedFit>& column : fit)
-        column.heading = "refined " + column.heading;
-    add_columns(columns, fit, &ComparedPhoto::refined);
-    const ColumnsOf<ComparedFit> blur = {
-        {"", [](const ComparedFit& f) { return f.model.psf_sigma_px; }, "blur σ", "px", "{:.2f}"}};
-    add_columns(columns, blur, &ComparedPhoto::calibrated);
-    add_columns(columns, change, pose_change_of);
-    columns.push_back({"",
-                       [](const ComparedPhoto& photo) {
-                           std::vector<std::string> names;
-                           for (const Finding& finding : photo.findings)
-                               names.push_back(finding.name);
-                           return fmt::format("{}", fmt::join(names, ", "));
-                       },
-                       "findings"});
-    page.add_table(table_of(columns, photos));
+    const auto edge_shift = [](const ComparedFit& fit) {
+        return fit.edge_summary.edges > 0 ? fixed(fit.edge_summary.shift.rms_px, 3) : dash;
+    };
+    TableRows rows;
+    for (const ComparedPhoto& photo : photos) {
+        auto& row = rows.emplace_back();
+        row = {photo.photo.filename().string(), photo.outcome()};
+        if (!photo.calibrated) {
+            row.insert(row.end(), 7, dash);
+            continue;
+        }
+        const ComparedFit &fit = *photo.calibrated, &refined = *photo.refined;
+        const PoseChange change = *pose_change_of(photo);
+        std::vector<std::string> names;
+        for (const Finding& finding : photo.findings)
+            names.push_back(finding.name);
+        row.insert(
+            row.end(),
+            {fixed(fit.scored.rms_gray, 2), fixed(refined.scored.rms_gray, 2), edge_shift(fit),
+             edge_shift(refined), fixed(fit.model.psf_sigma_px, 2), fixed(change.translation_mm, 3),
+             fixed(change.rotation_mrad, 2), fmt::format("{}", fmt::join(names, ", "))});
+    }
+    page.add_table({"photograph", "outcome", "residual / gray", "refined", "edge shift / px",
+                    "refined", "blur σ / px", "pose / mm", "pose / mrad", "findings"},
+                   rows);
 }
 
 void add_baseline(HtmlPage& page, const BaselineChange& change) {

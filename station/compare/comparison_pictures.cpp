@@ -5,7 +5,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/match/overlay.h"
-#include "core/file/text.h"
 #include "report/html.h"
 
 namespace etalon {
@@ -107,32 +106,6 @@ PhotoPictures pictures_of_photo(const CodeImage& image, const std::filesystem::p
     pictures.photo = element(picture, pictures.part, alt);
     pictures.thumbnail = thumbnail(picture, alt);
     return pictures;
-}
-
-std::string viewer_html(const std::string& id, const std::vector<NamedPicture>& pictures,
-                        bool starts_in_turn) {
-    std::string text = "<fieldset class=\"viewer\">";
-    const auto choice = [&](const std::string& key, const std::string& css,
-                            const std::string& label, bool is_checked) {
-        text += fmt::format(
-            "<input type=\"radio\" name=\"{0}\" id=\"{0}-{1}\" class=\"{2}\"{3}><label "
-            "for=\"{0}-{1}\">{4}</label>",
-            id, key, css, is_checked ? " checked" : "", escape_html(label));
-    };
-    choice("both", "both", "side by side", !starts_in_turn);
-    choice("turn", "one turn", "in turn", starts_in_turn);
-    for (std::size_t i = 0; i < pictures.size(); ++i)
-        choice(std::to_string(i + 1), fmt::format("one m{}", i + 1), pictures[i].name, false);
-    text += "<div class=\"stage\">";
-    for (const NamedPicture& picture : pictures)
-        text +=
-            fmt::format("<div>{}<span>{}</span></div>", picture.html, escape_html(picture.name));
-    return text + "</div></fieldset>";
-}
-
-std::string colour_scale_html(double end, const std::string& unit) {
-    return fmt::format("<div class=\"scale\">−{0:.0f}<i></i>+{0:.0f} {1}</div>", end,
-                       escape_html(unit));
 }
 
 }  // namespace etalon

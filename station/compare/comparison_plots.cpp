@@ -239,31 +239,6 @@ ComparisonPlot width_plot(const Comparison& comparison) {
             "distance; that part on both, another f-number or another sharpness."};
 }
 
-}  // namespace
-
-double arrow_magnification(const Comparison& comparison) {
-    constexpr double drawn_px = 12.0;
-    double squares = 0.0, count = 0.0;
-    for (const EdgeShift& edge : comparison.edges(&ComparedPhoto::calibrated, false))
-        if (!edge.is_beyond_range) {
-            squares += edge.shift_px * edge.shift_px;
-            count += 1.0;
-        }
-    return round_magnification(count > 0.0 ? std::sqrt(squares / count) : 0.0, drawn_px);
-}
-
-std::string edge_map_svg(std::span<const EdgeShift> edges, const cv::Rect& part,
-                         double magnification) {
-    std::string text =
-        fmt::format("<svg class='plot' viewBox='0 0 {} {}' role='img' aria-label='edge shifts'>",
-                    part.width, part.height);
-    for (const EdgeShift& edge : edges)
-        text += edge_svg(edge, Eigen::Vector2d(part.x, part.y), magnification);
-    return text + scale_bar(magnification, part) + "</svg>";
-}
-
-namespace {
-
 // Of all photographs together; none where no edges were measured.
 std::vector<ComparisonPlot> edge_plots(const Comparison& comparison) {
     const std::vector<EdgeShift> before = comparison.edges(&ComparedPhoto::calibrated, false);
@@ -297,6 +272,27 @@ std::vector<ComparisonPlot> edge_plots(const Comparison& comparison) {
 }
 
 }  // namespace
+
+double arrow_magnification(const Comparison& comparison) {
+    constexpr double drawn_px = 12.0;
+    double squares = 0.0, count = 0.0;
+    for (const EdgeShift& edge : comparison.edges(&ComparedPhoto::calibrated, false))
+        if (!edge.is_beyond_range) {
+            squares += edge.shift_px * edge.shift_px;
+            count += 1.0;
+        }
+    return round_magnification(count > 0.0 ? std::sqrt(squares / count) : 0.0, drawn_px);
+}
+
+std::string edge_map_svg(std::span<const EdgeShift> edges, const cv::Rect& part,
+                         double magnification) {
+    std::string text =
+        fmt::format("<svg class='plot' viewBox='0 0 {} {}' role='img' aria-label='edge shifts'>",
+                    part.width, part.height);
+    for (const EdgeShift& edge : edges)
+        text += edge_svg(edge, Eigen::Vector2d(part.x, part.y), magnification);
+    return text + scale_bar(magnification, part) + "</svg>";
+}
 
 std::vector<ComparisonPlot> comparison_plots(const Comparison& comparison) {
     std::vector<ComparisonPlot> plots{residual_by_photo(comparison)};

@@ -83,11 +83,6 @@ void print_corners(const std::vector<PhotoPose>& all) {
 constexpr double detector_error_px = 0.5;
 constexpr double stage_error_px = PhotometricDetector::basin_px;
 
-struct Start {
-    std::optional<Rigid> camera_from_marker;
-    std::string failure;
-};
-
 struct Found {
     std::filesystem::path photo;
     std::string failure;  // empty when there is a pose
@@ -95,36 +90,20 @@ struct Found {
     double cpu_ms = 0.0;  // of the fit, without that of the detector
 };
 
-// Where the marker is about, by photograph.
-class Starts {
-public:
-    Starts(const DetectArguments& arguments, const Marker& marker) : marker_(marker) {
-        if (!arguments.poses.empty())
-            poses_ = read_poses_for(arguments.poses, arguments.photos);
-        else if (marker.kind == Marker::Kind::bitmap)
-            throw ConfigError({"--poses"}, "no detector finds " + marker.spec +
-                                               ": give a pose nearby for each photograph");
-        else
-            detector_ = make_detector("auto", marker, "--marker");
-    }
-
-    double error_px() const { return poses_.empty() ? detector_error_px : stage_error_px; }
-
-    Start of(std::size_t i, const std::filesystem::path& photo, const CodeImage& image,
-             const Projector& projector) {
-        if (!poses_.empty())
-            return {poses_[i], {}};
-        const PhotoPose pose = find_as_drawn(photo, image, *detector_, projector, marker_);
-        if (!pose.estimate)
-            return {{}, pose.failure};
-        return {pose.estimate->camera_from_marker, {}};
-    }
-
-private:
-    const Marker& marker_;
-    std::vector<Rigid> poses_;
-    std::unique_ptr<Detector> detector_;
+// What tells where the marker is about: given poses, one a photograph, or a detector.
+struct Starts {
+    std::vector<Rigid> poses;
+    std::unique_ptr<Detector> detector;
 };
+
+Starts starts_of(const DetectArguments& arguments, const Marker& marker) {
+    if (!arguments.poses.empty())
+        return {read_poses_for(arguments.poses, arguments.photos), nullptr};
+    if (marker.kind == Marker::Kind::bitmap)
+        throw ConfigError({"--poses"}, "no detector finds " + marker.spec +
+                                           ": give a pose nearby for each photograph");
+    return {{}, make_detector("auto", marker, "--marker")};
+}
 
 // Why a pose that was fitted says nothing of where the marker is; empty when it does.
 std::string doubt_about(const PhotometricPose& pose, const CodeImage& image, const Marker& marker,
@@ -139,18 +118,28 @@ std::string doubt_about(const PhotometricPose& pose, const CodeImage& image, con
     return "";
 }
 
-Found find_in(const std::filesystem::path& photo, const CodeImage& image, const Start& start,
-              double start_error_px, const PhotometricDetector& detector, const Marker& marker) {
-    Found found{photo, start.failure, {}};
-    if (!start.camera_from_marker)
-        return found;
+// In photograph `i`.
+Found find_in(const std::filesystem::path& photo, std::size_t i, const CodeImage& image,
+              const Starts& starts, const PhotometricDetector& detector, const Marker& marker) {
+    const Projector& projector = detector.camera()->projector();
+    Found found{photo};
+    Rigid start;
+    if (starts.detector) {
+        const PhotoPose pose = find_as_drawn(photo, image, *starts.detector, projector, marker);
+        found.failure = pose.failure;
+        if (!pose.estimate)
+            return found;
+        start = pose.estimate->camera_from_marker;
+    } else {
+        start = starts.poses[i];
+    }
     const double before = process_cpu_ms();
-    auto pose =
-        attempted([&] { return detector.find(image, *start.camera_from_marker, start_error_px); });
+    auto pose = attempted([&] {
+        return detector.find(image, start, starts.detector ? detector_error_px : stage_error_px);
+    });
     if (pose)
         found.pose = *pose;
-    found.failure =
-        pose ? doubt_about(*pose, image, marker, detector.camera()->projector()) : pose.cause;
+    found.failure = pose ? doubt_about(*pose, image, marker, projector) : pose.cause;
     found.cpu_ms = process_cpu_ms() - before;
     return found;
 }
@@ -255,15 +244,14 @@ int run_photometric_detect(const DetectArguments& arguments) {
     if (arguments.camera.empty())
         throw ConfigError({"--camera"}, "a calibration is needed for poses");
     const Marker marker = parse_marker(arguments.marker, "--marker");
-    Starts starts(arguments, marker);
+    const Starts starts = starts_of(arguments, marker);
     const CameraModel camera = read_camera_for(arguments.camera, arguments.photos);
     const PhotometricDetector detector(camera, marker, "--marker");
     std::vector<Found> all;
     for (std::size_t i = 0; i < arguments.photos.size(); ++i) {
         const auto& photo = arguments.photos[i];
         const CodeImage image = read_photo(photo, camera, arguments.camera);
-        const Start start = starts.of(i, photo, image, detector.camera()->projector());
-        all.push_back(find_in(photo, image, start, starts.error_px(), detector, marker));
+        all.push_back(find_in(photo, i, image, starts, detector, marker));
     }
     if (arguments.json)
         print_json(arguments, "photometric_poses/1", arguments.detector, all);

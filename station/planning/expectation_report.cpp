@@ -7,9 +7,9 @@
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "report/csv.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
+#include "report/result_table.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
@@ -176,11 +176,12 @@ ordered_json pose_json(const ExpectedPose& pose) {
             {"flips", pose.flips}};
 }
 
-void add_six(CsvTable& table, const std::string& group, const std::optional<SixErrors>& six) {
-    constexpr const char* columns[] = {"sight_mm",  "outwards_mm", "around_mm",
-                                       "turn_mrad", "tilt_mrad",   "across_mrad"};
-    for (std::size_t k = 0; k < 6; ++k)
-        table.number(group + columns[k], six ? std::optional((*six)[k]) : std::nullopt);
+ColumnsOf<SixErrors> six_columns() {
+    ColumnsOf<SixErrors> columns;
+    for (std::size_t k = 0; const char* key : {"sight_mm", "outwards_mm", "around_mm", "turn_mrad",
+                                               "tilt_mrad", "across_mrad"})
+        columns.push_back({key, [k = k++](const SixErrors& six) { return six[k]; }});
+    return columns;
 }
 
 }  // namespace
@@ -273,19 +274,18 @@ std::string expectation_json(const ExpectationRequest& request, const Expectatio
 }
 
 std::string expectation_csv(const Expectation& expectation) {
-    CsvTable table;
-    for (const ExpectedPose& pose : expectation.poses) {
-        table.pose("", pose.camera_from_marker);
-        table.number("depth_mm", pose.place.depth_mm);
-        table.number("radius_px", pose.place.radius_px);
-        table.number("tilt_deg", pose.place.tilt_rad * deg_per_rad);
-        table.number("detections", pose.detections);
-        table.number("flips", pose.flips);
-        add_six(table, "bias_", pose.bias);
-        add_six(table, "noise_", pose.noise);
-        table.end_row();
-    }
-    return table.finish();
+    ColumnsOf<ExpectedPose> columns;
+    add_columns(columns, columns_of_pose(), &ExpectedPose::camera_from_marker);
+    const ColumnsOf<MarkerPlace> place = {
+        {"depth_mm", &MarkerPlace::depth_mm},
+        {"radius_px", &MarkerPlace::radius_px},
+        {"tilt_deg", [](const MarkerPlace& at) { return at.tilt_rad * deg_per_rad; }}};
+    add_columns(columns, place, &ExpectedPose::place);
+    columns.push_back({"detections", &ExpectedPose::detections});
+    columns.push_back({"flips", &ExpectedPose::flips});
+    add_columns(columns, six_columns(), &ExpectedPose::bias, "bias_");
+    add_columns(columns, six_columns(), &ExpectedPose::noise, "noise_");
+    return csv_of(table_of(columns, expectation.poses));
 }
 
 void write_expectation(const ExpectationRequest& request, const Expectation& expectation,

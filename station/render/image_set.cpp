@@ -52,6 +52,98 @@ void check_same(const std::filesystem::path& folder, const ordered_json& setting
                                    settings_file));
 }
 
+// --------------------------------------------------------------------------------------- merging
+
+ordered_json read_set(const std::filesystem::path& folder) {
+    const std::filesystem::path path = folder / settings_file;
+    ordered_json set = read_json(path);
+    if (!is_set(set))
+        throw ConfigError({path.string()}, std::string("is not of ") + kind);
+    return set;
+}
+
+// A shard's lines by pose. Where it was interrupted they are not in order.
+class ShardManifest {
+public:
+    ShardManifest(const std::filesystem::path& folder, std::size_t poses, const Shard& shard)
+        : path_(folder / manifest_file), file_(path_, std::ios::binary), count_(shard.count) {
+        starts_.assign(shard.units(poses), missing);
+        std::string line;
+        for (std::int64_t at = 0; std::getline(file_, line) && !file_.eof();
+             at += static_cast<std::int64_t>(line.size()) + 1)
+            if (const auto pose = pose_of(line); pose && *pose < poses && shard.holds(*pose))
+                starts_[*pose / count_] = at;
+        file_.clear();
+    }
+
+    std::string line(std::size_t pose) {
+        const std::int64_t start = starts_[pose / count_];
+        std::string text;
+        if (start == missing || !file_.seekg(start) || !std::getline(file_, text))
+            throw ConfigError({path_.string()},
+                              fmt::format("pose {} is missing: the shard is not finished", pose));
+        return text;
+    }
+
+private:
+    static constexpr std::int64_t missing = -1;
+
+    static std::optional<std::size_t> pose_of(std::string_view line) {
+        constexpr std::string_view before = "{\"image\":";
+        if (!line.starts_with(before))
+            return std::nullopt;
+        line.remove_prefix(before.size());
+        const auto pose = parse_integer(line.substr(0, line.find_first_of(",}")));
+        return pose && *pose >= 0 ? std::optional(static_cast<std::size_t>(*pose)) : std::nullopt;
+    }
+
+    std::filesystem::path path_;
+    std::ifstream file_;
+    std::size_t count_;
+    std::vector<std::int64_t> starts_;  // by the poses of the shard
+};
+
+void link_or_copy(const std::filesystem::path& from, const std::filesystem::path& to) {
+    std::error_code error;
+    std::filesystem::remove(to, error);
+    std::filesystem::create_hard_link(from, to, error);
+    if (error)
+        std::filesystem::copy_file(from, to, std::filesystem::copy_options::overwrite_existing,
+                                   error);
+    if (error)
+        fail_writing(to, error);
+}
+
+// Puts the image of a pose's line into its place in `out`, if it has one.
+void take(const std::string& line, std::size_t pose, const std::filesystem::path& from,
+          const std::string& extension, const std::filesystem::path& out, MergedImages& merged) {
+    const ordered_json json = ordered_json::parse(line, nullptr, /*allow_exceptions=*/false);
+    const std::string file = image_file(pose, extension);
+    if (json.is_object() && json.contains("refused")) {
+        ++merged.refused;
+        return;
+    }
+    if (!json.is_object() || json.value("file", ordered_json()) != file)
+        throw ConfigError({(from / manifest_file).string()},
+                          fmt::format("the line of pose {} is not as it was written", pose));
+    if (json.value("sha256", ordered_json()) != sha256_of_file(from / file))
+        throw ConfigError({(from / file).string()}, "is not the image that was rendered");
+    link_or_copy(from / file, out / file);
+    ++merged.images;
+}
+
+// How many there are; they must be those of the set.
+std::size_t count_poses_of_set(const std::filesystem::path& poses, const ordered_json& settings) {
+    const ordered_json hash = settings.value("poses", ordered_json::object());
+    if (hash != ordered_json{{"sha256", sha256_of_file(poses)}})
+        throw ConfigError({poses.string()}, "is not the poses that the set was made from");
+    PoseReader reader(poses);
+    std::size_t count = 0;
+    while (reader.next())
+        ++count;
+    return count;
+}
+
 }  // namespace
 
 ImageSet::ImageSet(const std::filesystem::path& folder, const std::string& settings,
@@ -110,131 +202,6 @@ void ImageSet::add(const std::string& line) {
     manifest_->write(line + "\n");
 }
 
-// --------------------------------------------------------------------------------------- merging
-
-namespace {
-
-ordered_json read_set(const std::filesystem::path& folder) {
-    const std::filesystem::path path = folder / settings_file;
-    ordered_json set = read_json(path);
-    if (!is_set(set))
-        throw ConfigError({path.string()}, std::string("is not of ") + kind);
-    return set;
-}
-
-// A shard's lines by pose. Where it was interrupted they are not in order.
-class ShardManifest {
-public:
-    ShardManifest(const std::filesystem::path& folder, std::size_t poses, const Shard& shard)
-        : path_(folder / manifest_file), file_(path_, std::ios::binary), count_(shard.count) {
-        starts_.assign(shard.units(poses), missing);
-        std::string line;
-        for (std::int64_t at = 0; std::getline(file_, line) && !file_.eof();
-             at += static_cast<std::int64_t>(line.size()) + 1)
-            if (const auto pose = pose_of(line); pose && *pose < poses && shard.holds(*pose))
-                starts_[*pose / count_] = at;
-        file_.clear();
-    }
-
-    std::string line(std::size_t pose) {
-        const std::int64_t start = starts_[pose / count_];
-        std::string text;
-        if (start == missing || !file_.seekg(start) || !std::getline(file_, text))
-            throw ConfigError({path_.string()},
-                              fmt::format("pose {} is missing: the shard is not finished", pose));
-        return text;
-    }
-
-    const std::filesystem::path& path() const { return path_; }
-
-private:
-    static constexpr std::int64_t missing = -1;
-
-    static std::optional<std::size_t> pose_of(std::string_view line) {
-        constexpr std::string_view before = "{\"image\":";
-        if (!line.starts_with(before))
-            return std::nullopt;
-        line.remove_prefix(before.size());
-        const auto pose = parse_integer(line.substr(0, line.find_first_of(",}")));
-        return pose && *pose >= 0 ? std::optional(static_cast<std::size_t>(*pose)) : std::nullopt;
-    }
-
-    std::filesystem::path path_;
-    std::ifstream file_;
-    std::size_t count_;
-    std::vector<std::int64_t> starts_;  // by the poses of the shard
-};
-
-void link_or_copy(const std::filesystem::path& from, const std::filesystem::path& to) {
-    std::error_code error;
-    std::filesystem::remove(to, error);
-    std::filesystem::create_hard_link(from, to, error);
-    if (error)
-        std::filesystem::copy_file(from, to, std::filesystem::copy_options::overwrite_existing,
-                                   error);
-    if (error)
-        fail_writing(to, error);
-}
-
-class SetMerger {
-public:
-    SetMerger(const std::vector<std::filesystem::path>& in_order, const ordered_json& settings,
-              const std::filesystem::path& out)
-        : folders_(in_order),
-          out_(out),
-          extension_(settings.value("linear", false) ? ".tiff" : ".png") {
-        const std::filesystem::path poses = folders_[0] / poses_file;
-        const ordered_json hash = settings.value("poses", ordered_json::object());
-        if (hash != ordered_json{{"sha256", sha256_of_file(poses)}})
-            throw ConfigError({poses.string()}, "is not the poses that the set was made from");
-        PoseReader reader(poses);
-        while (reader.next())
-            ++poses_;
-        for (std::size_t i = 0; i < folders_.size(); ++i)
-            manifests_.emplace_back(folders_[i], poses_, Shard{i + 1, folders_.size()});
-    }
-
-    MergedImages merge() {
-        AtomicFile manifest(out_ / manifest_file);
-        for (std::size_t pose = 0; pose < poses_; ++pose)
-            manifest.write(take(pose) + "\n");
-        link_or_copy(folders_[0] / poses_file, out_ / poses_file);
-        manifest.commit();
-        return merged_;
-    }
-
-private:
-    // The pose's line; its image, if it has one, is in its place.
-    std::string take(std::size_t pose) {
-        ShardManifest& manifest = manifests_[pose % manifests_.size()];
-        const std::string line = manifest.line(pose);
-        const ordered_json json = ordered_json::parse(line, nullptr, /*allow_exceptions=*/false);
-        const std::string file = image_file(pose, extension_);
-        if (json.is_object() && json.contains("refused")) {
-            ++merged_.refused;
-            return line;
-        }
-        if (!json.is_object() || json.value("file", ordered_json()) != file)
-            throw ConfigError({manifest.path().string()},
-                              fmt::format("the line of pose {} is not as it was written", pose));
-        const std::filesystem::path image = folders_[pose % folders_.size()] / file;
-        if (json.value("sha256", ordered_json()) != sha256_of_file(image))
-            throw ConfigError({image.string()}, "is not the image that was rendered");
-        link_or_copy(image, out_ / file);
-        ++merged_.images;
-        return line;
-    }
-
-    std::vector<std::filesystem::path> folders_;
-    std::filesystem::path out_;
-    std::string extension_;
-    std::size_t poses_ = 0;
-    std::vector<ShardManifest> manifests_;
-    MergedImages merged_;
-};
-
-}  // namespace
-
 MergedImages merge_image_sets(const std::vector<std::filesystem::path>& shards,
                               const std::filesystem::path& out) {
     std::vector<std::string> descriptions;
@@ -243,14 +210,30 @@ MergedImages merge_image_sets(const std::vector<std::filesystem::path>& shards,
     const auto in_order = shards_in_order(image_set_work, shards, descriptions);
     ordered_json set = read_set(in_order[0]);
     set["settings"].erase("shard");
-    SetMerger merger(in_order, set["settings"], out);
+    const std::filesystem::path poses_path = in_order[0] / poses_file;
+    const std::size_t poses = count_poses_of_set(poses_path, set["settings"]);
+    const std::string extension = set["settings"].value("linear", false) ? ".tiff" : ".png";
+    std::vector<ShardManifest> manifests;
+    for (std::size_t i = 0; i < in_order.size(); ++i)
+        manifests.emplace_back(in_order[i], poses, Shard{i + 1, in_order.size()});
     std::error_code ignored;
     if (std::filesystem::exists(out / settings_file, ignored))
         check_same(out, set["settings"]);
     else
         make_set_folder(out);
     write_text(out / settings_file, text_of(set) + "\n");
-    return merger.merge();
+
+    MergedImages merged;
+    AtomicFile manifest(out / manifest_file);
+    for (std::size_t pose = 0; pose < poses; ++pose) {
+        const std::size_t from = pose % in_order.size();
+        const std::string line = manifests[from].line(pose);
+        take(line, pose, in_order[from], extension, out, merged);
+        manifest.write(line + "\n");
+    }
+    link_or_copy(poses_path, out / poses_file);
+    manifest.commit();
+    return merged;
 }
 
 }  // namespace etalon

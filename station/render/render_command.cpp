@@ -110,6 +110,43 @@ int render_one(const RenderArguments& arguments) {
     return 0;
 }
 
+// `etalon marker`: a marker in its true size, ready to print.
+
+// Where the marker's points are, in the marker frame: what somebody else's software has to know
+// about the print.
+ordered_json marker_json(const Marker& marker, const PrintPage& page,
+                         const MarkerArguments& arguments) {
+    ordered_json json = {{"etalon", "marker/1"},
+                         {"marker", marker.spec},
+                         {"file", arguments.out.string()},
+                         {"page_mm", {page.width_mm, page.height_mm}},
+                         {"scale_bar_mm", page.scale_bar_mm.width},
+                         {"cells", {marker.grid.columns(), marker.grid.rows()}},
+                         {"cell_mm", {marker.grid.cell_mm.x(), marker.grid.cell_mm.y()}},
+                         {"points_mm", ordered_json::array()}};
+    for (const Eigen::Vector3d& point : marker.points_mm)
+        json["points_mm"].push_back({point.x(), point.y(), point.z()});
+    return json;
+}
+
+// `etalon render --poses`: an image set.
+
+void print_summary(const RenderArguments& arguments, const SetResult& result, double seconds) {
+    fmt::print(stderr, "{}: {} images rendered, {} were there, {} poses refused ({:.1f} s)\n",
+               arguments.out.string(), result.rendered, result.already_there, result.refused,
+               seconds);
+    if (result.refused > 0)
+        fmt::print(stderr, "{}\nthe reasons are in {}\n", result.first_refusal,
+                   (arguments.out / "images.jsonl").string());
+}
+
+void print_json(const RenderArguments& arguments, const SetResult& result, double seconds) {
+    const ordered_json json{{"etalon", "render-set/1"},    {"folder", arguments.out.string()},
+                            {"rendered", result.rendered}, {"already_there", result.already_there},
+                            {"refused", result.refused},   {"seconds", seconds}};
+    fmt::print("{}\n", text_of(json));
+}
+
 }  // namespace
 
 int run_render(const RenderArguments& arguments) {
@@ -186,31 +223,6 @@ void declare_render(Command& program) {
     merge.required("--out", merged->out, "folder of the whole set", "DIR");
 }
 
-// `etalon marker`: a marker in its true size, ready to print.
-
-namespace {
-
-using nlohmann::ordered_json;
-
-// Where the marker's points are, in the marker frame: what somebody else's software has to know
-// about the print.
-ordered_json marker_json(const Marker& marker, const PrintPage& page,
-                         const MarkerArguments& arguments) {
-    ordered_json json = {{"etalon", "marker/1"},
-                         {"marker", marker.spec},
-                         {"file", arguments.out.string()},
-                         {"page_mm", {page.width_mm, page.height_mm}},
-                         {"scale_bar_mm", page.scale_bar_mm.width},
-                         {"cells", {marker.grid.columns(), marker.grid.rows()}},
-                         {"cell_mm", {marker.grid.cell_mm.x(), marker.grid.cell_mm.y()}},
-                         {"points_mm", ordered_json::array()}};
-    for (const Eigen::Vector3d& point : marker.points_mm)
-        json["points_mm"].push_back({point.x(), point.y(), point.z()});
-    return json;
-}
-
-}  // namespace
-
 int run_marker(const MarkerArguments& arguments) {
     const Marker marker = parse_marker(arguments.marker, "MARKER");
     const PrintPage page = print_marker(marker, arguments.out, arguments.dots_per_mm);
@@ -229,30 +241,6 @@ void declare_marker(Command& program) {
     command.option("--dots-per-mm", asked->dots_per_mm, "resolution of a PNG (default 40)", "N")
         .positive();
 }
-
-// `etalon render --poses`: an image set.
-
-namespace {
-
-using nlohmann::ordered_json;
-
-void print_summary(const RenderArguments& arguments, const SetResult& result, double seconds) {
-    fmt::print(stderr, "{}: {} images rendered, {} were there, {} poses refused ({:.1f} s)\n",
-               arguments.out.string(), result.rendered, result.already_there, result.refused,
-               seconds);
-    if (result.refused > 0)
-        fmt::print(stderr, "{}\nthe reasons are in {}\n", result.first_refusal,
-                   (arguments.out / "images.jsonl").string());
-}
-
-void print_json(const RenderArguments& arguments, const SetResult& result, double seconds) {
-    const ordered_json json{{"etalon", "render-set/1"},    {"folder", arguments.out.string()},
-                            {"rendered", result.rendered}, {"already_there", result.already_there},
-                            {"refused", result.refused},   {"seconds", seconds}};
-    fmt::print("{}\n", text_of(json));
-}
-
-}  // namespace
 
 int run_render_merge(const RenderMergeArguments& arguments) {
     const MergedImages merged = merge_image_sets(arguments.shards, arguments.out);

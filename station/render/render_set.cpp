@@ -139,125 +139,85 @@ struct MadeImage {
     std::string refusal;  // why; empty if it was rendered
 };
 
-class SetRenderer {
-public:
-    SetRenderer(const RenderArguments& arguments, std::stop_token stop, Progress& progress)
-        : stop_(std::move(stop)),
-          progress_(progress),
-          scene_from_markers_(scene_from_markers(arguments)),
-          shard_(parse_shard(arguments.shard)),
-          count_(count_poses(arguments.pose_file)),
-          poses_(arguments.pose_file),
-          poses_copy_(arguments.pose_file),
-          renderer_(arguments),
-          set_(arguments.out,
-               settings_of(arguments, renderer_, scene_from_markers_, poses_copy_, shard_),
-               names_of(arguments), arguments.linear ? ".tiff" : ".png", count_) {
-        poses_copy_.write(set_.folder() / "poses.csv");
-        result_.already_there = set_.had_images();
+// The image of a pose, in its place; or why it cannot be rendered.
+MadeImage make_image(const SetPose& pose, const std::vector<Rigid>& scene_from_markers,
+                     const ViewRenderer& renderer, const ImageSet& set) {
+    const std::size_t i = pose.index;
+    ordered_json line{{"image", i}, {"camera_from_scene", pose_numbers(pose.camera_from_scene)}};
+    std::vector<Rigid> camera_from_markers;
+    for (const Rigid& scene_from_marker : scene_from_markers)
+        camera_from_markers.push_back(pose.camera_from_scene * scene_from_marker);
+    try {
+        const View view = renderer.render(renderer.scene(camera_from_markers));
+        const std::string file = set.file_name(i);
+        renderer.write(set.folder() / file, view, static_cast<std::uint32_t>(i));
+        line["file"] = file;
+        line["sha256"] = sha256_of_file(set.folder() / file);
+        add_method(view, line);
+        return {i, line.dump(), ""};
+    } catch (const NumericalError& error) {
+        line["refused"] = error.what();
+        return {i, line.dump(), error.what()};
     }
-
-    SetResult render_all() {
-        const std::size_t missing = shard_.units(count_) - set_.had_images();
-        if (missing == 0)
-            return result_;
-        // A tenth of a second an image, until the first ones have shown it.
-        progress_.begin("render", static_cast<int>(missing),
-                        std::chrono::milliseconds(100) * missing);
-        run_pipeline();
-        progress_.end();
-        return result_;
-    }
-
-private:
-    // Poses go in and lines come out in their order, so that an interrupted set is a whole
-    // beginning of the full one.
-    void run_pipeline() {
-        const auto in_flight =
-            2 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
-        tbb::parallel_pipeline(
-            in_flight, tbb::make_filter<void, SetPose>(
-                           tbb::filter_mode::serial_in_order,
-                           [this](tbb::flow_control& control) { return next_missing(control); }) &
-                           tbb::make_filter<SetPose, MadeImage>(
-                               tbb::filter_mode::parallel,
-                               // Isolated: while a render waits for its own tasks, its thread must
-                               // not begin another image.
-                               [this](const SetPose& pose) {
-                                   return tbb::this_task_arena::isolate([&] { return make(pose); });
-                               }) &
-                           tbb::make_filter<MadeImage, void>(
-                               tbb::filter_mode::serial_in_order,
-                               [this](const MadeImage& outcome) { record(outcome); }));
-    }
-
-    SetPose next_missing(tbb::flow_control& control) {
-        result_.complete = false;
-        while (!stop_.stop_requested()) {
-            const auto pose = poses_.next();
-            result_.complete = !pose;
-            if (!pose)
-                break;
-            const std::size_t index = next_++;
-            if (index < count_ && shard_.holds(index) && !set_.had(index))
-                return {index, *pose};
-        }
-        control.stop();
-        return {};
-    }
-
-    MadeImage make(const SetPose& pose) const {
-        const std::size_t i = pose.index;
-        ordered_json line{{"image", i},
-                          {"camera_from_scene", pose_numbers(pose.camera_from_scene)}};
-        try {
-            const View view = renderer_.render(renderer_.scene(camera_from_markers(pose)));
-            const std::string file = set_.file_name(i);
-            renderer_.write(set_.folder() / file, view, static_cast<std::uint32_t>(i));
-            line["file"] = file;
-            line["sha256"] = sha256_of_file(set_.folder() / file);
-            add_method(view, line);
-            return {i, line.dump(), ""};
-        } catch (const NumericalError& error) {
-            line["refused"] = error.what();
-            return {i, line.dump(), error.what()};
-        }
-    }
-
-    std::vector<Rigid> camera_from_markers(const SetPose& pose) const {
-        std::vector<Rigid> chained;
-        for (const Rigid& scene_from_marker : scene_from_markers_)
-            chained.push_back(pose.camera_from_scene * scene_from_marker);
-        return chained;
-    }
-
-    void record(const MadeImage& outcome) {
-        set_.add(outcome.line);
-        const bool refused = !outcome.refusal.empty();
-        ++(refused ? result_.refused : result_.rendered);
-        if (refused && result_.first_refusal.empty())
-            result_.first_refusal = fmt::format("pose {}: {}", outcome.index, outcome.refusal);
-        progress_.step();
-    }
-
-    std::stop_token stop_;
-    Progress& progress_;
-    std::vector<Rigid> scene_from_markers_;
-    Shard shard_;
-    std::size_t count_;  // of the poses in the file
-    PoseReader poses_;
-    PosesCopy poses_copy_;
-    ViewRenderer renderer_;
-    ImageSet set_;
-    std::size_t next_ = 0;  // of poses_
-    SetResult result_;
-};
+}
 
 }  // namespace
 
 SetResult render_set(const RenderArguments& arguments, std::stop_token stop, Progress& progress) {
-    SetRenderer renderer(arguments, std::move(stop), progress);
-    return renderer.render_all();
+    const std::vector<Rigid> placed = scene_from_markers(arguments);
+    const Shard shard = parse_shard(arguments.shard);
+    const std::size_t count = count_poses(arguments.pose_file);
+    PoseReader poses(arguments.pose_file);
+    const PosesCopy copy(arguments.pose_file);
+    const ViewRenderer renderer(arguments);
+    ImageSet set(arguments.out, settings_of(arguments, renderer, placed, copy, shard),
+                 names_of(arguments), arguments.linear ? ".tiff" : ".png", count);
+    copy.write(set.folder() / "poses.csv");
+    SetResult result{.already_there = set.had_images()};
+    const std::size_t missing = shard.units(count) - set.had_images();
+    if (missing == 0)
+        return result;
+
+    std::size_t index = 0;  // of the pose that `poses` gives next
+    const auto next_missing = [&](tbb::flow_control& control) -> SetPose {
+        result.complete = false;
+        while (!stop.stop_requested()) {
+            const auto pose = poses.next();
+            result.complete = !pose;
+            if (!pose)
+                break;
+            const std::size_t i = index++;
+            if (i < count && shard.holds(i) && !set.had(i))
+                return {i, *pose};
+        }
+        control.stop();
+        return {};
+    };
+    // Isolated: while a render waits for its own tasks, its thread must not begin another image.
+    const auto make = [&](const SetPose& pose) {
+        return tbb::this_task_arena::isolate(
+            [&] { return make_image(pose, placed, renderer, set); });
+    };
+    const auto record = [&](const MadeImage& made) {
+        set.add(made.line);
+        const bool refused = !made.refusal.empty();
+        ++(refused ? result.refused : result.rendered);
+        if (refused && result.first_refusal.empty())
+            result.first_refusal = fmt::format("pose {}: {}", made.index, made.refusal);
+        progress.step();
+    };
+    // A tenth of a second an image, until the first ones have shown it.
+    progress.begin("render", static_cast<int>(missing), std::chrono::milliseconds(100) * missing);
+    // Poses go in and lines come out in their order, so that an interrupted set is a whole
+    // beginning of the full one.
+    const auto in_order = tbb::filter_mode::serial_in_order;
+    tbb::parallel_pipeline(
+        2 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()),
+        tbb::make_filter<void, SetPose>(in_order, next_missing) &
+            tbb::make_filter<SetPose, MadeImage>(tbb::filter_mode::parallel, make) &
+            tbb::make_filter<MadeImage, void>(in_order, record));
+    progress.end();
+    return result;
 }
 
 }  // namespace etalon

@@ -114,6 +114,89 @@ CodeImage read_background_file(const std::string& path) {
     }
 }
 
+// ---- what was done, in words and as JSON
+
+const char* short_name(RenderMethod method) {
+    const auto at =
+        std::ranges::find(method_words, method, &std::pair<const char*, RenderMethod>::second);
+    if (at != method_words.end())
+        return at->first;
+    if (method == RenderMethod::wedge_table)
+        return "wedge table";
+    return method == RenderMethod::edge_table ? "edge table" : "wave";
+}
+
+// A row of the table: its name, and text broken into as many lines as it needs.
+std::string row(const std::string& name, const std::string& text) {
+    return wrapped_text(fmt::format("  {:<14}", name), text, 80);
+}
+
+std::string row(const std::string& name, std::size_t count, const std::string& text) {
+    return wrapped_text(fmt::format("  {:<14}{:>8} ", name, count), text, 80);
+}
+
+// Of several markers: the tiles that were sampled alike together, of each omission the one that
+// counts most.
+std::vector<TileUse> added_up(const std::vector<TileUse>& used) {
+    std::vector<TileUse> sums;
+    for (const TileUse& use : used) {
+        const auto alike = std::find_if(sums.begin(), sums.end(), [&](const TileUse& sum) {
+            return sum.method == use.method && sum.lens_points == use.lens_points &&
+                   sum.points_per_pixel_side == use.points_per_pixel_side;
+        });
+        if (alike == sums.end())
+            sums.push_back(use);
+        else
+            alike->tiles += use.tiles;
+    }
+    return sums;
+}
+
+std::vector<LeftOut> largest_of_each(const std::vector<LeftOut>& left_out) {
+    std::vector<LeftOut> largest;
+    for (const LeftOut& left : left_out) {
+        const auto same = std::ranges::find(largest, left.what, &LeftOut::what);
+        if (same == largest.end())
+            largest.push_back(left);
+        else if (same->gray < left.gray)
+            *same = left;
+    }
+    return largest;
+}
+
+std::string words(const TileUse& use) {
+    if (use.method == RenderMethod::edge_table)
+        return "by the table of edges";
+    if (use.method == RenderMethod::wedge_table)
+        return "by the table of edges and corners";
+    const std::string lens = use.method == RenderMethod::exact_area
+                                 ? fmt::format(", lens points {}", use.lens_points)
+                                 : "";
+    return fmt::format("by {}, k = {}{}", short_name(use.method), use.points_per_pixel_side, lens);
+}
+
+ordered_json plan_json(const RenderPlan& plan) {
+    const auto use_json = [](const TileUse& use) -> ordered_json {
+        return {{"method", short_name(use.method)},
+                {"k", use.points_per_pixel_side},
+                {"lens_points", use.lens_points},
+                {"tiles", use.tiles}};
+    };
+    const auto left_json = [](const LeftOut& left) -> ordered_json {
+        return {{"what", name_of(left.what)}, {"why", left.why}, {"gray", left.gray}};
+    };
+    return {{"summary", plan.describe()},
+            {"tolerance_gray", plan.tolerance_gray},
+            {"sampling_gray", plan.sampling_gray},
+            {"border_gray", plan.border_gray},
+            {"blur_radius_px", {plan.min_blur_radius_px, plan.max_blur_radius_px}},
+            {"tail_reach_px", plan.tail_reach_px},
+            {"tiles", json_list(added_up(plan.used), use_json)},
+            {"uniform_tiles", plan.uniform_tiles},
+            {"left_out", json_list(largest_of_each(plan.left_out), left_json)},
+            {"instructions", plan.instructions}};
+}
+
 }  // namespace
 
 std::vector<Rigid> parse_poses(const std::vector<std::string>& poses) {
@@ -238,93 +321,6 @@ void ViewRenderer::write(const std::filesystem::path& path, const View& view,
         noise = NoiseKey{*noise_seed_, index};
     write_image(path, sensor_->expose(view.radiance, noise));
 }
-
-// ---- what was done, in words and as JSON
-
-namespace {
-
-const char* short_name(RenderMethod method) {
-    const auto at =
-        std::ranges::find(method_words, method, &std::pair<const char*, RenderMethod>::second);
-    if (at != method_words.end())
-        return at->first;
-    if (method == RenderMethod::wedge_table)
-        return "wedge table";
-    return method == RenderMethod::edge_table ? "edge table" : "wave";
-}
-
-// A row of the table: its name, and text broken into as many lines as it needs.
-std::string row(const std::string& name, const std::string& text) {
-    return wrapped_text(fmt::format("  {:<14}", name), text, 80);
-}
-
-std::string row(const std::string& name, std::size_t count, const std::string& text) {
-    return wrapped_text(fmt::format("  {:<14}{:>8} ", name, count), text, 80);
-}
-
-// Of several markers: the tiles that were sampled alike together, of each omission the one that
-// counts most.
-std::vector<TileUse> added_up(const std::vector<TileUse>& used) {
-    std::vector<TileUse> sums;
-    for (const TileUse& use : used) {
-        const auto alike = std::find_if(sums.begin(), sums.end(), [&](const TileUse& sum) {
-            return sum.method == use.method && sum.lens_points == use.lens_points &&
-                   sum.points_per_pixel_side == use.points_per_pixel_side;
-        });
-        if (alike == sums.end())
-            sums.push_back(use);
-        else
-            alike->tiles += use.tiles;
-    }
-    return sums;
-}
-
-std::vector<LeftOut> largest_of_each(const std::vector<LeftOut>& left_out) {
-    std::vector<LeftOut> largest;
-    for (const LeftOut& left : left_out) {
-        const auto same = std::ranges::find(largest, left.what, &LeftOut::what);
-        if (same == largest.end())
-            largest.push_back(left);
-        else if (same->gray < left.gray)
-            *same = left;
-    }
-    return largest;
-}
-
-std::string words(const TileUse& use) {
-    if (use.method == RenderMethod::edge_table)
-        return "by the table of edges";
-    if (use.method == RenderMethod::wedge_table)
-        return "by the table of edges and corners";
-    const std::string lens = use.method == RenderMethod::exact_area
-                                 ? fmt::format(", lens points {}", use.lens_points)
-                                 : "";
-    return fmt::format("by {}, k = {}{}", short_name(use.method), use.points_per_pixel_side, lens);
-}
-
-ordered_json plan_json(const RenderPlan& plan) {
-    const auto use_json = [](const TileUse& use) -> ordered_json {
-        return {{"method", short_name(use.method)},
-                {"k", use.points_per_pixel_side},
-                {"lens_points", use.lens_points},
-                {"tiles", use.tiles}};
-    };
-    const auto left_json = [](const LeftOut& left) -> ordered_json {
-        return {{"what", name_of(left.what)}, {"why", left.why}, {"gray", left.gray}};
-    };
-    return {{"summary", plan.describe()},
-            {"tolerance_gray", plan.tolerance_gray},
-            {"sampling_gray", plan.sampling_gray},
-            {"border_gray", plan.border_gray},
-            {"blur_radius_px", {plan.min_blur_radius_px, plan.max_blur_radius_px}},
-            {"tail_reach_px", plan.tail_reach_px},
-            {"tiles", json_list(added_up(plan.used), use_json)},
-            {"uniform_tiles", plan.uniform_tiles},
-            {"left_out", json_list(largest_of_each(plan.left_out), left_json)},
-            {"instructions", plan.instructions}};
-}
-
-}  // namespace
 
 std::string plan_table(const RenderPlan& plan) {
     std::string text = fmt::format("plan, for at most {:.3g} gray\n", plan.tolerance_gray);

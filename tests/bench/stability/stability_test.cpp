@@ -82,43 +82,43 @@ TEST(Stability, CountsAnExceptionAsAFailure) {
     EXPECT_EQ(outcome.words, "not today");
 }
 
-TEST(Stability, NumbersWithoutAMeaningAreRefused) {
-    for (const StabilityCase& one : input_cases()) {
-        const StabilityOutcome outcome = outcome_of(one, render_once);
-        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+// All of a group pass; `check` gets each one's outcome.
+void expect_all_pass(
+    const std::vector<StabilityCase>& cases, const RenderFunction& render,
+    const std::function<void(const StabilityOutcome&)>& check = [](const auto&) {}) {
+    for (const StabilityCase& one : cases) {
+        SCOPED_TRACE(one.name);
+        const StabilityOutcome outcome = outcome_of(one, render);
+        EXPECT_TRUE(outcome.passed) << outcome.words;
+        check(outcome);
     }
+}
+
+void has_a_figure(const StabilityOutcome& outcome) {
+    EXPECT_GT(outcome.figure, 0.0);
+}
+
+TEST(Stability, NumbersWithoutAMeaningAreRefused) {
+    expect_all_pass(input_cases(), render_once);
 }
 
 TEST(Stability, ProjectionComesBack) {
-    for (const auto& cases : {projection_cases(), wide_lens_cases()})
-        for (const StabilityCase& one : cases) {
-            const StabilityOutcome outcome = outcome_of(one, render_once);
-            EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
-        }
+    expect_all_pass(projection_cases(), render_once);
+    expect_all_pass(wide_lens_cases(), render_once);
 }
 
 TEST(Stability, StiffServosFollowTheirClosedForm) {
-    for (const StabilityCase& one : servo_cases()) {
-        const StabilityOutcome outcome = outcome_of(one, credulous);
-        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
-        EXPECT_GT(outcome.figure, 0.0) << one.name;
-    }
+    expect_all_pass(servo_cases(), credulous, has_a_figure);
 }
 
 TEST(Stability, CalibrationsAgreeWithLongDouble) {
-    for (const StabilityCase& one : calibration_cases()) {
-        const StabilityOutcome outcome = outcome_of(one, credulous);
-        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
-        EXPECT_GT(outcome.figure, 0.0) << one.name;
-    }
+    expect_all_pass(calibration_cases(), credulous, has_a_figure);
 }
 
 TEST(Stability, RegistrationsNameWhatAStageCannotTell) {
-    for (const StabilityCase& one : registration_cases()) {
-        const StabilityOutcome outcome = outcome_of(one, credulous);
-        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
-        EXPECT_FALSE(outcome.words.empty() && outcome.bound > 0.0) << one.name;
-    }
+    expect_all_pass(registration_cases(), credulous, [](const StabilityOutcome& outcome) {
+        EXPECT_FALSE(outcome.words.empty() && outcome.bound > 0.0);
+    });
 }
 
 TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {

@@ -233,10 +233,6 @@ void ModbusLink::write(int unit, RegisterSpace space, int address,
     send_write({unit, function, address, count, {values.begin(), values.end()}}, space);
 }
 
-void ModbusLink::write_single(int unit, int address, std::uint16_t value) {
-    send_write({unit, 6, address, 1, {value}}, RegisterSpace::holding_registers);
-}
-
 void ModbusLink::send_write(const ModbusRequest& request, RegisterSpace space) {
     const std::string device = this->device(request.unit), text = describe(request, space);
     require_range(device, request, space, is_writable(space) ? most_written(space) : 0);

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/geometry/units.h"
-
 namespace etalon {
 namespace {
 
@@ -78,19 +76,14 @@ void require_speed_fits(const StageProfile& profile, const Axis& axis, double sh
 void require_fine_enough(const StageProfile& profile, const Axis& axis) {
     const double count =
         1.0 / std::abs(profile.counts_of(axis, 1.0) - profile.counts_of(axis, 0.0));
-    const bool linear = axis.kind == Axis::Kind::linear;
-    const auto shown = [&](double length) {
-        return fmt::format("{:.6g} {}", linear ? length : length * deg_per_rad,
-                           linear ? "mm" : "deg");
-    };
     if (count > profile.tolerance(axis) * (1.0 + count_noise))
         refuse(axis, fmt::format("one of its counts, {}, is more than the profile's tolerance, {}: "
                                  "it would never arrive",
-                                 shown(count), shown(profile.tolerance(axis))));
+                                 as_typed(axis, count), as_typed(axis, profile.tolerance(axis))));
     if (axis.approach != 0 && axis.overrun < 2.0 * count)
         refuse(axis, fmt::format("its overrun before the approach, {}, is less than two of its "
                                  "counts, {}",
-                                 shown(axis.overrun), shown(2.0 * count)));
+                                 as_typed(axis, axis.overrun), as_typed(axis, 2.0 * count)));
 }
 
 void require_fits(const StageProfile& profile, const Axis& axis) {

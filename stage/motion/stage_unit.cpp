@@ -354,27 +354,18 @@ double StageUnit::commanded_speed(const Axis& axis, double speed_share) const {
 }
 
 bool is_on(const AxisStatus& axis, Signal signal) {
-    switch (signal) {
-        case Signal::enabled:
-            return axis.enabled;
-        case Signal::ready:
-            return axis.ready;
-        case Signal::homed:
-            return axis.homed;
-        case Signal::moving:
-            return axis.moving;
-        case Signal::homing:
-            return axis.homing;
-        case Signal::in_position:
-            return axis.in_position;
-        case Signal::alarm:
-            return axis.alarm != 0;
-        case Signal::emergency_stop:
-            return axis.emergency_stop;
-        case Signal::limit:
-            return axis.limit;
-    }
-    return false;
+    if (signal == Signal::alarm)
+        return axis.alarm != 0;
+    static constexpr bool AxisStatus::*flags[] = {&AxisStatus::enabled,
+                                                  &AxisStatus::ready,
+                                                  &AxisStatus::homed,
+                                                  &AxisStatus::moving,
+                                                  &AxisStatus::homing,
+                                                  &AxisStatus::in_position,
+                                                  nullptr,
+                                                  &AxisStatus::emergency_stop,
+                                                  &AxisStatus::limit};
+    return axis.*flags[static_cast<std::size_t>(signal)];
 }
 
 namespace {

@@ -39,6 +39,8 @@ public:
     // compared.
     std::function<void(CaptureSettings&)> alter_settings;
 
+    using DeviceCamera::identity_;  // a test may change it
+
     // What happened so far.
     bool is_armed() const { return armed_; }
     int triggers = 0;

@@ -157,7 +157,7 @@ TEST(ModbusLink, AsksEverySpaceByItsFunctionAndEveryUnitByItsNumber) {
     EXPECT_THROW(rig.link.read(1, RegisterSpace::coils, 0, 2001), DeviceError);
     EXPECT_THROW(rig.link.write(1, RegisterSpace::discrete_inputs, 0, one), DeviceError);
     EXPECT_THROW(rig.link.write(1, RegisterSpace::input_registers, 0, one), DeviceError);
-    EXPECT_EQ(requests.size(), 8U);
+    EXPECT_EQ(requests.size(), 7U);
 }
 
 TEST(ModbusLink, DrainsASerialLineAfterOpeningItAndAfterEveryFailure) {

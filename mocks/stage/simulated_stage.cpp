@@ -362,7 +362,11 @@ void SimulatedStage::raise_alarm(int code, std::size_t controller) {
 }
 
 void SimulatedStage::jam(std::size_t axis, bool jammed) {
-    now([&](double t) { jammed ? jam_at(axis, t) : void(states_.at(axis).jammed = false); });
+    now([&](double t) {
+        if (jammed)
+            return jam_at(axis, t);
+        states_.at(axis).jammed = false;
+    });
 }
 
 void SimulatedStage::claim_arrival(std::size_t axis) {
@@ -378,7 +382,11 @@ void SimulatedStage::hit_limit(std::size_t axis) {
 }
 
 void SimulatedStage::press_emergency_stop(bool pressed) {
-    now([&](double t) { pressed ? press_emergency_stop_at(t) : void(emergency_stop_ = false); });
+    now([&](double t) {
+        if (pressed)
+            return press_emergency_stop_at(t);
+        emergency_stop_ = false;
+    });
 }
 
 }  // namespace etalon

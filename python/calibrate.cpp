@@ -13,25 +13,16 @@ namespace {
 
 using namespace py::literals;
 
-CalibrationView view_from(const py::object& points_mm, const py::object& pixels) {
-    return {point_list(points_mm, "points_mm"), pixel_list(pixels, "pixels")};
-}
-
 ObservedTarget observe_in(const py::array& photo, const Marker& target) {
     const CodeImage image = code_image(photo, "photo");
     return without_gil([&] { return observe(calibration_target(target, "target"), image); });
-}
-
-CalibrationOptions options_of(const std::optional<std::string>& model, bool leave_one_out,
-                              int resamples, bool fit_board) {
-    return {model, leave_one_out, resamples, fit_board};
 }
 
 CameraCalibration from_views(const std::vector<CalibrationView>& views,
                              const std::pair<int, int>& image_size,
                              const std::optional<std::string>& model, bool leave_one_out,
                              int resamples, bool fit_board) {
-    const CalibrationOptions options = options_of(model, leave_one_out, resamples, fit_board);
+    const CalibrationOptions options{model, leave_one_out, resamples, fit_board};
     return without_gil([&] {
         return calibrate_camera(views, {image_size.first, image_size.second}, options);
     });
@@ -47,7 +38,7 @@ CameraCalibration from_photos(const std::vector<py::array>& photos, const Marker
     for (const CodeImage& image : images)
         if (image.pixels.size() != images.front().pixels.size())
             throw ConfigError({"photos"}, "must all have one size");
-    const CalibrationOptions options = options_of(model, leave_one_out, resamples, fit_board);
+    const CalibrationOptions options{model, leave_one_out, resamples, fit_board};
     return without_gil([&] {
         const CalibrationTarget board = calibration_target(target, "target");
         std::vector<CalibrationView> views;
@@ -87,7 +78,11 @@ py::array_t<bool> left_out(const CalibratedView& view) {
 void bind_views(py::module_& module) {
     py::class_<CalibrationView>(module, "CalibrationView",
                                 "Points of a planar target and where one photograph shows them.")
-        .def(py::init(&view_from), py::arg("points_mm"), py::arg("pixels"),
+        .def(py::init([](const py::object& points_mm, const py::object& pixels) {
+                 return CalibrationView{point_list(points_mm, "points_mm"),
+                                        pixel_list(pixels, "pixels")};
+             }),
+             py::arg("points_mm"), py::arg("pixels"),
              R"(points_mm: (N, 3) in the target's frame and plane z = 0, mm. pixels: (N, 2).)")
         .def_property_readonly("points_mm", as_array(&CalibrationView::points_mm), "(N, 3), mm.")
         .def_property_readonly("pixels", as_array(&CalibrationView::pixels), "(N, 2), px.")

@@ -63,30 +63,41 @@ Projector from_opencv(const std::pair<int, int>& image_size, const py::object& m
     return Projector(camera);
 }
 
-py::object project(const Projector& camera, const py::object& points_camera, bool jacobians) {
-    const NumberArray points = number_rows(points_camera, 3, "points_camera");
-    NumberArray pixels(shape_like(points, {2}));
-    NumberArray by_point(jacobians ? shape_like(points, {2, 3}) : std::vector<py::ssize_t>{0});
-    const double* from = points.data();
-    double* pixel = pixels.mutable_data();
-    double* jacobian = by_point.mutable_data();
+// Rows of `In` numbers to rows of `Out`, with the derivative of each if asked for; NaN is left
+// where `map`(row, value, derivative or null) writes nothing.
+template <int In, int Out, class Map>
+py::object mapped_rows(const NumberArray& rows, bool jacobians, const Map& map) {
+    using Derivative = Eigen::Matrix<double, Out, In>;
+    NumberArray values(shape_like(rows, {Out}));
+    NumberArray by_row(jacobians ? shape_like(rows, {Out, In}) : std::vector<py::ssize_t>{0});
+    const double* from = rows.data();
+    double* to = values.mutable_data();
+    double* jacobian = by_row.mutable_data();
     without_gil([&] {
-        for (py::ssize_t i = 0; i < points.size(); i += 3, pixel += 2) {
-            const Eigen::Vector3d point(from + i);
-            Eigen::Map<Eigen::Vector2d> seen(pixel);
-            if (!jacobians) {
-                seen = camera.project(point).value_or(Eigen::Vector2d::Constant(no_number));
-                continue;
-            }
-            Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> derivative(jacobian + 2 * i);
-            const auto projected = camera.project_with_jacobian(point);
-            seen = projected ? projected->pixel : Eigen::Vector2d::Constant(no_number);
-            derivative.fill(no_number);
-            if (projected)
-                derivative = projected->jacobian;
+        for (py::ssize_t i = 0; i < rows.size(); i += In, to += Out) {
+            Eigen::Map<Eigen::Matrix<double, Out, 1>> value(to);
+            value.fill(no_number);
+            Derivative derivative = Derivative::Constant(no_number);
+            map(Eigen::Matrix<double, In, 1>(from + i), value, jacobians ? &derivative : nullptr);
+            if (jacobians)
+                Eigen::Map<Eigen::Matrix<double, Out, In, Eigen::RowMajor>>(jacobian + Out * i) =
+                    derivative;
         }
     });
-    return jacobians ? py::object(py::make_tuple(pixels, by_point)) : pixels;
+    return jacobians ? py::object(py::make_tuple(values, by_row)) : values;
+}
+
+py::object project(const Projector& camera, const py::object& points_camera, bool jacobians) {
+    return mapped_rows<3, 2>(number_rows(points_camera, 3, "points_camera"), jacobians,
+                             [&](const Eigen::Vector3d& point, auto& pixel, auto* derivative) {
+                                 if (!derivative) {
+                                     if (const auto seen = camera.project(point))
+                                         pixel = *seen;
+                                 } else if (const auto seen = camera.project_with_jacobian(point)) {
+                                     pixel = seen->pixel;
+                                     *derivative = seen->jacobian;
+                                 }
+                             });
 }
 
 // d ray / d pixel: the inverse of d pixel / d p_camera on the plane in which rays can move, which
@@ -101,27 +112,18 @@ Eigen::Matrix<double, 3, 2> ray_by_pixel(const Eigen::Matrix<double, 2, 3>& pixe
 }
 
 py::object unproject(const Projector& camera, const py::object& pixels, bool jacobians) {
-    const NumberArray places = number_rows(pixels, 2, "pixels");
-    NumberArray rays(shape_like(places, {3}));
-    NumberArray by_pixel(jacobians ? shape_like(places, {3, 2}) : std::vector<py::ssize_t>{0});
     const bool is_flat = camera.camera().projection.is_flat();
-    const double* from = places.data();
-    double* ray = rays.mutable_data();
-    double* jacobian = by_pixel.mutable_data();
-    without_gil([&] {
-        for (py::ssize_t i = 0; i < places.size(); i += 2, ray += 3) {
-            const auto found = camera.ray(Eigen::Vector2d(from + i));
-            Eigen::Map<Eigen::Vector3d>{ray} = found.value_or(Eigen::Vector3d::Constant(no_number));
-            if (!jacobians)
-                continue;
-            Eigen::Map<Eigen::Matrix<double, 3, 2, Eigen::RowMajor>> derivative(jacobian + 3 * i);
-            derivative.fill(no_number);
-            const auto back = found ? camera.project_with_jacobian(*found) : std::nullopt;
-            if (back)
-                derivative = ray_by_pixel(back->jacobian, is_flat);
-        }
-    });
-    return jacobians ? py::object(py::make_tuple(rays, by_pixel)) : rays;
+    return mapped_rows<2, 3>(number_rows(pixels, 2, "pixels"), jacobians,
+                             [&](const Eigen::Vector2d& pixel, auto& ray, auto* derivative) {
+                                 const auto found = camera.ray(pixel);
+                                 if (found)
+                                     ray = *found;
+                                 const auto back = found && derivative
+                                                       ? camera.project_with_jacobian(*found)
+                                                       : std::nullopt;
+                                 if (back)
+                                     *derivative = ray_by_pixel(back->jacobian, is_flat);
+                             });
 }
 
 // ---- what the file says

@@ -71,10 +71,19 @@ void SharedStage::halt() {
     halt_ = std::stop_source();
 }
 
+CaptureSettings configured(SharedCamera& camera, const CaptureSettings& wanted) {
+    return camera.ask([&](Camera& device) {
+        device.disarm();
+        const CaptureSettings settings = device.configure(wanted);
+        device.arm();
+        return settings;
+    });
+}
+
 namespace {
 
 py::list status(SharedStage& stage) {
-    const auto all = stage.ask([](Stage& device) { return device.status(); });
+    const auto all = stage.ask(std::mem_fn(&Stage::status));
     py::list list;
     for (std::size_t i = 0; i < all.size(); ++i)
         list.append(py::dict("name"_a = stage.axes()[i].name, "position"_a = all[i].position,
@@ -90,10 +99,6 @@ void move(SharedStage& stage, const py::object& target) {
     stage.run([&](Stage& device, std::stop_token stop) { device.move(positions, stop); });
 }
 
-py::list axes(const SharedStage& stage) {
-    return axes_list(stage.axes());
-}
-
 py::dict in_force(const CaptureSettings& settings) {
     return py::dict("width"_a = settings.width, "height"_a = settings.height,
                     "bits"_a = settings.bits, "format"_a = settings.format,
@@ -101,19 +106,6 @@ py::dict in_force(const CaptureSettings& settings) {
                     "black_level"_a = settings.black_level, "trigger"_a = settings.trigger,
                     "controls"_a = settings.controls);
 }
-
-}  // namespace
-
-CaptureSettings configured(SharedCamera& camera, const CaptureSettings& wanted) {
-    return camera.ask([&](Camera& device) {
-        device.disarm();
-        const CaptureSettings settings = device.configure(wanted);
-        device.arm();
-        return settings;
-    });
-}
-
-namespace {
 
 py::dict configure(SharedCamera& camera, std::int64_t exposure_us, double gain_db, int width,
                    int height, int bits, const std::string& format,
@@ -126,18 +118,20 @@ py::dict configure(SharedCamera& camera, std::int64_t exposure_us, double gain_d
 }
 
 py::dict statistics(SharedCamera& camera) {
-    const CaptureStatistics counted =
-        camera.ask([](Camera& device) { return device.statistics(); });
+    const CaptureStatistics counted = camera.ask(std::mem_fn(&Camera::statistics));
     return py::dict("delivered"_a = counted.delivered, "rejected"_a = counted.rejected,
                     "missing_packets"_a = counted.missing_packets,
                     "resent_packets"_a = counted.resent_packets, "underruns"_a = counted.underruns,
                     "skipped"_a = counted.skipped, "reconnects"_a = counted.reconnects);
 }
 
+py::dict described(const CameraIdentity& camera) {
+    return py::dict("uri"_a = camera.uri, "vendor"_a = camera.vendor, "model"_a = camera.model,
+                    "serial"_a = camera.serial);
+}
+
 py::dict identity(SharedCamera& camera) {
-    const CameraIdentity said = camera.ask([](Camera& device) { return device.identity(); });
-    return py::dict("uri"_a = said.uri, "vendor"_a = said.vendor, "model"_a = said.model,
-                    "serial"_a = said.serial);
+    return described(camera.ask([](Camera& device) { return device.identity(); }));
 }
 
 py::list list_of_devices() {
@@ -146,18 +140,11 @@ py::list list_of_devices() {
     for (const CameraBackend& backend : found) {
         py::list cameras;
         for (const CameraIdentity& camera : backend.cameras)
-            cameras.append(py::dict("uri"_a = camera.uri, "vendor"_a = camera.vendor,
-                                    "model"_a = camera.model, "serial"_a = camera.serial));
+            cameras.append(described(camera));
         backends.append(py::dict("name"_a = backend.name, "built_in"_a = backend.built_in,
                                  "detail"_a = backend.detail, "cameras"_a = cameras));
     }
     return backends;
-}
-
-py::object image_of(const Frame& frame) {
-    if (frame.status != FrameStatus::complete)
-        return py::none();
-    return shared_array(frame.image.pixels);
 }
 
 std::unique_ptr<SharedCamera> open_by_uri(const std::string& uri, double frame_timeout_s,
@@ -172,7 +159,12 @@ std::unique_ptr<SharedCamera> open_by_uri(const std::string& uri, double frame_t
 void bind_cameras(py::module_& module) {
     py::class_<Frame>(module, "Frame", "A photograph with what is known of it.")
         .def_property_readonly(
-            "image", &image_of,
+            "image",
+            [](const Frame& frame) -> py::object {
+                if (frame.status != FrameStatus::complete)
+                    return py::none();
+                return shared_array(frame.image.pixels);
+            },
             "(height, width) uint8 or uint16; None unless the frame is complete.")
         .def_property_readonly(
             "status", [](const Frame& frame) { return name(frame.status); },
@@ -206,9 +198,7 @@ Raises DeviceError when the device is gone. Ctrl-C ends it.)")
         .def_property_readonly("statistics", &statistics, "Counters since opening: a dict.")
         .def_property_readonly(
             "remarks",
-            [](SharedCamera& camera) {
-                return camera.ask([](Camera& device) { return device.remarks(); });
-            },
+            [](SharedCamera& camera) { return camera.ask(std::mem_fn(&Camera::remarks)); },
             "What limits this connection, one line each.")
         .def("__enter__", [](const py::object& self) { return self; })
         .def("__exit__", [](SharedCamera& camera, const py::args&) { camera.close(); });
@@ -244,23 +234,19 @@ void bind_devices(py::module_& module) {
 
 Positions: one per axis, mm or rad. Closing it, leaving its `with` or losing it stops every axis.
 Threads that share one take turns. Ctrl-C during a motion stops the axes.)")
-        .def_property_readonly("axes", &axes, "Dicts of name, kind, unit, low, high, speed.")
+        .def_property_readonly(
+            "axes", [](const SharedStage& stage) { return axes_list(stage.axes()); },
+            "Dicts of name, kind, unit, low, high, speed.")
         .def(
-            "enable",
-            [](SharedStage& stage) {
-                stage.run([](Stage& device, std::stop_token stop) { device.enable(stop); });
-            },
+            "enable", [](SharedStage& stage) { stage.run(std::mem_fn(&Stage::enable)); },
             "Switches the axes on. Raises DeviceError.")
         .def(
-            "home",
-            [](SharedStage& stage) {
-                stage.run([](Stage& device, std::stop_token stop) { device.home(stop); });
-            },
+            "home", [](SharedStage& stage) { stage.run(std::mem_fn(&Stage::home)); },
             R"(Moves every axis until it has found its zero, by the controller's own way.
 
 Soft limits, forbidden boxes and slow zones do not hold meanwhile. Raises DeviceError.)")
         .def(
-            "resume", [](SharedStage& stage) { stage.ask([](Stage& device) { device.resume(); }); },
+            "resume", [](SharedStage& stage) { stage.ask(std::mem_fn(&Stage::resume)); },
             R"(In place of enable() and home(): goes on where an earlier program left the axes.
 
 Raises DeviceError unless every axis is enabled, homed and at rest.)")
@@ -278,9 +264,7 @@ or a lost link; the axes are stopped first.)")
             "Moves from now on run at this share of each axis' speed, 0 < share <= 1.")
         .def(
             "position",
-            [](SharedStage& stage) {
-                return array_of(stage.ask([](Stage& device) { return device.position(); }));
-            },
+            [](SharedStage& stage) { return array_of(stage.ask(std::mem_fn(&Stage::position))); },
             "(A,), read back from axes at rest. Raises DeviceError.")
         .def("status", &status,
              "Of each axis, a dict: position, enabled, homed, moving, alarm, ...")
@@ -288,10 +272,7 @@ or a lost link; the axes are stopped first.)")
              "Stops every axis, also during a motion of another thread. True when the controller "
              "confirmed that nothing moves.")
         .def(
-            "trace",
-            [](SharedStage& stage) {
-                return stage.ask([](Stage& device) { return device.trace(); });
-            },
+            "trace", [](SharedStage& stage) { return stage.ask(std::mem_fn(&Stage::trace)); },
             "The last exchanges with the device, one line each.")
         .def("close", &SharedStage::close, "Stops every axis and ends the connection.")
         .def("__enter__", [](const py::object& self) { return self; })

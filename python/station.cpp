@@ -169,10 +169,6 @@ std::unique_ptr<SharedCamera> open_station_camera(const StationFile& station) {
     return camera;
 }
 
-std::unique_ptr<SharedStage> open_station_stage(const StationFile& station, bool homed) {
-    return std::make_unique<SharedStage>(station.stage, homed);
-}
-
 NumberArray carriage_at(const StationFile& station, const py::object& positions) {
     return array_of(base_from_carriage(station.stage.axes, number_list(positions, "positions")));
 }
@@ -203,8 +199,13 @@ void bind_station(py::module_& module) {
              "(4, 4), mm, at positions (A,), mm or rad.")
         .def("open_camera", &open_station_camera,
              "The CameraDevice with the station's settings, ready. Raises DeviceError.")
-        .def("open_stage", &open_station_stage, py::arg("homed") = false,
-             R"(The Stage, with all rules of the file. Nothing moves yet.
+        .def(
+            "open_stage",
+            [](const StationFile& station, bool homed) {
+                return std::make_unique<SharedStage>(station.stage, homed);
+            },
+            py::arg("homed") = false,
+            R"(The Stage, with all rules of the file. Nothing moves yet.
 
 homed: your word that axes stand at their zero, for controllers that do not tell. Raises
 DeviceError.)")

@@ -12,19 +12,13 @@
 namespace etalon {
 namespace {
 
+using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
 constexpr int warm_up_triggers = 3;  // a trigger right after arming may be lost
 constexpr milliseconds between_openings{200};
 
-void add(const CaptureStatistics& of_stream, CaptureStatistics& sum) {
-    sum.missing_packets += of_stream.missing_packets;
-    sum.resent_packets += of_stream.resent_packets;
-    sum.underruns += of_stream.underruns;
-    sum.skipped += of_stream.skipped;
-}
-
-using std::chrono::microseconds;
+// ---- frames of one acquisition ---------------------------------------------------------------
 
 constexpr microseconds packet_timeout = milliseconds(20);    // then a packet is asked for again
 constexpr microseconds frame_retention = milliseconds(200);  // then a frame is given up
@@ -63,7 +57,7 @@ public:
         device.call("start acquisition", arv_camera_start_acquisition);
     }
 
-    // stops it; within 3 s, lost or not
+    // Stops it within 3 s, lost or not.
     ~GenicamStream() {
         if (!device_.lost()) {
             ErrorSlot error;
@@ -116,8 +110,8 @@ public:
         frame.settings = capture_.settings;
         frame.mosaic = capture_.format->mosaic;
         frame.device_time_ns = device_time_ns(buffer);
-        const ArvBufferStatus status = arv_buffer_get_status(buffer);
-        reject(frame, genicam_frame_status(status), describe_buffer_status(status));
+        const BufferVerdict verdict = verdict_of_buffer(arv_buffer_get_status(buffer));
+        reject(frame, verdict.status, verdict.detail);
         if (frame.status != FrameStatus::complete)
             return frame;
         PayloadParts parts;
@@ -280,6 +274,15 @@ private:
     bool had_unreadable_chunks_ = false;
     long skipped_ = 0;
 };
+
+// ---- the camera ------------------------------------------------------------------------------
+
+void add(const CaptureStatistics& of_stream, CaptureStatistics& sum) {
+    sum.missing_packets += of_stream.missing_packets;
+    sum.resent_packets += of_stream.resent_packets;
+    sum.underruns += of_stream.underruns;
+    sum.skipped += of_stream.skipped;
+}
 
 class GenicamCamera final : public DeviceCamera {
 public:

@@ -220,41 +220,26 @@ int granted_receive_buffer(int asked) {
     return known ? size / 2 : asked;
 }
 
-FrameStatus genicam_frame_status(int status) {
+BufferVerdict verdict_of_buffer(int status) {
     switch (status) {
         case ARV_BUFFER_STATUS_SUCCESS:
-            return FrameStatus::complete;
-        case ARV_BUFFER_STATUS_SIZE_MISMATCH:
-            return FrameStatus::short_frame;
-        case ARV_BUFFER_STATUS_MISSING_PACKETS:
-        case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
-        case ARV_BUFFER_STATUS_TIMEOUT:
-            return FrameStatus::corrupt;
-        default:
-            return FrameStatus::lost;
-    }
-}
-
-const char* describe_buffer_status(int status) {
-    switch (status) {
-        case ARV_BUFFER_STATUS_SUCCESS:
-            return "success";
+            return {FrameStatus::complete, "success"};
         case ARV_BUFFER_STATUS_CLEARED:
-            return "buffer cleared";
+            return {FrameStatus::lost, "buffer cleared"};
         case ARV_BUFFER_STATUS_TIMEOUT:
-            return "packets timed out";
+            return {FrameStatus::corrupt, "packets timed out"};
         case ARV_BUFFER_STATUS_MISSING_PACKETS:
-            return "missing packets";
+            return {FrameStatus::corrupt, "missing packets"};
         case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
-            return "wrong packet id";
+            return {FrameStatus::corrupt, "wrong packet id"};
         case ARV_BUFFER_STATUS_SIZE_MISMATCH:
-            return "size mismatch";
+            return {FrameStatus::short_frame, "size mismatch"};
         case ARV_BUFFER_STATUS_FILLING:
-            return "still filling";
+            return {FrameStatus::lost, "still filling"};
         case ARV_BUFFER_STATUS_ABORTED:
-            return "aborted";
+            return {FrameStatus::lost, "aborted"};
         default:
-            return "unknown status";
+            return {FrameStatus::lost, "unknown status"};
     }
 }
 

@@ -127,9 +127,12 @@ inline constexpr int receive_buffer_bytes = 4 << 20;
 // What the kernel grants of a UDP receive buffer of `asked` bytes; `asked` where it will not say.
 int granted_receive_buffer(int asked);
 
-// `status` is an ArvBufferStatus.
-FrameStatus genicam_frame_status(int status);
-const char* describe_buffer_status(int status);
+// What an ArvBufferStatus means for the frame, and in words.
+struct BufferVerdict {
+    FrameStatus status;
+    const char* detail;
+};
+BufferVerdict verdict_of_buffer(int status);
 
 // Latches the device's clock and reads what was latched: the clock's value at some moment within
 // the window. Nothing where the device has no clock that can be read, or does not latch within 50

@@ -63,6 +63,8 @@ std::string names_of(const std::vector<CameraFormat>& formats) {
     return names.empty() ? "none that this program can unpack" : names;
 }
 
+// ---- a running stream ------------------------------------------------------------------------
+
 constexpr unsigned wanted_buffers = 4;
 constexpr std::int64_t latest_second = 5'000'000'000;  // of a stamp, 158 years from any epoch
 constexpr unsigned min_buffers = 2;                    // one for the driver, one for us
@@ -115,7 +117,7 @@ public:
         }
     }
 
-    // within 1.2 s even if the driver hangs; the device counts as lost then
+    // Within 1.2 s even if the driver hangs; the device counts as lost then.
     ~V4l2Stream() { stop(); }
 
     V4l2Stream(const V4l2Stream&) = delete;
@@ -241,6 +243,8 @@ private:
     std::vector<Mapping> mappings_;
     unsigned planes_ = 1;
 };
+
+// ---- the camera ------------------------------------------------------------------------------
 
 class V4l2Camera final : public DeviceCamera {
 public:

@@ -121,11 +121,6 @@ const V4l2Controls::Control& V4l2Controls::named(const std::string& name,
     return *found;
 }
 
-bool V4l2Controls::has(const std::string& name) const {
-    return std::any_of(controls_.begin(), controls_.end(),
-                       [&](const Control& control) { return control.name == normalised(name); });
-}
-
 int V4l2Controls::read(const Control& control, std::int64_t& value) {
     v4l2_ext_control one{};
     one.id = control.id;

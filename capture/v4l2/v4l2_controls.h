@@ -33,7 +33,6 @@ public:
     void set(const std::string& name, double value);
 
     double get(const std::string& name);  // throws as above
-    bool has(const std::string& name) const;
 
     // Exposure time in the API's steps of 100 us; nothing where the device does not say it so.
     std::optional<std::chrono::microseconds> exposure();

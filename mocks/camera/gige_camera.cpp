@@ -216,7 +216,7 @@ Bytes trailer_content(const GvspLeader& leader) {
 
 class GvspSender {
 public:
-    // throws DeviceError
+    // Throws DeviceError.
     GvspSender() : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
         if (socket_ < 0)
             throw DeviceError("camera", "open a stream socket", std::strerror(errno));

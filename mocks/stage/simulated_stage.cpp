@@ -211,18 +211,17 @@ void SimulatedStage::start(const std::vector<double>& target, const std::vector<
 }
 
 void SimulatedStage::stop(std::size_t controller) {
-    const std::scoped_lock lock(mutex_);
-    brake(controller, catch_up());
+    now([&](double t) { brake(controller, t); });
 }
 
 void SimulatedStage::reset(std::size_t controller) {
-    const std::scoped_lock lock(mutex_);
-    catch_up();
-    if (emergency_stop_)
-        return;
-    alarms_.at(controller) = StageAlarm::none;
-    for (AxisState& axis : axes_of(controller))
-        axis.at_limit = false;
+    now([&](double) {
+        if (emergency_stop_)
+            return;
+        alarms_.at(controller) = StageAlarm::none;
+        for (AxisState& axis : axes_of(controller))
+            axis.at_limit = false;
+    });
 }
 
 // ---- reading
@@ -257,20 +256,18 @@ std::vector<double> SimulatedStage::true_positions_at(double t) const {
 }
 
 std::vector<double> SimulatedStage::true_positions() {
-    const std::scoped_lock lock(mutex_);
-    return true_positions_at(catch_up());
+    return now([&](double t) { return true_positions_at(t); });
 }
 
 bool SimulatedStage::is_moving() {
-    const std::scoped_lock lock(mutex_);
-    return any_moves(catch_up());
+    return now([&](double t) { return any_moves(t); });
 }
 
 bool SimulatedStage::is_moving(std::size_t controller) {
-    const std::scoped_lock lock(mutex_);
-    const double t = catch_up();
-    return std::ranges::any_of(axes_of(controller),
-                               [&](const AxisState& axis) { return moves(axis, t); });
+    return now([&](double t) {
+        return std::ranges::any_of(axes_of(controller),
+                                   [&](const AxisState& axis) { return moves(axis, t); });
+    });
 }
 
 std::vector<double> SimulatedStage::target() {
@@ -361,43 +358,35 @@ void SimulatedStage::notice_request(int first_written, int count) {
 }
 
 void SimulatedStage::raise_alarm(int code, std::size_t controller) {
-    const std::scoped_lock lock(mutex_);
-    fail(code, controller, catch_up());
+    now([&](double t) { fail(code, controller, t); });
 }
 
 void SimulatedStage::jam(std::size_t axis, bool jammed) {
-    const std::scoped_lock lock(mutex_);
-    const double t = catch_up();
-    if (jammed)
-        jam_at(axis, t);
-    else
+    now([&](double t) {
+        if (jammed)
+            return jam_at(axis, t);
         states_.at(axis).jammed = false;
+    });
 }
 
 void SimulatedStage::claim_arrival(std::size_t axis) {
-    const std::scoped_lock lock(mutex_);
-    catch_up();
-    states_.at(axis).claims_arrival = true;
+    now([&](double) { states_.at(axis).claims_arrival = true; });
 }
 
 void SimulatedStage::jump_encoder(std::size_t axis, double size) {
-    const std::scoped_lock lock(mutex_);
-    catch_up();
-    states_.at(axis).physics.jump_encoder(size);
+    now([&](double) { states_.at(axis).physics.jump_encoder(size); });
 }
 
 void SimulatedStage::hit_limit(std::size_t axis) {
-    const std::scoped_lock lock(mutex_);
-    hit_limit_at(axis, catch_up());
+    now([&](double t) { hit_limit_at(axis, t); });
 }
 
 void SimulatedStage::press_emergency_stop(bool pressed) {
-    const std::scoped_lock lock(mutex_);
-    const double t = catch_up();
-    if (pressed)
-        press_emergency_stop_at(t);
-    else
+    now([&](double t) {
+        if (pressed)
+            return press_emergency_stop_at(t);
         emergency_stop_ = false;
+    });
 }
 
 }  // namespace etalon

@@ -88,6 +88,13 @@ private:
         bool jammed = false, claims_arrival = false, at_limit = false;
     };
 
+    // Does `work` with the time in seconds since power-on, after the faults that were due by then.
+    template <class Work>
+    auto now(const Work& work) {
+        const std::scoped_lock lock(mutex_);
+        return work(catch_up());
+    }
+
     // All need the lock; t is in seconds since power-on.
     double catch_up();  // t of now, after the faults that were due by then
     double seconds(Instant now) const;

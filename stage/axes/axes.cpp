@@ -137,18 +137,17 @@ Axis read_axis(const Value& item) {
     return axis;
 }
 
-// In the unit that people type: mm or degrees.
-std::string as_typed(const Axis& axis, double value) {
-    return axis.kind == Axis::Kind::linear ? fmt::format("{:.6g} mm", value)
-                                           : fmt::format("{:.6g} deg", value / rad_per_deg);
-}
-
 void require_same_count(std::size_t axes, std::size_t positions, const SourcePlace& place) {
     if (axes != positions)
         throw ConfigError(place, fmt::format("{} positions for {} axes", positions, axes));
 }
 
 }  // namespace
+
+std::string as_typed(const Axis& axis, double value) {
+    return axis.kind == Axis::Kind::linear ? fmt::format("{:.6g} mm", value)
+                                           : fmt::format("{:.6g} deg", value / rad_per_deg);
+}
 
 std::vector<Axis> read_axes(const Value& list) {
     std::vector<Axis> axes;

@@ -71,6 +71,9 @@ struct Axis {
 // Throws ConfigError.
 std::vector<Axis> read_axes(const Value& list);
 
+// A position in the unit that people type: "12.5 mm", "90 deg".
+std::string as_typed(const Axis& axis, double position);
+
 // Throws ConfigError at `place` naming the first axis and position outside its soft limits (the
 // limits themselves are inside, NaN is outside), or when the numbers of axes and positions differ.
 void require_within_limits(std::span<const Axis> axes, std::span<const double> positions,

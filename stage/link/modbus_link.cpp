@@ -22,17 +22,8 @@ constexpr int acknowledged = 5, gateway_heard_nothing = 11;
 constexpr int busy = 6;
 
 const char* word_for(RegisterSpace space) {
-    switch (space) {
-        case RegisterSpace::coils:
-            return "coil";
-        case RegisterSpace::discrete_inputs:
-            return "discrete input";
-        case RegisterSpace::holding_registers:
-            return "register";
-        case RegisterSpace::input_registers:
-            return "input register";
-    }
-    return "";
+    constexpr const char* words[] = {"coil", "discrete input", "register", "input register"};
+    return words[static_cast<std::size_t>(space)];
 }
 
 std::string describe(const ModbusRequest& request, RegisterSpace space) {
@@ -44,17 +35,7 @@ std::string describe(const ModbusRequest& request, RegisterSpace space) {
 }
 
 int read_function(RegisterSpace space) {
-    switch (space) {
-        case RegisterSpace::coils:
-            return 1;
-        case RegisterSpace::discrete_inputs:
-            return 2;
-        case RegisterSpace::holding_registers:
-            return 3;
-        case RegisterSpace::input_registers:
-            return 4;
-    }
-    return 0;
+    return 1 + static_cast<int>(space);
 }
 
 void require_range(const std::string& device, const ModbusRequest& request, RegisterSpace space,
@@ -231,10 +212,6 @@ void ModbusLink::write(int unit, RegisterSpace space, int address,
     const int count = static_cast<int>(std::min<std::size_t>(values.size(), 65536));
     const int function = space != RegisterSpace::coils ? 16 : count == 1 ? 5 : 15;
     send_write({unit, function, address, count, {values.begin(), values.end()}}, space);
-}
-
-void ModbusLink::write_single(int unit, int address, std::uint16_t value) {
-    send_write({unit, 6, address, 1, {value}}, RegisterSpace::holding_registers);
 }
 
 void ModbusLink::send_write(const ModbusRequest& request, RegisterSpace space) {

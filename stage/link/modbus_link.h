@@ -70,9 +70,6 @@ public:
     // reply is missing or says that the write may still be carried out.
     void write(int unit, RegisterSpace space, int address, std::span<const std::uint16_t> values);
 
-    // The same for one holding register by function 6, which some devices ask for.
-    void write_single(int unit, int address, std::uint16_t value);
-
     // From the next request on, until told otherwise by nothing: for stopping, which has to be over
     // then. Each request gives half of what is left to opening the connection, emptying the line
     // included, and half of the rest to its reply. A write is sent even on a line that does not

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 
@@ -9,10 +10,8 @@ namespace etalon {
 namespace {
 
 template <class T>
-NumberRange whole_range() {
-    return {static_cast<double>(std::numeric_limits<T>::lowest()),
-            static_cast<double>(std::numeric_limits<T>::max())};
-}
+constexpr NumberRange whole_range{static_cast<double>(std::numeric_limits<T>::lowest()),
+                                  static_cast<double>(std::numeric_limits<T>::max())};
 
 std::uint32_t bits_of(double number, NumberType type) {
     if (type == NumberType::float32)
@@ -23,11 +22,9 @@ std::uint32_t bits_of(double number, NumberType type) {
 }  // namespace
 
 NumberType read_number_type(const Value& value) {
+    constexpr const char* words[] = {"int16", "uint16", "int32", "float32"};
     const std::string word = value.one_of({"int16", "uint16", "int32", "float32"});
-    return word == "int16"    ? NumberType::int16
-           : word == "uint16" ? NumberType::uint16
-           : word == "int32"  ? NumberType::int32
-                              : NumberType::float32;
+    return static_cast<NumberType>(std::ranges::find(words, word) - words);
 }
 
 WordOrder read_word_order(const Value& value) {
@@ -36,17 +33,9 @@ WordOrder read_word_order(const Value& value) {
 }
 
 NumberRange range_of(NumberType type) {
-    switch (type) {
-        case NumberType::int16:
-            return whole_range<std::int16_t>();
-        case NumberType::uint16:
-            return whole_range<std::uint16_t>();
-        case NumberType::int32:
-            return whole_range<std::int32_t>();
-        case NumberType::float32:
-            return whole_range<float>();
-    }
-    return {};
+    constexpr NumberRange ranges[] = {whole_range<std::int16_t>, whole_range<std::uint16_t>,
+                                      whole_range<std::int32_t>, whole_range<float>};
+    return ranges[static_cast<std::size_t>(type)];
 }
 
 double number_from_registers(std::span<const std::uint16_t> registers, NumberType type,

@@ -241,15 +241,11 @@ Positions before_approach(std::span<const Axis> axes, const Positions& target) {
 
 // ---- Words
 
-std::string describe(const Axis& axis, double position) {
-    return is_rotary(axis) ? fmt::format("{} {:.6g} deg", axis.name, position / rad_per_deg)
-                           : fmt::format("{} {:.6g} mm", axis.name, position);
-}
-
 std::string describe(std::span<const Axis> axes, std::span<const double> positions) {
     std::string text;
     for (std::size_t i = 0; i < axes.size(); ++i)
-        text += (i == 0 ? "" : ", ") + describe(axes[i], positions[i]);
+        text += fmt::format("{}{} {}", i == 0 ? "" : ", ", axes[i].name,
+                            as_typed(axes[i], positions[i]));
     return text;
 }
 

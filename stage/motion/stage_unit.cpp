@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/geometry/units.h"
-
 namespace etalon {
 namespace {
 
@@ -78,19 +76,14 @@ void require_speed_fits(const StageProfile& profile, const Axis& axis, double sh
 void require_fine_enough(const StageProfile& profile, const Axis& axis) {
     const double count =
         1.0 / std::abs(profile.counts_of(axis, 1.0) - profile.counts_of(axis, 0.0));
-    const bool linear = axis.kind == Axis::Kind::linear;
-    const auto shown = [&](double length) {
-        return fmt::format("{:.6g} {}", linear ? length : length * deg_per_rad,
-                           linear ? "mm" : "deg");
-    };
     if (count > profile.tolerance(axis) * (1.0 + count_noise))
         refuse(axis, fmt::format("one of its counts, {}, is more than the profile's tolerance, {}: "
                                  "it would never arrive",
-                                 shown(count), shown(profile.tolerance(axis))));
+                                 as_typed(axis, count), as_typed(axis, profile.tolerance(axis))));
     if (axis.approach != 0 && axis.overrun < 2.0 * count)
         refuse(axis, fmt::format("its overrun before the approach, {}, is less than two of its "
                                  "counts, {}",
-                                 shown(axis.overrun), shown(2.0 * count)));
+                                 as_typed(axis, axis.overrun), as_typed(axis, 2.0 * count)));
 }
 
 void require_fits(const StageProfile& profile, const Axis& axis) {
@@ -361,27 +354,18 @@ double StageUnit::commanded_speed(const Axis& axis, double speed_share) const {
 }
 
 bool is_on(const AxisStatus& axis, Signal signal) {
-    switch (signal) {
-        case Signal::enabled:
-            return axis.enabled;
-        case Signal::ready:
-            return axis.ready;
-        case Signal::homed:
-            return axis.homed;
-        case Signal::moving:
-            return axis.moving;
-        case Signal::homing:
-            return axis.homing;
-        case Signal::in_position:
-            return axis.in_position;
-        case Signal::alarm:
-            return axis.alarm != 0;
-        case Signal::emergency_stop:
-            return axis.emergency_stop;
-        case Signal::limit:
-            return axis.limit;
-    }
-    return false;
+    if (signal == Signal::alarm)
+        return axis.alarm != 0;
+    static constexpr bool AxisStatus::*flags[] = {&AxisStatus::enabled,
+                                                  &AxisStatus::ready,
+                                                  &AxisStatus::homed,
+                                                  &AxisStatus::moving,
+                                                  &AxisStatus::homing,
+                                                  &AxisStatus::in_position,
+                                                  nullptr,
+                                                  &AxisStatus::emergency_stop,
+                                                  &AxisStatus::limit};
+    return axis.*flags[static_cast<std::size_t>(signal)];
 }
 
 namespace {

@@ -5,25 +5,22 @@
 
 #include <deque>
 #include <functional>
-#include <string>
 
-#include "capture/frame/camera.h"
+#include "capture/frame/device_camera.h"
 
 namespace etalon {
 
-class FakeCamera final : public Camera {
+class FakeCamera final : public DeviceCamera {
 public:
     using Picture = std::function<CodeImage(const CaptureSettings&)>;
 
     // `picture` is asked for every complete frame, with the settings in force; its size becomes
     // the frame's. The clock must outlive the camera; it is advanced to after the moment asked for.
-    FakeCamera(Picture picture, Clock& clock) : picture_(std::move(picture)), clock_(clock) {}
+    FakeCamera(Picture picture, Clock& clock)
+        : DeviceCamera("fake", {}, clock), picture_(std::move(picture)) {
+        identity_ = {"fake:", "Etalon", "FakeCamera", "FAKE-7"};
+    }
 
-    const CameraIdentity& identity() const override { return identity_; }
-    CaptureSettings configure(const CaptureSettings& wanted) override;
-    void arm() override;
-    Frame frame_after(Instant t, int retries, std::stop_token stop) override;
-    void disarm() noexcept override { armed = false; }
     void reconnect(Instant deadline, std::stop_token stop) override;
     CaptureStatistics statistics() const override {
         CaptureStatistics now = statistics_;
@@ -42,22 +39,19 @@ public:
     // compared.
     std::function<void(CaptureSettings&)> alter_settings;
 
-    // What happened so far.
-    bool configured = false, armed = false;
-    int triggers = 0;
-    CaptureSettings settings;
+    using DeviceCamera::identity_;  // a test may change it
 
-    CameraIdentity identity_{"fake:", "Etalon", "FakeCamera", "FAKE-7"};
+    // What happened so far.
+    bool is_armed() const { return armed_; }
+    int triggers = 0;
 
 private:
-    [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
-    void require_alive(const std::string& request);
-    Frame triggered(Instant t);
+    void require_alive(const std::string& request) const override;
+    CaptureSettings apply(const CaptureSettings& wanted) override;
+    Frame next_frame(Instant t, std::stop_token stop) override;
 
     Picture picture_;
-    Clock& clock_;
-    bool lost_ = false;
-    CaptureStatistics statistics_;
+    mutable bool lost_ = false;
 };
 
 }  // namespace etalon

@@ -2,6 +2,7 @@
 // of it, and in which time.
 #include <gtest/gtest.h>
 
+#include "stage/link/modbus_link.h"
 #include "tests/loopback/stage_rig.h"
 
 namespace etalon {

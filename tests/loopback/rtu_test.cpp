@@ -4,6 +4,7 @@
 #include <time.h>
 
 #include "core/statistics/random.h"
+#include "stage/link/modbus_link.h"
 #include "tests/loopback/stage_rig.h"
 
 namespace etalon {

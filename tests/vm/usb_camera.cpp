@@ -121,7 +121,7 @@ public:
         close(ends[1]);
     }
 
-    // pulls it: for the host the device is gone
+    // Pulls it: for the host the device is gone.
     ~UsbPlug() { close(socket_); }
 
     UsbPlug(const UsbPlug&) = delete;

@@ -9,6 +9,7 @@
 
 #include "capture/v4l2/v4l2_camera.h"
 #include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/fakes/fake_v4l2.h"
 
 namespace etalon {
@@ -39,12 +40,7 @@ protected:
     // What the DeviceError says that `call` must throw.
     template <class Call>
     static std::string error_of(const Call& call) {
-        try {
-            call();
-        } catch (const DeviceError& error) {
-            return error.what();
-        }
-        return "no error";
+        return device_error_of([&] { call(); });
     }
 
     std::string configure_error(const CaptureSettings& settings) {

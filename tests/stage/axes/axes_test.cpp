@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <numbers>
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -17,12 +18,7 @@ std::vector<Axis> axes_from(const std::string& list) {
 }
 
 std::string error_of(const std::string& list) {
-    try {
-        axes_from(list);
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no error";
+    return config_error_of([&] { axes_from(list); });
 }
 
 TEST(Axes, AreReadWithTheirUnits) {

@@ -4,6 +4,7 @@
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -17,14 +18,11 @@ ErrorMap map_of(const std::filesystem::path& file, bool rotary) {
 }
 
 std::string table_error(const std::string& table) {
-    try {
+    return config_error_of([&] {
         const auto file =
             StrictFile::from_text("etalon: test/1\nmap: " + table + "\n", "m.yml", "test/1");
         read_error_map(file.root().at("map"), false);
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no error";
+    });
 }
 
 // By hand: 1/4 of the way from (10, 2) to (30, -6) the error is 0; the uncertainty 3 to 7 gives 4.

@@ -10,6 +10,7 @@
 #include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
+#include "tests/error_text.h"
 #include "tests/fakes/fake_stage.h"
 #include "tests/fakes/memory_transport.h"
 #include "tests/stage/motion/two_axes.h"
@@ -115,12 +116,7 @@ TEST(LimitedStage, TellsWhatDisturbsTheAxesAtRest) {
     const auto error_with = [](void (*disturb)(AxisStatus & x, AxisStatus & z)) -> std::string {
         GuardedRig rig;
         rig.fake.on_status = [disturb](auto& axes) { disturb(axes[0], axes[1]); };
-        try {
-            rig.guarded.position();
-        } catch (const DeviceError& error) {
-            return error.what();
-        }
-        return "no error";
+        return device_error_of([&] { rig.guarded.position(); });
     };
     const std::string read = "fake stage: read the positions: axis ";
     EXPECT_EQ(error_with([](AxisStatus&, AxisStatus&) {}), "no error");

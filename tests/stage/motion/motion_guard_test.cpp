@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "core/statistics/random.h"
+#include "tests/error_text.h"
 #include "tests/stage/motion/two_axes.h"
 
 namespace etalon {
@@ -46,12 +47,7 @@ const SourcePlace place{"plan.yml", 9, "poses"};
 
 std::string error_of(const std::vector<Axis>& axes, const MotionRules& rules, const Positions& from,
                      const Positions& to) {
-    try {
-        plan_motion(axes, rules, from, to, place);
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no error";
+    return config_error_of([&] { plan_motion(axes, rules, from, to, place); });
 }
 
 double seconds(const MotionSegment& segment) {
@@ -75,12 +71,7 @@ TEST(MotionRules, AreReadInTheUnitsOfTheAxes) {
 
 TEST(MotionRules, NameThePlaceOfEveryFault) {
     const auto error = [](const std::string& yaml) -> std::string {
-        try {
-            rules_from(yaml, xz());
-        } catch (const ConfigError& fault) {
-            return fault.what();
-        }
-        return "no error";
+        return config_error_of([&] { rules_from(yaml, xz()); });
     };
     EXPECT_EQ(error("forbidden: [{name: lens}]"),
               "s.yml:2: forbidden[0]: names no axis, and would forbid everything");

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
@@ -66,12 +67,7 @@ std::string replaced(const std::string& from, const std::string& to) {
 }
 
 std::string error_of(const std::string& text) {
-    try {
-        stage_profile_from_text(text, "p.yaml");
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no error";
+    return config_error_of([&] { stage_profile_from_text(text, "p.yaml"); });
 }
 
 TEST(StageProfile, IsReadKeyByKey) {

@@ -99,7 +99,7 @@ TEST_F(CaptureDrift, EndsWhenARenderedWarmUpIsOver) {
     ASSERT_TRUE(result.stable);
     EXPECT_GT(result.duration.count(), 10.1);
     EXPECT_LT(result.duration.count(), 25.0);
-    EXPECT_FALSE(camera_.armed);
+    EXPECT_FALSE(camera_.is_armed());
     EXPECT_TRUE(result.monitor.jumps().empty());
     // 35 corners, whose errors of 0.1 px change with their place in the pixel.
     for (const DriftFrame& frame : result.monitor.frames())
@@ -134,7 +134,7 @@ TEST_F(CaptureDrift, KeepsWhatWasSeenWhenTheCameraIsGoneOrAStopIsAskedFor) {
     const DriftResult stopped = watch();
     EXPECT_EQ(stopped.reason, "interrupted");
     EXPECT_EQ(stopped.monitor.frames().size(), 3u);
-    EXPECT_FALSE(camera_.armed);
+    EXPECT_FALSE(camera_.is_armed());
 }
 
 TEST_F(CaptureDrift, CountsBadFramesAsNotSeen) {

@@ -55,7 +55,7 @@ TEST_F(CaptureRun, RecordsFramesWithWhatIsKnownOfThem) {
     EXPECT_EQ(seen_, 4);
     EXPECT_NEAR(*result.mean, 1001.5, 1e-9);
     EXPECT_NEAR(*result.noise, std::sqrt(5.0 / 3.0), 1e-9);  // of 0, 1, 2, 3
-    EXPECT_FALSE(camera_.armed);
+    EXPECT_FALSE(camera_.is_armed());
     const json recorded = file();
     EXPECT_EQ(recorded["etalon"], "capture/1");
     EXPECT_EQ(recorded["camera"]["serial"], "FAKE-7");
@@ -129,7 +129,7 @@ TEST_F(CaptureRun, SaysThatTheDiskIsFullAndKeepsWhatFitted) {
     setrlimit(RLIMIT_FSIZE, &before);
     EXPECT_THAT(result.reason, HasSubstr("cannot be written"));
     EXPECT_LT(seen_, 200);
-    EXPECT_FALSE(camera_.armed);
+    EXPECT_FALSE(camera_.is_armed());
 }
 
 TEST(CaptureCommand, RefusesArgumentsWithoutAPurpose) {

@@ -342,20 +342,18 @@ struct CellSums {
 std::optional<Eigen::Vector2d> on_target(const Projector& projector,
                                          const Rigid& camera_from_marker,
                                          const Eigen::Vector2d& pixel) {
-    const auto undistorted = projector.unproject(pixel);
-    if (!undistorted)
+    const auto seen = projector.unproject(pixel);
+    if (!seen)
         return std::nullopt;
     const bool is_telecentric = projector.camera().projection.kind == Projection::telecentric;
-    const Rigid marker_from_camera = camera_from_marker.inverse();
-    const Eigen::Vector3d through(undistorted->x(), undistorted->y(), is_telecentric ? 0.0 : 1.0);
+    const Rigid to_marker = camera_from_marker.inverse();
+    const Eigen::Vector3d point = to_marker * Eigen::Vector3d(seen->x(), seen->y(), 0.0);
+    const Eigen::Vector3d origin = is_telecentric ? point : to_marker.translation;
     const Eigen::Vector3d direction =
-        marker_from_camera.rotation * (is_telecentric ? Eigen::Vector3d(0.0, 0.0, 1.0) : through);
-    const Eigen::Vector3d origin =
-        is_telecentric ? marker_from_camera * through : marker_from_camera.translation;
-    if (std::abs(direction.z()) < 1e-9)
-        return std::nullopt;
+        to_marker.rotation *
+        (is_telecentric ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d(seen->homogeneous()));
     const double along = -origin.z() / direction.z();
-    if (!(along > 0.0))
+    if (std::abs(direction.z()) < 1e-9 || !(along > 0.0))
         return std::nullopt;
     return (origin + along * direction).head<2>();
 }

@@ -46,8 +46,7 @@ struct PatternScore {
 struct ShownPattern {
     double visible = 0.0;         // share of the compared area that is inside the image
     double cell_px = 0.0;         // side of a square with the mean area of a cell in the image
-    double white_gray = 0.0;      // mean of the expected pattern's light cells
-    double clipped_white = 0.0;   // share of their samples at the end of the scale
+    double clipped_white = 0.0;   // share of the expected light cells' samples at the scale's end
     PatternScore expected, best;  // the best is the expected one unless another explains more
     int quarter_turns = 0;        // of the best, clockwise
     bool mirrored = false;        // of the best, before it is turned
@@ -68,12 +67,9 @@ struct CellSample {
     Vector6d light;  // terms of smooth light
 };
 
-struct CellSamples {
-    std::vector<CellSample> cells;
-    int places = 0;  // in the area, inside the image or not
-    double cell_px = 0.0;
-    double white_gray = 0.0, clipped_white = 0.0;
-};
+bool is_white(const CellGrid& grid, const CellSample& sample) {
+    return grid.cells.at<float>(sample.row, sample.column) > 0.5f;
+}
 
 double interpolated(const cv::Mat& gray, const Eigen::Vector2d& pixel) {
     const int x = std::min(static_cast<int>(pixel.x()), gray.cols - 2);
@@ -101,56 +97,55 @@ bool is_compared(const CellGrid& grid, const ComparedArea& area, int row, int co
            (middle.array() < area.high_mm.array()).all();
 }
 
-// Nine places in the middle half of a cell.
-void sample_cell(const cv::Mat& gray, double saturation_gray, const Projector& projector,
-                 const CellGrid& grid, const Rigid& pose, int row, int column,
-                 CellSamples& samples) {
-    ++samples.places;
+// Nine places in the middle half of a cell; nothing where one of them is not in the image. Adds to
+// the sums of `shown`.
+std::optional<CellSample> sample_cell(const cv::Mat& gray, const Projector& projector,
+                                      const CellGrid& grid, const Rigid& pose, int row, int column,
+                                      ShownPattern& shown) {
     CellSample sample{row, column, 0.0, Vector6d::Zero()};
     int clipped = 0;
+    std::array<Eigen::Vector2d, 9> pixels;
     for (int i = 0; i < 9; ++i) {
         const double u = column + 0.25 + 0.25 * (i % 3), v = row + 0.25 + 0.25 * (i / 3);
         const auto pixel = pixel_of(projector, pose, grid, u, v);
         if (!pixel)
-            return;
+            return {};
+        pixels[static_cast<std::size_t>(i)] = *pixel;
         const double value = interpolated(gray, *pixel);
         sample.gray += value / 9.0;
-        clipped += value >= saturation_gray ? 1 : 0;
+        clipped += value >= saturation ? 1 : 0;
         sample.light += level_terms(pixel->x(), pixel->y(), gray.size()) / 9.0;
     }
-    if (grid.cells.at<float>(row, column) > 0.5f) {
-        samples.white_gray += sample.gray;
-        samples.clipped_white += clipped / 9.0;
-    }
-    const auto right = pixel_of(projector, pose, grid, column + 0.75, row + 0.25);
-    const auto origin = pixel_of(projector, pose, grid, column + 0.25, row + 0.25);
-    const auto down = pixel_of(projector, pose, grid, column + 0.25, row + 0.75);
-    if (right && origin && down) {
-        const Eigen::Vector2d a = *right - *origin, b = *down - *origin;
-        samples.cell_px += std::sqrt(std::abs(a.x() * b.y() - a.y() * b.x())) / 0.5;
-    }
-    samples.cells.push_back(sample);
+    if (is_white(grid, sample))
+        shown.clipped_white += clipped / 9.0;
+    const Eigen::Vector2d a = pixels[2] - pixels[0], b = pixels[6] - pixels[0];
+    shown.cell_px += std::sqrt(std::abs(a.x() * b.y() - a.y() * b.x())) / 0.5;
+    return sample;
 }
 
-CellSamples sample_cells(const cv::Mat& gray, double saturation_gray, const Projector& projector,
-                         const CellGrid& grid, const ComparedArea& area, const Rigid& pose) {
+// With the means of what is seen in `shown`.
+std::vector<CellSample> sample_cells(const cv::Mat& gray, const Projector& projector,
+                                     const CellGrid& grid, const ComparedArea& area,
+                                     const Rigid& pose, ShownPattern& shown) {
     constexpr int max_per_side = 64;
     const int step = std::max(1, std::max(grid.rows(), grid.columns()) / max_per_side);
-    CellSamples samples;
+    std::vector<CellSample> cells;
+    int places = 0;
     for (int row = 0; row < grid.rows(); row += step)
-        for (int column = 0; column < grid.columns(); column += step)
-            if (is_compared(grid, area, row, column))
-                sample_cell(gray, saturation_gray, projector, grid, pose, row, column, samples);
-    double white = 0.0;
-    for (const CellSample& sample : samples.cells)
-        white += grid.cells.at<float>(sample.row, sample.column) > 0.5f ? 1.0 : 0.0;
-    if (!samples.cells.empty())
-        samples.cell_px /= static_cast<double>(samples.cells.size());
-    if (white > 0) {
-        samples.white_gray /= white;
-        samples.clipped_white /= white;
-    }
-    return samples;
+        for (int column = 0; column < grid.columns(); column += step) {
+            if (!is_compared(grid, area, row, column))
+                continue;
+            ++places;
+            if (const auto cell = sample_cell(gray, projector, grid, pose, row, column, shown))
+                cells.push_back(*cell);
+        }
+    const auto count = static_cast<double>(cells.size());
+    const auto white = static_cast<double>(
+        std::ranges::count_if(cells, [&](const CellSample& cell) { return is_white(grid, cell); }));
+    shown.visible = places > 0 ? count / places : 0.0;
+    shown.cell_px /= std::max(count, 1.0);
+    shown.clipped_white /= std::max(white, 1.0);
+    return cells;
 }
 
 // Scores patterns against the samples. Smooth light is taken out of both once and for all.
@@ -256,11 +251,11 @@ void try_other_ids(const Scorer& scorer, const Marker& marker, ShownPattern& sho
     }
 }
 
-// Samples from `saturation_gray` on count as clipped. Ids are searched, in families of up to 5000,
+// Ids are searched, in families of up to 5000,
 // only where the marker itself in any position explains little.
-ShownPattern shown_pattern(const cv::Mat& photo_gray, double saturation_gray,
-                           const Projector& projector, const Marker& marker,
-                           const ComparedArea& area, const Rigid& camera_from_marker) {
+ShownPattern shown_pattern(const cv::Mat& photo_gray, const Projector& projector,
+                           const Marker& marker, const ComparedArea& area,
+                           const Rigid& camera_from_marker) {
     constexpr double well_explained = 0.9;
     constexpr std::size_t min_cells = 12;  // beside six terms of light and three of the pattern
     const CameraModel& camera = projector.camera();
@@ -268,18 +263,13 @@ ShownPattern shown_pattern(const cv::Mat& photo_gray, double saturation_gray,
         throw NumericalError(fmt::format("photograph {} x {} px for a camera of {} x {}",
                                          photo_gray.cols, photo_gray.rows, camera.width,
                                          camera.height));
-    const CellSamples samples =
-        sample_cells(photo_gray, saturation_gray, projector, marker.grid, area, camera_from_marker);
     ShownPattern shown;
     shown.id = marker.id;
-    shown.visible =
-        samples.places > 0 ? static_cast<double>(samples.cells.size()) / samples.places : 0.0;
-    shown.cell_px = samples.cell_px;
-    shown.white_gray = samples.white_gray;
-    shown.clipped_white = samples.clipped_white;
-    if (samples.cells.size() < min_cells)
+    const std::vector<CellSample> cells =
+        sample_cells(photo_gray, projector, marker.grid, area, camera_from_marker, shown);
+    if (cells.size() < min_cells)
         return shown;
-    const Scorer scorer(samples.cells);
+    const Scorer scorer(cells);
     shown.expected = scorer.score(marker.grid.cells, &shown);
     shown.best = shown.expected;
     if (shown.expected.explained > well_explained && shown.expected.contrast_gray > 0)
@@ -708,8 +698,8 @@ bool is_refused(const Findings& findings) {
 
 Findings examine_marker(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
                         const Projector& projector, const Rigid& camera_from_marker) {
-    return pattern_findings(marker, shown_pattern(gray_of(photo), saturation, projector, marker,
-                                                  area, camera_from_marker));
+    return pattern_findings(
+        marker, shown_pattern(gray_of(photo), projector, marker, area, camera_from_marker));
 }
 
 Findings examine_match(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
@@ -717,7 +707,7 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
     const cv::Mat gray = gray_of(photo);
     const PhotoState& state = match.refined.state;
     const ShownPattern shown =
-        shown_pattern(gray, saturation, camera.projector(), marker, area, state.camera_from_marker);
+        shown_pattern(gray, camera.projector(), marker, area, state.camera_from_marker);
     Findings findings = pattern_findings(marker, shown);
     if (is_refused(findings))
         return findings;

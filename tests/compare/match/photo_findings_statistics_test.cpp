@@ -15,22 +15,12 @@
 namespace etalon {
 namespace {
 
+using test::examined;
 using test::TrueScene;
 
 std::shared_ptr<const PhotometricCamera> calibrated() {
     static const auto camera = std::make_shared<const PhotometricCamera>(test::calibrated_camera());
     return camera;
-}
-
-// As `etalon compare` does it.
-Findings examined(const CodeImage& photo, const TrueScene& scene, const Rigid& pose,
-                  const std::shared_ptr<const PhotometricCamera>& camera) {
-    const ComparedArea area = compared_area(scene.marker, {}, "test");
-    const Findings before = examine_marker(photo, scene.marker, area, camera->projector(), pose);
-    if (is_refused(before))
-        return before;
-    return examine_match(photo, scene.marker, area, *camera,
-                         match_photo(photo, scene.marker.grid, area, camera, pose));
 }
 
 std::string names(const Findings& findings) {

@@ -351,7 +351,8 @@ DeviationStep newton_step(const DeviationPlace& place, double damping, const Fre
     information.diagonal() *= 1.0 + damping;
     const Eigen::VectorXd solved = scaled_solution(information, score);
     DeviationStep step;
-    step.step(at) = solved;
+    for (std::size_t i = 0; i < at.size(); ++i)
+        step.step[at[i]] = solved[static_cast<Eigen::Index>(i)];
     step.predicted_gain = 0.5 * solved.dot(score);
     return step;
 }

@@ -23,8 +23,7 @@
 namespace etalon {
 
 // The edges of a cell grid: pieces of its lines with a darker cell on one side and a lighter one on
-// the other, as long as they go on alike. Where they are in a photograph:
-// compare/edges/edge_spread.h and compare/edges/edge_shifts.h.
+// the other, as long as they go on alike.
 
 // All cells before the line share one radiance and all cells after it another, for `reach` cells
 // away from it on either side.

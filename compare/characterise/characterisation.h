@@ -9,10 +9,9 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "compare/characterise/defocus_estimate.h"
+#include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/characterise/photon_transfer.h"
-#include "compare/characterise/point_spread_estimate.h"
 #include "compare/characterise/slanted_edge.h"
 #include "compare/characterise/transfer_estimate.h"
 #include "compare/detect/board/calibration_target.h"
@@ -83,17 +82,8 @@ struct Characterisation {
     bool was_anything_refused() const;
 };
 
-// What its camera says of its uncertainties; made when there is nothing yet.
-CameraUncertainty& uncertainty_of(Characterisation& result);
-
 // Never throws for what a photograph shows: that is `not_measured`. Throws as SensorModel does for
 // a camera that contradicts itself.
 Characterisation characterise(const CharacteriseInput& input);
-
-// The part of characterise() that looks at the target's edges: defocus, point spread, modulation.
-
-// Adds focus distance, f-number, point spread and MTF to `result`, or why not.
-void measure_blur(const CharacteriseInput& input, const std::vector<std::optional<Rigid>>& poses,
-                  Characterisation& result);
 
 }  // namespace etalon

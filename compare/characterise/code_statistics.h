@@ -1,8 +1,7 @@
 // What code values do to statistics: rounding, and the ends of the scale.
 //
-// Used by everything that characterises a camera (compare/characterise/photon_transfer.h,
-// photon_transfer.h, transfer_estimate.h, illumination_estimate.h). Not for pixel residuals: those
-// are judged against the whole noise model (compare/photometric/photo_match.h).
+// Not for pixel residuals: those are judged against the whole noise model
+// (compare/photometric/photo_match.h).
 #pragma once
 
 #include <opencv2/core.hpp>

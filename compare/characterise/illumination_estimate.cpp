@@ -56,14 +56,12 @@ void check_flat(const CodeImage& flat, const std::string& name, int saturation) 
 }
 
 void check_contrast(const std::vector<WhitePatch>& patches, const std::string& name) {
-    const auto [least, most] =
-        std::minmax_element(patches.begin(), patches.end(),
-                            [](const auto& a, const auto& b) { return a.radiance < b.radiance; });
-    if (!(most->radiance < max_contrast * least->radiance))
+    const auto [least, most] = std::ranges::minmax(patches, {}, &WhitePatch::radiance);
+    if (!(most.radiance < max_contrast * least.radiance))
         throw NumericalError(
             fmt::format("illumination: {}: is no photo of a uniform field: the light falls from "
                         "{:.3g} to {:.3g} of full scale",
-                        name, most->radiance, least->radiance));
+                        name, most.radiance, least.radiance));
 }
 
 // The image's centre is where a photograph's plane is 0.
@@ -227,9 +225,6 @@ void take_residuals(const std::vector<WhitePatch>& patches, const Falloff& fallo
         relative.standard_uncertainty /= std::abs(level);
         square += std::pow(relative.radiance / expected - 1.0, 2);
         estimate.used.push_back(relative);
-        const Eigen::Vector3d plane = fit.planes.segment<3>(3 * row.photo);
-        estimate.steepest_plane =
-            std::max(estimate.steepest_plane, 2.0 * plane.tail<2>().norm() / std::abs(plane(0)));
     }
     estimate.residual_rms = std::sqrt(square / static_cast<double>(patches.size()));
     if (!(estimate.residual_rms < max_residual))
@@ -243,24 +238,20 @@ void take_residuals(const std::vector<WhitePatch>& patches, const Falloff& fallo
 void choose_kind(const Falloff& falloff, const Falloff::Fit& fit, Projection projection,
                  IlluminationEstimate& estimate) {
     const double excess = std::max(estimate.reduced_chi_square, 1.0);
-    std::vector<Illumination::Kind> kinds{Illumination::Kind::uniform};
+    const auto criterion = [&](double chi_square, int parameters) {
+        return chi_square / excess + parameters * std::log(estimate.patches);
+    };
+    const int planes = 3 * estimate.photos;
+    std::vector<std::pair<double, Illumination::Kind>> by_criterion;
+    const auto add = [&](Illumination::Kind kind) {
+        by_criterion.emplace_back(criterion(falloff.fit(kind).chi_square, planes), kind);
+    };
+    add(Illumination::Kind::uniform);
     if (projection == Projection::perspective)
-        kinds.push_back(Illumination::Kind::cos4);
-    kinds.push_back(Illumination::Kind::polynomial);
-    for (const Illumination::Kind kind : kinds) {
-        const bool is_polynomial = kind == Illumination::Kind::polynomial;
-        IlluminationCandidate candidate{
-            kind, is_polynomial ? fit.chi_square : falloff.fit(kind).chi_square, 0.0,
-            3 * estimate.photos + (is_polynomial ? 3 : 0)};
-        candidate.information_criterion =
-            candidate.chi_square / excess + candidate.parameters * std::log(estimate.patches);
-        estimate.candidates.push_back(candidate);
-    }
-    const auto best = std::min_element(estimate.candidates.begin(), estimate.candidates.end(),
-                                       [](const auto& a, const auto& b) {
-                                           return a.information_criterion < b.information_criterion;
-                                       });
-    estimate.illumination.kind = best->kind;
+        add(Illumination::Kind::cos4);
+    by_criterion.emplace_back(criterion(fit.chi_square, planes + 3),
+                              Illumination::Kind::polynomial);
+    estimate.illumination.kind = std::ranges::min(by_criterion).second;
 }
 
 void take_polynomial(const CameraModel& camera, IlluminationEstimate& estimate) {
@@ -334,7 +325,7 @@ IlluminationEstimate estimate_illumination(std::span<const WhitePatch> given,
     return estimate;
 }
 
-// The min_white squares of a target as samples of the light that falls into the image.
+// The white squares of a target as samples of the light that falls into the image.
 
 namespace {
 
@@ -351,20 +342,18 @@ struct CellSums {
 std::optional<Eigen::Vector2d> on_target(const Projector& projector,
                                          const Rigid& camera_from_marker,
                                          const Eigen::Vector2d& pixel) {
-    const auto undistorted = projector.unproject(pixel);
-    if (!undistorted)
+    const auto seen = projector.unproject(pixel);
+    if (!seen)
         return std::nullopt;
     const bool is_telecentric = projector.camera().projection.kind == Projection::telecentric;
-    const Rigid marker_from_camera = camera_from_marker.inverse();
-    const Eigen::Vector3d through(undistorted->x(), undistorted->y(), is_telecentric ? 0.0 : 1.0);
+    const Rigid to_marker = camera_from_marker.inverse();
+    const Eigen::Vector3d point = to_marker * Eigen::Vector3d(seen->x(), seen->y(), 0.0);
+    const Eigen::Vector3d origin = is_telecentric ? point : to_marker.translation;
     const Eigen::Vector3d direction =
-        marker_from_camera.rotation * (is_telecentric ? Eigen::Vector3d(0.0, 0.0, 1.0) : through);
-    const Eigen::Vector3d origin =
-        is_telecentric ? marker_from_camera * through : marker_from_camera.translation;
-    if (std::abs(direction.z()) < 1e-9)
-        return std::nullopt;
+        to_marker.rotation *
+        (is_telecentric ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d(seen->homogeneous()));
     const double along = -origin.z() / direction.z();
-    if (!(along > 0.0))
+    if (std::abs(direction.z()) < 1e-9 || !(along > 0.0))
         return std::nullopt;
     return (origin + along * direction).head<2>();
 }

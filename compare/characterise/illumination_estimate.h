@@ -44,12 +44,6 @@ std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Project
                                            const Marker& marker, const Rigid& camera_from_marker,
                                            int photo);
 
-struct IlluminationCandidate {
-    Illumination::Kind kind;
-    double chi_square = 0.0, information_criterion = 0.0;
-    int parameters = 0;
-};
-
 struct IlluminationEstimate {
     Illumination illumination;  // of the chosen kind
     // Of the polynomial, whichever is chosen.
@@ -57,11 +51,9 @@ struct IlluminationEstimate {
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
     // The polynomial in the corner that is farthest from the principal point.
     double at_corner = 1.0, at_corner_standard_uncertainty = 0.0;
-    std::vector<IlluminationCandidate> candidates;
     double reduced_chi_square = 0.0;  // of the polynomial; over 1: multiplied into the covariance
     double residual_rms = 0.0;        // relative
     double farthest_radius = 0.0;     // of a patch, half diagonals: beyond it is extrapolated
-    double steepest_plane = 0.0;      // largest change that a photograph's plane makes, relative
     int photos = 0, patches = 0, degrees_of_freedom = 0;
     std::vector<WhitePatch> used;  // radiance divided by its photograph's level and plane
 };

@@ -53,10 +53,20 @@ Eigen::Vector3d change_of(const cv::Mat& difference, const Regressors& r, const 
     return normal.ldlt().solve(right);
 }
 
-}  // namespace
+// The noise of every pixel, from photographs in linear signal.
+struct ViewNoise {
+    cv::Mat mean;                   // CV_32FC1, over the photographs
+    cv::Mat variance;               // CV_32FC1, sample variance over them; unbiased
+    std::vector<cv::Mat> residual;  // CV_32FC1 of each photograph, brightness and shift taken out
+    double brightness_drift = 0.0;  // largest relative difference between two photographs
+    double shift_px = 0.0;          // largest displacement of one from their mean
+};
 
+// `signals`: CV_32FC1, linear, 0 without light. Of each photograph brightness and shift against the
+// mean are fitted to all used pixels at once (one linear regression on the mean and its two
+// derivatives) and taken out. `step`: distance of neighbours of the same colour.
 ViewNoise view_noise(std::span<const cv::Mat> signals, const cv::Mat& use, int step) {
-    if (signals.size() < 2 || cv::countNonZero(use) == 0)
+    if (cv::countNonZero(use) == 0)
         throw NumericalError("repeats: two photos with pixels that are not clipped are needed");
     const double n = static_cast<double>(signals.size());
     ViewNoise noise;
@@ -80,20 +90,25 @@ ViewNoise view_noise(std::span<const cv::Mat> signals, const cv::Mat& use, int s
     return noise;
 }
 
+// Pixels whose mean differs from that of each of the four neighbours at distance `step` by less
+// than `most`. The image's border is never smooth.
 cv::Mat smooth_pixels(const cv::Mat& mean, const cv::Mat& most, int step) {
     cv::Mat smooth(mean.size(), CV_8UC1, cv::Scalar(0));
     for (int y = step; y < mean.rows - step; ++y)
         for (int x = step; x < mean.cols - step; ++x) {
-            const float level = mean.at<float>(y, x), limit = most.at<float>(y, x);
-            const bool is_smooth = std::abs(mean.at<float>(y, x - step) - level) < limit &&
-                                   std::abs(mean.at<float>(y, x + step) - level) < limit &&
-                                   std::abs(mean.at<float>(y - step, x) - level) < limit &&
-                                   std::abs(mean.at<float>(y + step, x) - level) < limit;
-            smooth.at<uchar>(y, x) = is_smooth ? 255 : 0;
+            const auto is_near = [&](int dx, int dy) {
+                return std::abs(mean.at<float>(y + dy, x + dx) - mean.at<float>(y, x)) <
+                       most.at<float>(y, x);
+            };
+            if (is_near(-step, 0) && is_near(step, 0) && is_near(0, -step) && is_near(0, step))
+                smooth.at<uchar>(y, x) = 255;
         }
     return smooth;
 }
 
+// Mean over the 5 x 5 used pixels around, at distances of `step`. A pixel's own mean over a few
+// photographs is noisy, and pixels that are sorted by it come with their noise: those at the end of
+// a tone's range would seem brighter than they are. 0 where no pixel is used.
 cv::Mat local_level(const cv::Mat& mean, const cv::Mat& use, int step) {
     cv::Mat kernel = cv::Mat::zeros(4 * step + 1, 4 * step + 1, CV_32FC1);
     for (int y = 0; y < 5; ++y)
@@ -106,6 +121,8 @@ cv::Mat local_level(const cv::Mat& mean, const cv::Mat& use, int step) {
     return sum / cv::max(count, 1.0);
 }
 
+// Correlation of a residual between pixels (x, y) and (x + dx, y + dy), over pairs that are both
+// used: mean product over mean square. 0 without pairs.
 double neighbour_correlation(std::span<const cv::Mat> residuals, const cv::Mat& use, int dx,
                              int dy) {
     double product = 0.0, square = 0.0;
@@ -120,8 +137,6 @@ double neighbour_correlation(std::span<const cv::Mat> residuals, const cv::Mat& 
             }
     return square > 0.0 ? product / square : 0.0;
 }
-
-namespace {
 
 constexpr double max_at_floor = 1e-3;
 constexpr double max_fixed_pattern = 0.03;  // of full scale

@@ -24,10 +24,6 @@ constexpr double edge_bin_px = 0.25;
 constexpr int min_side_px = 16;
 constexpr double min_half_width_px = 7.0;
 
-struct Sample {
-    double distance_px, along_px, radiance;
-};
-
 // Flat over the middle half, then a cosine to zero at +-1.
 double tukey(double position) {
     const double u = std::abs(position);
@@ -41,9 +37,9 @@ struct Level {
     double level, noise;
 };
 
-Level level_beside(std::span<const Sample> samples, double sign, double half_width) {
-    std::vector<const Sample*> side;
-    for (const Sample& sample : samples)
+Level level_beside(std::span<const EdgePixel> samples, double sign, double half_width) {
+    std::vector<const EdgePixel*> side;
+    for (const EdgePixel& sample : samples)
         if (sign * sample.distance_px > 0.6 * half_width)
             side.push_back(&sample);
     constexpr std::size_t min_pixels = 20;
@@ -53,7 +49,7 @@ Level level_beside(std::span<const Sample> samples, double sign, double half_wid
     Eigen::MatrixXd design(n, 3);
     Eigen::VectorXd values(n);
     for (Eigen::Index i = 0; i < n; ++i) {
-        const Sample& sample = *side[static_cast<std::size_t>(i)];
+        const EdgePixel& sample = *side[static_cast<std::size_t>(i)];
         design.row(i) << 1.0, sample.distance_px - sign * 0.8 * half_width, sample.along_px;
         values[i] = sample.radiance;
     }
@@ -72,18 +68,18 @@ struct Bins {
     }
 };
 
-Bins bins_of(std::span<const Sample> samples, double half_width) {
+Bins bins_of(std::span<const EdgePixel> samples, double half_width) {
     const auto n = static_cast<Eigen::Index>(std::floor(2.0 * half_width / edge_bin_px));
     Bins bins{ArrayXd::Zero(n),
               ArrayXd::Zero(n),
               ArrayXd::Zero(n),
               0.5 * edge_bin_px * static_cast<double>(n),
               {}};
-    const auto index_of = [&](const Sample& sample) {
+    const auto index_of = [&](const EdgePixel& sample) {
         return static_cast<Eigen::Index>(
             std::floor((sample.distance_px + bins.half_width) / edge_bin_px));
     };
-    for (const Sample& sample : samples)
+    for (const EdgePixel& sample : samples)
         if (const Eigen::Index i = index_of(sample); i >= 0 && i < n) {
             bins.mean[i] += sample.radiance;
             bins.offset[i] += sample.distance_px - bins.centre(i);
@@ -97,7 +93,7 @@ Bins bins_of(std::span<const Sample> samples, double half_width) {
     bins.mean /= bins.count;
     bins.offset /= bins.count;
     constexpr double near_px = 2.0;
-    for (const Sample& sample : samples)
+    for (const EdgePixel& sample : samples)
         if (const Eigen::Index i = index_of(sample);
             i >= 0 && i < n && std::abs(sample.distance_px) < near_px)
             bins.offsets.push_back(sample.distance_px - bins.centre(i) - bins.offset[i]);
@@ -189,7 +185,7 @@ void find_half(SlantedEdge& edge) {
     }
 }
 
-void transform(std::span<const Sample> samples, double half_width, SlantedEdge& edge) {
+void transform(std::span<const EdgePixel> samples, double half_width, SlantedEdge& edge) {
     const Level dark = level_beside(samples, -1.0, half_width);
     const Level light = level_beside(samples, 1.0, half_width);
     constexpr double min_contrast_in_noise = 5.0;
@@ -306,7 +302,7 @@ SlantedEdge slanted_edge(const LinearPhoto& photo, const cv::Rect& region) {
     const Eigen::Index rows = whole_phases(pixels.rows(), line.slope);
     const double middle = 0.5 * (static_cast<double>(pixels.rows()) - 1.0);
     double half_width = 0.5 * static_cast<double>(pixels.cols());
-    std::vector<Sample> samples;
+    std::vector<EdgePixel> samples;
     for (Eigen::Index y = 0; y < rows; ++y) {
         const double at = line.at_middle + line.slope * (static_cast<double>(y) - middle);
         half_width = std::min(
@@ -318,19 +314,19 @@ SlantedEdge slanted_edge(const LinearPhoto& photo, const cv::Rect& region) {
     if (half_width < min_half_width_px)
         throw NumericalError(fmt::format(
             "slanted edge: it comes within {:.1f} px of the region's side", half_width));
-    std::erase_if(samples, [&](const Sample& s) { return std::abs(s.distance_px) > half_width; });
+    std::erase_if(samples,
+                  [&](const EdgePixel& s) { return std::abs(s.distance_px) > half_width; });
     transform(samples, half_width, edge);
     return edge;
 }
 
 SlantedEdge slanted_edge(const StraightEdge& edge) {
-    const Aperture pinhole;
-    const EdgeFit fit = fit_edges({&edge, 1}, gaussian_blur(pinhole, 0.0));
+    const EdgeFit fit = fit_edges({&edge, 1}, gaussian_blur());
     const FittedEdge& own = fit.edges.front();
     double half_width[2] = {};
-    std::vector<Sample> samples;
+    std::vector<EdgePixel> samples;
     for (const EdgePixel& pixel : edge.pixels) {
-        const double distance = pixel.distance_px - own.shift_px - own.turn * pixel.along_px;
+        const double distance = own.place_px(pixel);
         samples.push_back({distance, pixel.along_px, pixel.radiance});
         double& half = half_width[distance > 0.0];
         half = std::max(half, std::abs(distance));
@@ -338,7 +334,7 @@ SlantedEdge slanted_edge(const StraightEdge& edge) {
     const double half = std::min(half_width[0], half_width[1]) - 0.5;
     if (half < min_half_width_px)
         throw NumericalError(fmt::format("slanted edge: the band reaches {:.1f} px from it", half));
-    std::erase_if(samples, [&](const Sample& s) { return std::abs(s.distance_px) > half; });
+    std::erase_if(samples, [&](const EdgePixel& s) { return std::abs(s.distance_px) > half; });
     SlantedEdge result;
     const double angle = std::atan2(std::abs(edge.normal.y()), std::abs(edge.normal.x()));
     result.angle_deg = std::min(angle, 0.5 * pi - angle) * 180.0 / pi;

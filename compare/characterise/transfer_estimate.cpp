@@ -19,26 +19,54 @@ namespace {
 constexpr int max_pieces = 12;
 constexpr int reweighting_rounds = 12;  // of reweighting; the weights settle to 1e-6 in five
 
-double longest_exposure(const std::vector<ExposedPatch>& observed) {
-    double longest = 0.0;
-    for (const ExposedPatch& o : observed)
-        longest = std::max(longest, o.exposure);
-    return longest;
-}
-
-}  // namespace
+// A patch of the scene in one photograph.
+struct ExposedPatch {
+    int patch = 0;  // 0, 1, ...
+    double exposure = 0.0;
+    double code = 0.0;  // T, 0 without light, 1 at full scale
+    double standard_uncertainty = 0.0;
+};
 
 int patch_count(const std::vector<ExposedPatch>& observed) {
-    int count = 0;
-    for (const ExposedPatch& o : observed)
-        count = std::max(count, o.patch + 1);
-    return count;
+    return std::ranges::max(observed, {}, &ExposedPatch::patch).patch + 1;
 }
 
-InverseCurve::InverseCurve(int pieces, double end)
-    : pieces_(pieces), end_(end), weights_(Eigen::VectorXd::LinSpaced(pieces + 3, 0.0, 1.0)) {
-    covariance_ = Eigen::MatrixXd::Zero(pieces + 3, pieces + 3);
-}
+// A sensor's inverse transfer curve, radiance from code, fitted to patches that were exposed for
+// known times: g(T) = E t with the patches' irradiances E unknown. Cubic B-spline g with g(0) = 0
+// and g = 1 at the highest code observed. It goes on straight below 0, and beyond the highest code
+// with the bend that it has there.
+class InverseCurve {
+public:
+    InverseCurve(int pieces, double end)
+        : pieces_(pieces),
+          end_(end),
+          weights_(Eigen::VectorXd::LinSpaced(pieces + 3, 0.0, 1.0)),
+          covariance_(Eigen::MatrixXd::Zero(pieces + 3, pieces + 3)) {}
+
+    void fit(const std::vector<ExposedPatch>& observed);
+    bool rises() const;
+    double radiance(double code) const { return basis(code).dot(weights_); }
+    double slope(double code) const {  // d radiance / d code
+        const double step = 1e-5 * end_;
+        return (radiance(code + step) - radiance(code - step)) / (2.0 * step);
+    }
+    // Standard uncertainty of radiance(code) / radiance(top). Beyond the highest code that was seen
+    // the whole effect of the bend is added.
+    double relative_uncertainty(double code, double top) const;
+    int parameters() const { return static_cast<int>(weights_.size()) - 2; }
+
+    std::vector<double> irradiance;  // of each patch
+    double chi_square = 0.0;
+
+private:
+    Eigen::VectorXd basis(double code) const;  // values at `code`, continued outside 0..end
+    Eigen::VectorXd bend_at_end() const;       // second derivative at the end
+
+    int pieces_;
+    double end_;
+    Eigen::VectorXd weights_;     // of the basis functions; the first is 0, the last 1
+    Eigen::MatrixXd covariance_;  // of all of them
+};
 
 // Cox and de Boor's recursion on `pieces` equal intervals with fourfold ends.
 Eigen::VectorXd InverseCurve::basis(double code) const {
@@ -72,15 +100,6 @@ Eigen::VectorXd InverseCurve::basis(double code) const {
     return values;
 }
 
-double InverseCurve::radiance(double code) const {
-    return basis(code).dot(weights_);
-}
-
-double InverseCurve::slope(double code) const {
-    const double step = 1e-5 * end_;
-    return (radiance(code + step) - radiance(code - step)) / (2.0 * step);
-}
-
 // From the derivative's last two control values.
 Eigen::VectorXd InverseCurve::bend_at_end() const {
     const double width = end_ / pieces_, span = width * std::min(pieces_, 2);
@@ -105,7 +124,7 @@ double InverseCurve::relative_uncertainty(double code, double top) const {
 // weights need the curve's slope, which the last round gave.
 void InverseCurve::fit(const std::vector<ExposedPatch>& observed) {
     const int inner = pieces_ + 1, patches = patch_count(observed);
-    const double longest = longest_exposure(observed);
+    const double longest = std::ranges::max(observed, {}, &ExposedPatch::exposure).exposure;
     Eigen::VectorXd solution;
     for (int round = 0; round < reweighting_rounds; ++round) {
         Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(inner + patches, inner + patches);
@@ -154,10 +173,10 @@ bool InverseCurve::rises() const {
     return true;
 }
 
+// Weighted least squares in code, for 1, 2, 3 ... 12 pieces; the number that Schwarz's criterion
+// prefers among those where the curve rises.
 InverseCurve fit_inverse_curve(const std::vector<ExposedPatch>& observed) {
-    double end = 0.0;
-    for (const ExposedPatch& o : observed)
-        end = std::max(end, o.code);
+    const double end = std::ranges::max(observed, {}, &ExposedPatch::code).code;
     std::vector<InverseCurve> curves;
     for (int pieces = 1; pieces <= max_pieces; ++pieces) {
         InverseCurve curve(pieces, end);
@@ -178,9 +197,9 @@ InverseCurve fit_inverse_curve(const std::vector<ExposedPatch>& observed) {
     });
 }
 
-double irradiance_chi_square(const std::vector<ExposedPatch>& observed,
-                             const std::function<double(double)>& inverse,
-                             const std::function<double(double)>& slope) {
+// Chi-square of a known inverse curve, with the irradiances that fit best.
+double irradiance_chi_square(const std::vector<ExposedPatch>& observed, const auto& inverse,
+                             const auto& slope) {
     std::vector<double> product(static_cast<std::size_t>(patch_count(observed)), 0.0);
     std::vector<double> square = product;
     const auto weight = [&](const ExposedPatch& o) {
@@ -199,8 +218,6 @@ double irradiance_chi_square(const std::vector<ExposedPatch>& observed,
     }
     return chi_square;
 }
-
-namespace {
 
 constexpr int min_times = 4;
 constexpr double min_time_range = 4.0;
@@ -358,9 +375,7 @@ Transfer::Kind chosen(const std::vector<TransferCandidate>& candidates) {
     };
     const double scatter = std::max(1.0, reduced(candidates.back()));
     const auto best =
-        std::min_element(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
-            return a.information_criterion < b.information_criterion;
-        });
+        std::ranges::min_element(candidates, {}, &TransferCandidate::information_criterion);
     for (const TransferCandidate& candidate : candidates)
         if (candidate.kind == best->kind || reduced(candidate) < 1.5 * scatter)
             return candidate.kind;
@@ -418,16 +433,6 @@ void take_nonlinearity(const Table& table, TransferEstimate& estimate) {
     }
 }
 
-void take_points(const std::vector<ExposedPatch>& observed, const InverseCurve& curve, double top,
-                 TransferEstimate& estimate) {
-    const std::vector<double> irradiance = curve.irradiance;
-    const double end = curve.radiance(top);
-    for (const ExposedPatch& patch : observed)
-        estimate.points.push_back(
-            {irradiance[static_cast<std::size_t>(patch.patch)] * patch.exposure / end, patch.code,
-             patch.standard_uncertainty});
-}
-
 }  // namespace
 
 TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Sensor& sensor,
@@ -446,10 +451,9 @@ TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Se
     estimate.light_drift = light_drift(photos, patches, estimate.saturation_code, sensor);
     estimate.patches = static_cast<int>(patches.size());
     estimate.photos = static_cast<int>(photos.size());
-    const auto [low, high] = std::minmax_element(observed.begin(), observed.end(),
-                                                 [](auto& a, auto& b) { return a.code < b.code; });
-    estimate.lowest_code = low->code;
-    estimate.highest_code = high->code;
+    const auto [low, high] = std::ranges::minmax(observed, {}, &ExposedPatch::code);
+    estimate.lowest_code = low.code;
+    estimate.highest_code = high.code;
     if (estimate.highest_code < min_top)
         throw NumericalError(
             fmt::format("exposures: the brightest parts reach {:.0f} % of full scale without "
@@ -468,7 +472,10 @@ TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Se
         std::max((estimate.saturation_code - sensor.black_dn) / range, estimate.highest_code);
     const Table table = tabulated(curve, top, black_standard_uncertainty_dn / range);
     take_nonlinearity(table, estimate);
-    take_points(observed, curve, top, estimate);
+    for (const ExposedPatch& patch : observed)
+        estimate.points.push_back({curve.irradiance[static_cast<std::size_t>(patch.patch)] *
+                                       patch.exposure / curve.radiance(top),
+                                   patch.code, patch.standard_uncertainty});
     estimate.transfer.kind = chosen(estimate.candidates);
     if (estimate.transfer.kind == Transfer::Kind::table) {
         estimate.transfer.table = table.knots;

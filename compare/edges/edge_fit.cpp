@@ -56,13 +56,6 @@ DiskTransfer disk_transfer(double frequency, double radius) {
     return {2.0 * ::j1(q) / q, -k * k * ::jn(2, q) / (q * q)};
 }
 
-AiryTransfer airy_transfer(double f_lambda_n) {
-    if (f_lambda_n >= 1.0)
-        return {0.0, 0.0};
-    const double root = std::sqrt(1.0 - f_lambda_n * f_lambda_n);
-    return {2.0 / pi * (std::acos(f_lambda_n) - f_lambda_n * root), -4.0 / pi * root};
-}
-
 // A panel of 8 points spans at most one cycle of the fastest oscillation.
 EdgeResponse::EdgeResponse(double reach_px) {
     if (!(reach_px > 0.0 && reach_px <= 100.0))
@@ -98,18 +91,12 @@ EdgeValue edge_value(const Eigen::ArrayXd& odd, const Eigen::ArrayXd& even, doub
     return {0.5 + sign * value, even[i] + t * (even[i + 1] - even[i])};
 }
 
-double odd_at(const Eigen::ArrayXd& odd, double distance_px) {
-    const auto [i, t, sign] = cell_of(distance_px, odd.size());
-    return sign * (odd[i] + t * (odd[i + 1] - odd[i]));
-}
-
 namespace {
 
 using Eigen::ArrayXd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// dark, step, gradient across, gradient along, shift, turn
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
@@ -122,20 +109,11 @@ constexpr double shift_room_px = 3.0;
 constexpr int max_iterations = 50;
 constexpr double outlier_ratio = 4.0;
 constexpr int min_clusters = 8;
+constexpr char undetermined[] = "edge fit: the edges do not determine the blur";
 
-Vector6 vector_of(const FittedEdge& edge) {
-    return (Vector6() << edge.dark, edge.step, edge.gradient_across, edge.gradient_along,
-            edge.shift_px, edge.turn)
-        .finished();
-}
-
-void set(FittedEdge& edge, const Vector6& v) {
-    edge.dark = v[0];
-    edge.step = v[1];
-    edge.gradient_across = v[2];
-    edge.gradient_along = v[3];
-    edge.shift_px = v[4];
-    edge.turn = v[5];
+double odd_at(const ArrayXd& odd, double distance_px) {
+    const auto [i, t, sign] = cell_of(distance_px, odd.size());
+    return sign * (odd[i] + t * (odd[i + 1] - odd[i]));
 }
 
 Vector6 prior_weight(double step) {
@@ -155,195 +133,108 @@ struct Reduced {
     double chi_square = 0.0, squared_residuals = 0.0;
 };
 
-// The profile of one edge for the current blur.
-struct Profile {
-    ArrayXd odd, even;
+// Normal equations of one edge at its current own parameters; fills its residuals.
+Reduced reduce(const StraightEdge& edge, const EdgeResponse& response, const BlurModel& model,
+               const VectorXd& parameters, FittedEdge& fitted) {
+    const Eigen::Index m = parameters.size();
+    const ArrayXd pixel_box = pixel_transfer(response.frequencies(), edge.normal);
+    const BlurModel::Transfer lens = model.transfer(edge, parameters, response.frequencies());
+    const ArrayXd odd = response.odd_table(pixel_box * lens.value),
+                  even = response.even_table(pixel_box * lens.value);
     std::vector<ArrayXd> by_parameter;
-};
-
-class Problem {
-public:
-    Problem(std::span<const StraightEdge> edges, const BlurModel& model)
-        : edges_(edges), model_(model), response_(reach(edges)) {}
-
-    bool are_parts() const { return model_.are_parts; }
-
-    Profile profile(const StraightEdge& edge, const VectorXd& parameters) const {
-        const ArrayXd& f = response_.frequencies();
-        const ArrayXd pixel = pixel_transfer(f, edge.normal);
-        const BlurModel::Transfer lens = model_.transfer(edge, parameters, f);
-        Profile profile{
-            response_.odd_table(pixel * lens.value), response_.even_table(pixel * lens.value), {}};
-        for (Eigen::Index k = 0; k < parameters.size(); ++k)
-            profile.by_parameter.push_back(
-                response_.odd_table(pixel * lens.derivative.col(k).array()));
-        return profile;
+    for (Eigen::Index k = 0; k < m; ++k)
+        by_parameter.push_back(response.odd_table(pixel_box * lens.derivative.col(k).array()));
+    Matrix6 own = Matrix6::Zero();
+    Reduced reduced;
+    reduced.information = MatrixXd::Zero(m, m);
+    reduced.score = VectorXd::Zero(m);
+    reduced.own_score = Vector6::Zero();
+    reduced.coupling = MatrixXd::Zero(6, m);
+    fitted.residuals.clear();
+    VectorXd shared(m);
+    for (const EdgePixel& pixel : edge.pixels) {
+        const double d = pixel.distance_px, t = pixel.along_px;
+        const double place = fitted.place_px(pixel), height = fitted.height(pixel);
+        const EdgeValue at = edge_value(odd, even, place);
+        const double expected = fitted.own[0] + height * at.response;
+        const double residual = pixel.radiance - expected;
+        const double weight = 1.0 / edge.noise.variance(expected);
+        Vector6 row;
+        row << 1.0, at.response, d * at.response, t * at.response, -height * at.spread,
+            -height * at.spread * t;
+        for (Eigen::Index k = 0; k < m; ++k)
+            shared[k] = height * odd_at(by_parameter[static_cast<std::size_t>(k)], place);
+        own.noalias() += weight * row * row.transpose();
+        reduced.own_score += weight * residual * row;
+        reduced.coupling.noalias() += weight * row * shared.transpose();
+        reduced.information.noalias() += weight * shared * shared.transpose();
+        reduced.score += weight * residual * shared;
+        reduced.chi_square += weight * residual * residual;
+        reduced.squared_residuals += residual * residual;
+        fitted.residuals.push_back(residual);
     }
+    const Vector6 prior = prior_weight(fitted.own[1]);  // says nothing of dark and step
+    own.diagonal() += prior;
+    reduced.own_score -= prior.cwiseProduct(fitted.own);
+    reduced.chi_square += prior.dot(fitted.own.cwiseAbs2());
+    reduced.own.compute(MatrixXd(own));
+    const MatrixXd eliminated = reduced.own.solve(reduced.coupling);
+    reduced.information -= reduced.coupling.transpose() * eliminated;
+    reduced.score -= eliminated.transpose() * reduced.own_score;
+    return reduced;
+}
 
-    // Normal equations of one edge at its current own parameters; fills its residuals.
-    Reduced reduce(const StraightEdge& edge, const VectorXd& parameters, FittedEdge& fitted) const {
-        const Eigen::Index m = parameters.size();
-        const Profile table = profile(edge, parameters);
-        Matrix6 own = Matrix6::Zero();
-        Reduced reduced;
-        reduced.information = MatrixXd::Zero(m, m);
-        reduced.score = VectorXd::Zero(m);
-        reduced.own_score = Vector6::Zero();
-        reduced.coupling = MatrixXd::Zero(6, m);
-        fitted.residuals.clear();
-        VectorXd shared(m);
-        for (const EdgePixel& pixel : edge.pixels) {
-            const double d = pixel.distance_px, t = pixel.along_px;
-            const double place = d - fitted.shift_px - fitted.turn * t;
-            const EdgeValue at = edge_value(table.odd, table.even, place);
-            const double height =
-                fitted.step + fitted.gradient_across * d + fitted.gradient_along * t;
-            const double expected = fitted.dark + height * at.response;
-            const double residual = pixel.radiance - expected;
-            const double weight = 1.0 / edge.noise.variance(expected);
-            Vector6 row;
-            row << 1.0, at.response, d * at.response, t * at.response, -height * at.spread,
-                -height * at.spread * t;
-            for (Eigen::Index k = 0; k < m; ++k)
-                shared[k] = height * odd_at(table.by_parameter[static_cast<std::size_t>(k)], place);
-            own.noalias() += weight * row * row.transpose();
-            reduced.own_score += weight * residual * row;
-            reduced.coupling.noalias() += weight * row * shared.transpose();
-            reduced.information.noalias() += weight * shared * shared.transpose();
-            reduced.score += weight * residual * shared;
-            reduced.chi_square += weight * residual * residual;
-            reduced.squared_residuals += residual * residual;
-            fitted.residuals.push_back(residual);
-        }
-        const Vector6 prior = prior_weight(fitted.step), current = vector_of(fitted);
-        own.diagonal() += prior;
-        reduced.own_score -= prior.cwiseProduct(current);
-        Vector6 told = current;  // of these the prior says nothing
-        told.head<2>().setZero();
-        reduced.chi_square += told.cwiseProduct(told).dot(prior);
-        reduced.own.compute(MatrixXd(own));
-        const MatrixXd eliminated = reduced.own.solve(reduced.coupling);
-        reduced.information -= reduced.coupling.transpose() * eliminated;
-        reduced.score -= eliminated.transpose() * reduced.own_score;
-        return reduced;
-    }
-
-private:
-    static double reach(std::span<const StraightEdge> edges) {
-        double widest = 0.0;
-        for (const StraightEdge& edge : edges)
-            for (const EdgePixel& pixel : edge.pixels)
-                widest = std::max(widest, std::abs(pixel.distance_px));
-        return widest + shift_room_px;
-    }
-
-    std::span<const StraightEdge> edges_;
-    const BlurModel& model_;
-    EdgeResponse response_;
-};
-
-// Levels from the outer halves of both sides.
 FittedEdge first_guess(const StraightEdge& edge) {
-    double widest = 0.0, sum[2] = {}, count[2] = {};
-    for (const EdgePixel& pixel : edge.pixels)
-        widest = std::max(widest, std::abs(pixel.distance_px));
-    for (const EdgePixel& pixel : edge.pixels)
-        if (std::abs(pixel.distance_px) >= 0.5 * widest) {
-            sum[pixel.distance_px > 0.0] += pixel.radiance;
-            ++count[pixel.distance_px > 0.0];
-        }
-    if (count[0] == 0.0 || count[1] == 0.0 || !(sum[1] / count[1] > sum[0] / count[0]))
+    if (own_freedom(edge) <= 0)
+        throw NumericalError(fmt::format("edge fit: an edge of {} pixels", edge.pixels.size()));
+    const auto [dark, light] = side_levels(edge);
+    if (!(light > dark))
         throw NumericalError(fmt::format("an edge at ({:.1f}, {:.1f}) px has no lighter side",
                                          edge.centre_px.x(), edge.centre_px.y()));
     FittedEdge fitted;
-    fitted.dark = sum[0] / count[0];
-    fitted.step = sum[1] / count[1] - fitted.dark;
+    fitted.own.head<2>() << dark, light - dark;
     return fitted;
 }
 
 // Least of 1/2 x^T A x - b^T x with x >= lower: Lawson and Hanson's active set, A positive
-// definite.
-class BoundedQuadratic {
-public:
-    BoundedQuadratic(const MatrixXd& a, const VectorXd& b, const VectorXd& lower)
-        : a_(a),
-          b_(b),
-          lower_(lower),
-          x_(VectorXd::Zero(lower.size())),
-          free_(static_cast<std::size_t>(lower.size()), false) {
-        // x = 0 is always allowed (no step): parameters off their bound start free.
-        for (Eigen::Index i = 0; i < lower.size(); ++i)
-            free_[static_cast<std::size_t>(i)] = lower[i] < 0.0;
-    }
-
-    VectorXd solve() {
-        for (int round = 0; round < 10 * static_cast<int>(free_.size()) + 10; ++round) {
-            while (!move_to_least_of_free()) {
+// definite. x = 0 is always allowed (no step): parameters off their bound start free.
+VectorXd bounded_step(const MatrixXd& a, const VectorXd& b, const VectorXd& lower) {
+    constexpr double least_gain = 1e-9;
+    VectorXd x = VectorXd::Zero(b.size());
+    std::vector<Eigen::Index> free;
+    for (Eigen::Index i = 0; i < b.size(); ++i)
+        if (lower[i] < 0.0)
+            free.push_back(i);
+    for (Eigen::Index round = 0; round < 10 * b.size() + 10; ++round) {
+        // To the least over the free ones; whichever meets its bound on the way stays there.
+        while (!free.empty()) {
+            const VectorXd gradient = b - a * x;
+            const VectorXd step = MatrixXd(a(free, free)).ldlt().solve(VectorXd(gradient(free)));
+            double part = 1.0;
+            auto blocking = free.end();
+            for (auto at = free.begin(); at != free.end(); ++at) {
+                const double delta = step[at - free.begin()], room = lower[*at] - x[*at];
+                if (delta < room && room / delta < part) {
+                    part = room / delta;
+                    blocking = at;
+                }
             }
-            if (!release_one())
+            x(free) += part * step;
+            if (blocking == free.end())
                 break;
+            x[*blocking] = lower[*blocking];
+            free.erase(blocking);
         }
-        return x_;
+        ArrayXd gain = (b - a * x).array() / a.diagonal().array().sqrt();
+        for (const Eigen::Index i : free)
+            gain[i] = 0.0;
+        Eigen::Index best = 0;
+        if (!(gain.maxCoeff(&best) > least_gain))
+            break;
+        free.insert(std::ranges::lower_bound(free, best), best);
     }
-
-private:
-    std::vector<Eigen::Index> chosen() const {
-        std::vector<Eigen::Index> indices;
-        for (std::size_t i = 0; i < free_.size(); ++i)
-            if (free_[i])
-                indices.push_back(static_cast<Eigen::Index>(i));
-        return indices;
-    }
-
-    // True when the least over the free ones is inside; else one of them becomes bound.
-    bool move_to_least_of_free() {
-        const std::vector<Eigen::Index> indices = chosen();
-        if (indices.empty())
-            return true;
-        const VectorXd gradient = b_ - a_ * x_;
-        const MatrixXd free = a_(indices, indices);
-        const VectorXd step = free.ldlt().solve(VectorXd(gradient(indices)));
-        double part = 1.0;
-        Eigen::Index blocking = -1;
-        for (std::size_t i = 0; i < indices.size(); ++i) {
-            const double delta = step[static_cast<Eigen::Index>(i)];
-            const double room = lower_[indices[i]] - x_[indices[i]];
-            if (delta < room && room / delta < part) {
-                part = room / delta;
-                blocking = indices[i];
-            }
-        }
-        for (std::size_t i = 0; i < indices.size(); ++i)
-            x_[indices[i]] += part * step[static_cast<Eigen::Index>(i)];
-        if (blocking < 0)
-            return true;
-        x_[blocking] = lower_[blocking];
-        free_[static_cast<std::size_t>(blocking)] = false;
-        return false;
-    }
-
-    bool release_one() {
-        const VectorXd gradient = b_ - a_ * x_;
-        Eigen::Index best = -1;
-        double gain = 0.0;
-        for (Eigen::Index i = 0; i < x_.size(); ++i) {
-            const double scaled = gradient[i] / std::sqrt(a_(i, i));
-            if (!free_[static_cast<std::size_t>(i)] && scaled > gain + 1e-9) {
-                gain = scaled;
-                best = i;
-            }
-        }
-        if (best >= 0)
-            free_[static_cast<std::size_t>(best)] = true;
-        return best >= 0;
-    }
-
-    const MatrixXd& a_;
-    const VectorXd& b_;
-    const VectorXd& lower_;
-    VectorXd x_;
-    std::vector<bool> free_;
-};
+    return x;
+}
 
 // The sums over all edges in use.
 struct Sums {
@@ -362,7 +253,8 @@ void hold_sum(double weight, const VectorXd& parameters, Sums& sums) {
     sums.chi_square += weight * missing * missing;
 }
 
-Sums sum_up(const Problem& problem, std::span<const StraightEdge> edges, EdgeFit& fit) {
+Sums sum_up(std::span<const StraightEdge> edges, const EdgeResponse& response,
+            const BlurModel& model, EdgeFit& fit) {
     const Eigen::Index m = fit.parameters.size();
     Sums sums{MatrixXd::Zero(m, m), VectorXd::Zero(m), {}, 0.0};
     double weight = 0.0;
@@ -370,14 +262,14 @@ Sums sum_up(const Problem& problem, std::span<const StraightEdge> edges, EdgeFit
         sums.edges.emplace_back();
         if (fit.edges[i].is_outlier)
             continue;
-        sums.edges.back() = problem.reduce(edges[i], fit.parameters, fit.edges[i]);
+        sums.edges.back() = reduce(edges[i], response, model, fit.parameters, fit.edges[i]);
         const Reduced& edge = sums.edges.back();
         sums.information += edge.information;
         sums.score += edge.score;
         sums.chi_square += edge.chi_square;
         weight += static_cast<double>(edges[i].pixels.size()) / edges[i].noise.variance(0.5);
     }
-    if (problem.are_parts())
+    if (model.are_parts)
         hold_sum(weight, fit.parameters, sums);
     if (!sums.information.allFinite() || !sums.score.allFinite() || !std::isfinite(sums.chi_square))
         throw NumericalError("edge fit: not finite");
@@ -391,31 +283,26 @@ void take_step(const Sums& sums, const VectorXd& step, double part, EdgeFit& fit
         if (fit.edges[i].is_outlier)
             continue;
         const Reduced& edge = sums.edges[i];
-        const Vector6 own = edge.own.solve(edge.own_score - edge.coupling * step);
-        set(fit.edges[i], vector_of(fit.edges[i]) + part * own);
+        fit.edges[i].own += part * edge.own.solve(edge.own_score - edge.coupling * step);
     }
 }
 
-void require_information(const Sums& sums) {
-    if (!(sums.information.diagonal().minCoeff() > 0.0))
-        throw NumericalError("edge fit: the edges do not determine the blur");
-}
-
 // Gauss-Newton with halved steps where chi-square rises.
-Sums iterate(const Problem& problem, std::span<const StraightEdge> edges, const VectorXd& lower,
-             EdgeFit& fit) {
+Sums iterate(std::span<const StraightEdge> edges, const EdgeResponse& response,
+             const BlurModel& model, EdgeFit& fit) {
     constexpr double converged = 1e-9;  // of chi-square
-    Sums sums = sum_up(problem, edges, fit);
+    Sums sums = sum_up(edges, response, model, fit);
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
-        require_information(sums);
-        const VectorXd room = lower - fit.parameters;
-        const VectorXd step = BoundedQuadratic(sums.information, sums.score, room).solve();
+        if (!(sums.information.diagonal().minCoeff() > 0.0))
+            throw NumericalError(undetermined);
+        const VectorXd step =
+            bounded_step(sums.information, sums.score, model.lower - fit.parameters);
         const EdgeFit before = fit;
         double part = 1.0;
         Sums next;
         for (;; part *= 0.5) {
             take_step(sums, step, part, fit);
-            next = sum_up(problem, edges, fit);
+            next = sum_up(edges, response, model, fit);
             if (next.chi_square <= sums.chi_square * (1.0 + 1e-12) || part < 1e-6)
                 break;
             fit = before;
@@ -445,13 +332,6 @@ bool mark_outliers(std::span<const StraightEdge> edges, const Sums& sums, EdgeFi
     return fit.outlying_edges > 0;
 }
 
-MatrixXd inverse_of(const MatrixXd& information) {
-    const auto inverse = covariance_from_information(information, 0.0);
-    if (!inverse || !inverse->allFinite())
-        throw NumericalError("edge fit: the edges do not determine the blur");
-    return *inverse;
-}
-
 // How many times larger than the formal covariance the scatter of the edges' scores says it is, on
 // average over the parameters; 1 with too few edges.
 double scatter_ratio(const Sums& sums, const EdgeFit& fit, const MatrixXd& covariance,
@@ -470,11 +350,13 @@ double scatter_ratio(const Sums& sums, const EdgeFit& fit, const MatrixXd& covar
 
 // Covariance as the header says.
 MatrixXd covariance_of(const Sums& sums, const EdgeFit& fit, bool noise_is_known) {
-    const MatrixXd inverse = inverse_of(sums.information);
+    const auto inverse = covariance_from_information(sums.information, 0.0);
+    if (!inverse || !inverse->allFinite())
+        throw NumericalError(undetermined);
     const double excess =
         noise_is_known ? std::max(1.0, fit.reduced_chi_square) : fit.reduced_chi_square;
-    const MatrixXd covariance = excess * inverse;
-    return covariance * std::max(1.0, scatter_ratio(sums, fit, covariance, inverse));
+    const MatrixXd covariance = excess * *inverse;
+    return covariance * std::max(1.0, scatter_ratio(sums, fit, covariance, *inverse));
 }
 
 void summarize(std::span<const StraightEdge> edges, const BlurModel& model, const Sums& sums,
@@ -485,7 +367,7 @@ void summarize(std::span<const StraightEdge> edges, const BlurModel& model, cons
             continue;
         ++fit.used_edges;
         fit.pixels += static_cast<int>(edges[i].pixels.size());
-        squares += sums.edges[i].squared_residuals / std::pow(fit.edges[i].step, 2);
+        squares += sums.edges[i].squared_residuals / std::pow(fit.edges[i].own[1], 2);
         fit.edges[i].reduced_chi_square = sums.edges[i].chi_square / own_freedom(edges[i]);
     }
     fit.degrees_of_freedom =
@@ -510,17 +392,14 @@ int own_freedom(const StraightEdge& edge) {
 EdgeFit fit_edges(std::span<const StraightEdge> edges, const BlurModel& model) {
     if (edges.empty())
         throw NumericalError("edge fit: no edges");
-    const Problem problem(edges, model);
+    const EdgeResponse response(reach_px(edges) + shift_room_px);
     EdgeFit fit;
     fit.parameters = model.start;
-    for (const StraightEdge& edge : edges) {
-        if (own_freedom(edge) <= 0)
-            throw NumericalError(fmt::format("edge fit: an edge of {} pixels", edge.pixels.size()));
+    for (const StraightEdge& edge : edges)
         fit.edges.push_back(first_guess(edge));
-    }
-    Sums sums = iterate(problem, edges, model.lower, fit);
+    Sums sums = iterate(edges, response, model, fit);
     if (mark_outliers(edges, sums, fit))
-        sums = iterate(problem, edges, model.lower, fit);
+        sums = iterate(edges, response, model, fit);
     summarize(edges, model, sums, fit);
     return fit;
 }
@@ -547,46 +426,46 @@ double volume(double a, double b) {
 
 }  // namespace
 
-double defocus_radius_px(const StraightEdge& edge, const Aperture& aperture) {
-    const double focus =
-        aperture.faces_rays ? aperture.focus_on_axis : aperture.focus(edge.undistorted);
-    const double defocus = edge.depth_term - focus;
-    return aperture.radius_mm * edge.px_per_unit *
-           std::sqrt(defocus * defocus + edge.depth_term_variance);
+double disk_radius_squared(const StraightEdge& edge, double aperture_mm, double focus) {
+    const double defocus = edge.depth_term - focus, scale = aperture_mm * edge.px_per_unit;
+    return scale * scale * (defocus * defocus + edge.depth_term_variance);
 }
 
-BlurModel gaussian_width() {
+BlurTransfer blur_transfer(const StraightEdge& edge, double variance_px2, double radius_squared_px2,
+                           const ArrayXd& cycles_per_px) {
+    const double radius = std::sqrt(radius_squared_px2);
+    const Eigen::Index n = cycles_per_px.size();
+    BlurTransfer result{ArrayXd(n), ArrayXd(n), ArrayXd(n)};
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const double q = cycles_per_px[i] * edge.px_per_pitch, fall = -2.0 * pi * pi * q * q;
+        const DiskTransfer disk = disk_transfer(cycles_per_px[i], radius);
+        const double gaussian = std::exp(fall * variance_px2);
+        result.value[i] = gaussian * disk.value;
+        result.by_variance[i] = fall * result.value[i];
+        result.by_radius_squared[i] = gaussian * disk.by_radius_squared;
+    }
+    return result;
+}
+
+BlurModel gaussian_blur(const Aperture& aperture) {
     BlurModel model;
-    model.start = Eigen::VectorXd::Constant(1, 0.5);
-    model.lower = Eigen::VectorXd::Zero(1);
-    model.transfer = [](const StraightEdge&, const Eigen::VectorXd& p, const Eigen::ArrayXd& f) {
-        const Eigen::ArrayXd fall = -2.0 * pi * pi * f.square();
-        BlurModel::Transfer result{(fall * p[0]).exp(), {}};
-        result.derivative = fall * result.value;
-        return result;
+    model.start = VectorXd::Constant(1, start_variance_px2);
+    model.lower = VectorXd::Zero(1);
+    model.transfer = [=](const StraightEdge& edge, const VectorXd& parameters,
+                         const ArrayXd& frequencies) {
+        const double focus =
+            aperture.faces_rays ? aperture.focus_on_axis : aperture.focus(edge.undistorted);
+        const BlurTransfer blur = blur_transfer(
+            edge, parameters[0], disk_radius_squared(edge, aperture.radius_mm, focus), frequencies);
+        return BlurModel::Transfer{blur.value, blur.by_variance};
     };
     return model;
 }
 
-BlurModel gaussian_blur(const Aperture& aperture, double lambda_n_px) {
-    BlurModel model;
-    model.start = Eigen::VectorXd::Constant(1, start_variance_px2);
-    model.lower = Eigen::VectorXd::Zero(1);
-    model.transfer = [=](const StraightEdge& edge, const Eigen::VectorXd& parameters,
-                         const Eigen::ArrayXd& frequencies) {
-        const double scale = edge.px_per_pitch, radius = defocus_radius_px(edge, aperture);
-        BlurModel::Transfer result{Eigen::ArrayXd(frequencies.size()),
-                                   Eigen::MatrixXd(frequencies.size(), 1)};
-        for (Eigen::Index i = 0; i < frequencies.size(); ++i) {
-            const double f = frequencies[i], q = f * scale;
-            const double fall = -2.0 * pi * pi * q * q;
-            result.value[i] = std::exp(fall * parameters[0]) * disk_transfer(f, radius).value *
-                              (lambda_n_px > 0.0 ? airy_transfer(q * lambda_n_px).value : 1.0);
-            result.derivative(i, 0) = fall * result.value[i];
-        }
-        return result;
-    };
-    return model;
+EdgeWidth edge_width(const StraightEdge& edge) {
+    const EdgeFit fit = fit_edges({&edge, 1}, gaussian_blur());
+    const double along_normal = edge.px_per_pitch * edge.px_per_pitch;
+    return {along_normal * fit.parameters[0], along_normal * std::sqrt(fit.covariance(0, 0))};
 }
 
 SlopingDisks::SlopingDisks(std::vector<double> radii_px) : radii_(std::move(radii_px)) {}

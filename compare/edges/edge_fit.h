@@ -42,12 +42,6 @@ struct DiskTransfer {
 };
 DiskTransfer disk_transfer(double frequency, double radius);
 
-// Transfer of the Airy pattern at f lambda N_w (0 from 1 on), and its derivative.
-struct AiryTransfer {
-    double value, derivative;
-};
-AiryTransfer airy_transfer(double f_lambda_n);
-
 // Safe from every thread once built; building costs reach^2 / 100 ms.
 class EdgeResponse {
 public:
@@ -72,12 +66,11 @@ private:
 };
 
 // E and L at any distance from both tables: E by cubic Hermite interpolation (error 3e-6 behind a
-// pixel), L and `odd_at` by straight lines. Beyond the table the last value holds.
+// pixel), L by straight lines. Beyond the table the last value holds.
 struct EdgeValue {
     double response, spread;
 };
 EdgeValue edge_value(const Eigen::ArrayXd& odd, const Eigen::ArrayXd& even, double distance_px);
-double odd_at(const Eigen::ArrayXd& odd, double distance_px);
 
 // A family of lens blurs (without the pixel box) by a few parameters.
 struct BlurModel {
@@ -97,11 +90,19 @@ struct BlurModel {
 
 // One edge's own part of the fit.
 struct FittedEdge {
-    double dark = 0.0, step = 0.0, gradient_across = 0.0, gradient_along = 0.0;
-    double shift_px = 0.0, turn = 0.0;
+    // dark, step, g_n, g_t, shift (px), turn
+    Eigen::Matrix<double, 6, 1> own = Eigen::Matrix<double, 6, 1>::Zero();
     double reduced_chi_square = 0.0;
     bool is_outlier = false;        // not used: its chi-square is far above the others'
     std::vector<double> residuals;  // radiance, by pixel
+
+    // A pixel's distance from the edge as it was found, and the light side over the dark one there.
+    double place_px(const EdgePixel& pixel) const {
+        return pixel.distance_px - own[4] - own[5] * pixel.along_px;
+    }
+    double height(const EdgePixel& pixel) const {
+        return own[1] + own[2] * pixel.distance_px + own[3] * pixel.along_px;
+    }
 };
 
 struct EdgeFit {
@@ -125,18 +126,27 @@ int own_freedom(const StraightEdge& edge);
 // pixels than parameters, or the edges do not determine the blur.
 EdgeFit fit_edges(std::span<const StraightEdge> edges, const BlurModel& model);
 
-// The lens blurs that are fitted to edges (compare/edges/edge_fit.h).
+// The radius squared of a thin lens' blur disk along the edge's normal, px^2, at an aperture's
+// radius in mm and a focus in the edge's depth terms; the mean over the edge's length.
+double disk_radius_squared(const StraightEdge& edge, double aperture_mm, double focus);
 
-// Radius of the blur disk along an edge's normal, px: what the aperture makes of the edge's depth
-// (root mean square over its length).
-double defocus_radius_px(const StraightEdge& edge, const Aperture& aperture);
+// The transfer of a Gaussian and a disk together at these frequencies along the edge's normal: the
+// Gaussian's variance in px^2 of the pitch along x.
+struct BlurTransfer {
+    Eigen::ArrayXd value, by_variance, by_radius_squared;
+};
+BlurTransfer blur_transfer(const StraightEdge& edge, double variance_px2, double radius_squared_px2,
+                           const Eigen::ArrayXd& cycles_per_px);
 
-// One parameter: the variance of a Gaussian that stands for the whole blur, px^2 along the normal.
-BlurModel gaussian_width();
+// One parameter, a Gaussian's variance in px^2 (of the pitch along x), beside the known blur disk.
+BlurModel gaussian_blur(const Aperture& aperture = {});
 
-// One parameter, sigma^2 in px^2 (of the pitch along x), beside the known blur disk and, when
-// lambda_n_px is over 0, beside the Airy pattern.
-BlurModel gaussian_blur(const Aperture& aperture, double lambda_n_px);
+// The blur of one edge: the variance, px^2 along the normal, of the Gaussian that fits its pixels
+// best. A disk of radius R has R^2 / 4.
+struct EdgeWidth {
+    double variance_px2 = 0.0, deviation_px2 = 0.0;
+};
+EdgeWidth edge_width(const StraightEdge& edge);
 
 // Round patterns whose density does not rise outwards: parts of unit energy, flat to one of the
 // radii (0, r1, ...) and falling linearly to zero at the next.

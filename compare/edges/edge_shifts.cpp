@@ -49,31 +49,14 @@ double blur_reach_px(const CameraModel& camera, double depth_mm, double psf_sigm
     return reach + 2.0 * std::sqrt(variance) + 0.5;
 }
 
-// The light that a pixel of the photograph receives is displaced by the marker's translation
-// parallel to the image plane: depth and blur stay.
-Eigen::Vector3d translation_for(const Projector& projector, const Eigen::Vector3d& centre,
-                                const Eigen::Vector2d& displacement_px) {
-    const auto projected = projector.project_with_jacobian(centre);
-    if (!projected)
-        throw NumericalError("the marker's centre is not seen by the camera");
-    const Eigen::Matrix2d by_xy = projected->jacobian.leftCols<2>();
-    const Eigen::Vector2d xy = by_xy.inverse() * displacement_px;
-    if (!xy.allFinite())
-        throw NumericalError("the camera's projection is singular at the marker's centre");
-    return {xy.x(), xy.y(), 0.0};
-}
-
-Eigen::Vector3d grid_centre(const CellGrid& grid) {
-    return grid.point_mm(0.5 * grid.columns(), 0.5 * grid.rows());
-}
-
-// Both families of edges must be displaced across: along the middle between their normals. An edge
-// moves by `step` px or so from place to place.
-Eigen::Vector2d step_between_places(const Projector& projector, const Rigid& camera_from_marker,
+// From place to place the light that a pixel receives is displaced by the marker's translation
+// parallel to the image plane: depth and blur stay. Both families of edges must be displaced
+// across: along the middle between their normals. An edge moves by `step_px` or so.
+Eigen::Vector3d step_between_places(const Projector& projector, const Rigid& camera_from_marker,
                                     const CellGrid& grid) {
     constexpr double step_px = 0.3;
-    const Eigen::Vector3d centre = camera_from_marker * grid_centre(grid);
-    const auto projected = projector.project_with_jacobian(centre);
+    const auto projected = projector.project_with_jacobian(
+        camera_from_marker * grid.point_mm(0.5 * grid.columns(), 0.5 * grid.rows()));
     if (!projected)
         throw NumericalError("the marker's centre is not seen by the camera");
     const Eigen::Matrix3d rotation = camera_from_marker.rotation.toRotationMatrix();
@@ -85,12 +68,17 @@ Eigen::Vector2d step_between_places(const Projector& projector, const Rigid& cam
     const Eigen::Vector2d middle = (a.dot(b) > 0.0 ? Eigen::Vector2d(a + b) : a - b).normalized();
     if (!middle.allFinite())
         throw NumericalError("the marker is seen edge-on");
-    return step_px / std::min(std::abs(middle.dot(a)), std::abs(middle.dot(b))) * middle;
+    const Eigen::Vector2d displacement_px =
+        step_px / std::min(std::abs(middle.dot(a)), std::abs(middle.dot(b))) * middle;
+    const Eigen::Matrix2d by_xy = projected->jacobian.leftCols<2>();
+    const Eigen::Vector2d xy = by_xy.inverse() * displacement_px;
+    if (!xy.allFinite())
+        throw NumericalError("the camera's projection is singular at the marker's centre");
+    return {xy.x(), xy.y(), 0.0};
 }
 
 RenderedPlaces rendered_places(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state) {
-    const Projector& projector = camera.projector();
     constexpr int room = 16;  // what the model's widest Gaussian brings in
     RenderedPlaces rendered;
     rendered.region = cv::boundingRect(photo.use);
@@ -98,8 +86,7 @@ RenderedPlaces rendered_places(const PhotoOfMarker& photo, const PhotometricCame
     rendered.region += cv::Size(2 * room, 2 * room);
     rendered.region &= cv::Rect({0, 0}, photo.use.size());
     const Rigid& pose = state.camera_from_marker;
-    const Eigen::Vector3d step = translation_for(projector, pose * grid_centre(photo.grid),
-                                                 step_between_places(projector, pose, photo.grid));
+    const Eigen::Vector3d step = step_between_places(camera.projector(), pose, photo.grid);
     for (int place = 0; place < places; ++place) {
         const auto k = static_cast<std::size_t>(place);
         rendered.poses[k] = {pose.rotation, pose.translation + (place - places / 2) * step};

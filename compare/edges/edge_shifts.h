@@ -11,7 +11,8 @@
 // shifts up to 0.5 px are right to 0.001 px, blur up to a third of the edge's own variance to 3 %,
 // either shows as the other by less than 0.001 px and 0.005 px^2.
 //
-// Not for judging a blur far from the rendered one: compare/edges/defocus_profile.h.
+// Not for judging a blur far from the rendered one: defocus_profile()
+// (compare/edges/edge_summary.h).
 #pragma once
 
 #include <Eigen/Core>

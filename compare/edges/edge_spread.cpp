@@ -9,47 +9,35 @@
 
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"
+#include "sim/scene/marker_view.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {
 namespace {
 
-class CellView {
-public:
-    CellView(const CellGrid& grid, int axis) : grid_(grid), axis_(axis) {}
-    int lines() const { return axis_ == 0 ? grid_.columns() : grid_.rows(); }
-    int length() const { return axis_ == 0 ? grid_.rows() : grid_.columns(); }
-    float at(int across, int along) const {
-        return axis_ == 0 ? grid_.cells.at<float>(along, across)
-                          : grid_.cells.at<float>(across, along);
-    }
-    // How many cells from `across` on in this direction are like it, over the whole run.
-    int reach(int across, int direction, int first, int last) const {
-        const float value = at(across, first);
-        int count = 0;
-        for (int c = across; c >= 0 && c < lines(); c += direction, ++count)
-            for (int along = first; along <= last; ++along)
-                if (at(c, along) != value)
-                    return count;
-        return count;
-    }
+// How many rows of cells from `row` on in this direction are like it, from `first` to `last`.
+int reach(const cv::Mat& cells, int row, int direction, int first, int last) {
+    const float value = cells.at<float>(row, first);
+    int count = 0;
+    for (int r = row; r >= 0 && r < cells.rows; r += direction, ++count)
+        for (int along = first; along <= last; ++along)
+            if (cells.at<float>(r, along) != value)
+                return count;
+    return count;
+}
 
-private:
-    const CellGrid& grid_;
-    int axis_;
-};
-
-void add_edges_of_line(const CellView& cells, int axis, int line, std::vector<GridEdge>& edges) {
-    for (int first = 0; first < cells.length();) {
-        const float before = cells.at(line - 1, first), after = cells.at(line, first);
+// Between the rows of cells before and after the line.
+void add_edges_of_line(const cv::Mat& cells, int axis, int line, std::vector<GridEdge>& edges) {
+    const auto *before = cells.ptr<float>(line - 1), *after = cells.ptr<float>(line);
+    for (int first = 0; first < cells.cols;) {
         int last = first;
-        while (last + 1 < cells.length() && cells.at(line - 1, last + 1) == before &&
-               cells.at(line, last + 1) == after)
+        while (last + 1 < cells.cols && before[last + 1] == before[first] &&
+               after[last + 1] == after[first])
             ++last;
-        if (before != after)
-            edges.push_back({axis, line, first, last, cells.reach(line - 1, -1, first, last),
-                             cells.reach(line, 1, first, last), after > before,
-                             std::abs(after - before)});
+        if (before[first] != after[first])
+            edges.push_back({axis, line, first, last, reach(cells, line - 1, -1, first, last),
+                             reach(cells, line, 1, first, last), after[first] > before[first],
+                             std::abs(after[first] - before[first])});
         first = last + 1;
     }
 }
@@ -59,8 +47,8 @@ void add_edges_of_line(const CellView& cells, int axis, int line, std::vector<Gr
 std::vector<GridEdge> grid_edges(const CellGrid& grid) {
     std::vector<GridEdge> edges;
     for (const int axis : {0, 1}) {
-        const CellView cells(grid, axis);
-        for (int line = 1; line < cells.lines(); ++line)
+        const cv::Mat cells = axis == 0 ? cv::Mat(grid.cells.t()) : grid.cells;
+        for (int line = 1; line < cells.rows; ++line)
             add_edges_of_line(cells, axis, line, edges);
     }
     return edges;
@@ -124,10 +112,11 @@ struct LineInImage {
     Eigen::Vector3d row;  // positive on the light side
 };
 
-// An edge's ends and frame in the photograph.
+// An edge in the photograph, still without its pixels, and the half of its band.
 struct EdgeFrame {
-    Eigen::Vector2d centre, undistorted, normal, tangent;
-    double half_length_px, half_width_px, px_per_unit;
+    StraightEdge edge;
+    Eigen::Vector2d tangent;
+    double half_length_px, half_width_px;
 };
 
 class EdgeReader {
@@ -138,7 +127,7 @@ public:
 
     void read(const GridEdge& edge, int photo_number, TargetEdges& result) const {
         const LineInImage line(plane_, edge);
-        const auto frame = frame_of(edge, line);
+        auto frame = frame_of(edge, line);
         if (!frame)
             return;
         if (frame->half_width_px < selection_.least_half_width_px ||
@@ -146,18 +135,16 @@ public:
             ++result.too_small;
             return;
         }
-        StraightEdge found;
+        StraightEdge& found = frame->edge;
         found.photo = photo_number;
-        found.noise = photo_.noise;
-        found.clearance_px = selection_.clearance_px;
         if (!add_pixels(line, *frame, found)) {
             ++result.clipped;
             return;
         }
-        describe(*frame, found);
+        const SideLevels levels = side_levels(found);
         if (found.pixels.size() < min_pixels || found.length_px < selection_.least_length_px)
             ++result.too_small;
-        else if (contrast(found) < selection_.least_contrast)
+        else if (levels.light - levels.dark < selection_.least_contrast)
             ++result.faint;
         else
             result.edges.push_back(std::move(found));
@@ -178,11 +165,17 @@ private:
         if (!gradient)
             return {};
         EdgeFrame frame;
-        frame.centre = *centre;
-        frame.undistorted = *x;
-        frame.normal = gradient->normalized();
-        frame.tangent = {-frame.normal.y(), frame.normal.x()};
-        frame.px_per_unit = px_per_unit(line.row.head<2>(), *x) / gradient->norm();
+        const Intrinsics& intrinsics = projector_.camera().intrinsics;
+        const Eigen::Vector2d normal = gradient->normalized();
+        frame.tangent = {-normal.y(), normal.x()};
+        frame.edge.centre_px = *centre;
+        frame.edge.undistorted = *x;
+        frame.edge.normal = normal;
+        frame.edge.px_per_unit = px_per_unit(line.row.head<2>(), *x) / gradient->norm();
+        frame.edge.px_per_pitch =
+            std::hypot(normal.x(), normal.y() * intrinsics.fy / intrinsics.fx);
+        frame.edge.noise = photo_.noise;
+        frame.edge.clearance_px = selection_.clearance_px;
         const double half = std::min(std::abs((*last - *centre).dot(frame.tangent)),
                                      std::abs((*first - *centre).dot(frame.tangent)));
         frame.half_length_px = half - selection_.clearance_px;
@@ -209,8 +202,8 @@ private:
 
     cv::Rect band_of(const EdgeFrame& frame) const {
         const Eigen::Vector2d half = frame.half_length_px * frame.tangent.cwiseAbs() +
-                                     frame.half_width_px * frame.normal.cwiseAbs();
-        const Eigen::Vector2d low = frame.centre - half, high = frame.centre + half;
+                                     frame.half_width_px * frame.edge.normal.cwiseAbs();
+        const Eigen::Vector2d low = frame.edge.centre_px - half, high = frame.edge.centre_px + half;
         const cv::Rect image({0, 0}, photo_.radiance.size());
         // Far outside the image nothing is left; the limits keep the integers from overflowing.
         const auto whole = [](double value) {
@@ -229,11 +222,10 @@ private:
 
     // False when one of them is clipped.
     bool add_pixels(const LineInImage& line, const EdgeFrame& frame, StraightEdge& edge) const {
-        double sum = 0.0, squares = 0.0;
         const cv::Rect band = band_of(frame);
         for (int y = band.y; y < band.br().y; ++y)
             for (int x = band.x; x < band.br().x; ++x) {
-                const Eigen::Vector2d from_centre = Eigen::Vector2d(x, y) - frame.centre;
+                const Eigen::Vector2d from_centre = Eigen::Vector2d(x, y) - frame.edge.centre_px;
                 const double along = from_centre.dot(frame.tangent);
                 if (std::abs(along) > frame.half_length_px)
                     continue;
@@ -248,49 +240,15 @@ private:
                     continue;
                 if (photo_.clipped.at<uchar>(y, x) && !selection_.with_clipped)
                     return false;
-                const double depth = plane_.depth_term(uv);
-                edge.pixels.push_back({distance, along, photo_.radiance.at<float>(y, x), depth});
-                sum += depth;
-                squares += depth * depth;
+                edge.pixels.push_back(
+                    {distance, along, photo_.radiance.at<float>(y, x), plane_.depth_term(uv)});
             }
-        if (const auto count = static_cast<double>(edge.pixels.size()); count > 0.0) {
-            edge.depth_term = sum / count;
-            edge.depth_term_variance =
-                std::max(0.0, squares / count - edge.depth_term * edge.depth_term);
+        edge.set_depth();
+        if (!edge.pixels.empty()) {
+            const auto [first, last] = std::ranges::minmax(edge.pixels, {}, &EdgePixel::along_px);
+            edge.length_px = last.along_px - first.along_px;
         }
         return true;
-    }
-
-    void describe(const EdgeFrame& frame, StraightEdge& edge) const {
-        const Intrinsics& intrinsics = projector_.camera().intrinsics;
-        edge.centre_px = frame.centre;
-        edge.undistorted = frame.undistorted;
-        edge.normal = frame.normal;
-        const auto by_place = [](const EdgePixel& a, const EdgePixel& b) {
-            return a.along_px < b.along_px;
-        };
-        if (!edge.pixels.empty()) {
-            const auto [first, last] =
-                std::minmax_element(edge.pixels.begin(), edge.pixels.end(), by_place);
-            edge.length_px = last->along_px - first->along_px;
-        }
-        edge.px_per_unit = frame.px_per_unit;
-        edge.px_per_pitch =
-            std::hypot(frame.normal.x(), frame.normal.y() * intrinsics.fy / intrinsics.fx);
-    }
-
-    // Between the means of the outer halves of both sides; nothing when one of them is empty.
-    static double contrast(const StraightEdge& edge) {
-        double widest = 0.0;
-        for (const EdgePixel& pixel : edge.pixels)
-            widest = std::max(widest, std::abs(pixel.distance_px));
-        double sum[2] = {}, count[2] = {};
-        for (const EdgePixel& pixel : edge.pixels)
-            if (std::abs(pixel.distance_px) > 0.5 * widest) {
-                sum[pixel.distance_px > 0.0] += pixel.radiance;
-                ++count[pixel.distance_px > 0.0];
-            }
-        return count[0] > 0.0 && count[1] > 0.0 ? sum[1] / count[1] - sum[0] / count[0] : 0.0;
     }
 
     const LinearPhoto& photo_;
@@ -327,6 +285,38 @@ RadianceNoise noise_of(const CameraModel& camera) {
 }
 
 }  // namespace
+
+void StraightEdge::set_depth() {
+    double sum = 0.0, squares = 0.0;
+    for (const EdgePixel& pixel : pixels) {
+        sum += pixel.depth_term;
+        squares += pixel.depth_term * pixel.depth_term;
+    }
+    const double n = std::max(1.0, static_cast<double>(pixels.size()));
+    depth_term = sum / n;
+    depth_term_variance = std::max(0.0, squares / n - depth_term * depth_term);
+}
+
+double reach_px(std::span<const StraightEdge> edges) {
+    double reach = 0.0;
+    for (const StraightEdge& edge : edges)
+        for (const EdgePixel& pixel : edge.pixels)
+            reach = std::max(reach, std::abs(pixel.distance_px));
+    return reach;
+}
+
+SideLevels side_levels(const StraightEdge& edge) {
+    const double widest = reach_px({&edge, 1});
+    double sum[2] = {}, count[2] = {};
+    for (const EdgePixel& pixel : edge.pixels)
+        if (std::abs(pixel.distance_px) >= 0.5 * widest) {
+            sum[pixel.distance_px > 0.0] += pixel.radiance;
+            ++count[pixel.distance_px > 0.0];
+        }
+    if (count[0] == 0.0 || count[1] == 0.0)
+        return {};
+    return {sum[0] / count[0], sum[1] / count[1]};
+}
 
 LinearPhoto linear_photo(const CodeImage& photo, const CameraModel& camera) {
     LinearPhoto linear;

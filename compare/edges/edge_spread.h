@@ -10,6 +10,7 @@
 #include <opencv2/core.hpp>
 
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 #include "calib/camera/projector.h"
@@ -22,8 +23,7 @@
 namespace etalon {
 
 // The edges of a cell grid: pieces of its lines with a darker cell on one side and a lighter one on
-// the other, as long as they go on alike. Where they are in a photograph:
-// compare/edges/edge_spread.h and compare/edges/edge_shifts.h.
+// the other, as long as they go on alike.
 
 // All cells before the line share one radiance and all cells after it another, for `reach` cells
 // away from it on either side.
@@ -94,7 +94,19 @@ struct StraightEdge {
     int photo = 0;  // whose edge it is, as numbered by the caller
     RadianceNoise noise;
     std::vector<EdgePixel> pixels;
+
+    // Mean and variance of the depth term from the pixels; zero without any.
+    void set_depth();
 };
+
+// Distance of the farthest pixel from its edge, px.
+double reach_px(std::span<const StraightEdge> edges);
+
+// Mean radiance beyond half of the reach on either side; both 0 where one side has no pixel there.
+struct SideLevels {
+    double dark = 0.0, light = 0.0;
+};
+SideLevels side_levels(const StraightEdge& edge);
 
 struct EdgeSelection {
     double half_width_px = 7.0;  // to either side of the edge

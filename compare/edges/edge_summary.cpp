@@ -6,10 +6,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <optional>
 
+#include "compare/edges/edge_fit.h"
 #include "core/program/errors.h"
+#include "core/statistics/covariance.h"
 #include "core/statistics/distributions.h"
 #include "core/statistics/random.h"
 
@@ -70,35 +73,52 @@ struct Mean {
     double value = 0.0, deviation = 0.0;
 };
 
-// Weighted, with the deviation from the weights times the root of the reduced chi-square where that
-// is above 1 (Birge's ratio).
-Mean weighted_mean(std::span<const double> values, std::span<const double> variances) {
+// Weighted by the elements' own variances, with the deviation from the weights times the root of
+// the reduced chi-square where that is above 1 (Birge's ratio).
+template <class Element, class Value, class Variance>
+Mean weighted_mean(std::span<const Element> elements, Value value, Variance variance) {
     double weights = 0.0, sum = 0.0, squares = 0.0;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-        weights += 1.0 / variances[i];
-        sum += values[i] / variances[i];
+    for (const Element& element : elements) {
+        weights += 1.0 / variance(element);
+        sum += value(element) / variance(element);
     }
     const double mean = sum / weights;
-    for (std::size_t i = 0; i < values.size(); ++i)
-        squares += (values[i] - mean) * (values[i] - mean) / variances[i];
-    const double freedom = std::max(1.0, static_cast<double>(values.size()) - 1.0);
+    for (const Element& element : elements)
+        squares += std::pow(value(element) - mean, 2) / variance(element);
+    const double freedom = std::max(1.0, static_cast<double>(elements.size()) - 1.0);
     return {mean, std::sqrt(std::max(1.0, squares / freedom) / weights)};
+}
+
+// Equal ranges of a value from `first` to `last`: low <= value < high, the last one's end included.
+template <class Element, class Value>
+std::vector<std::vector<Element>> in_bins(std::span<const Element> elements, double first,
+                                          double last, int bins, Value value) {
+    if (bins < 1)
+        throw NumericalError(fmt::format("edges: {} bins", bins));
+    std::vector<std::vector<Element>> sorted(static_cast<std::size_t>(bins));
+    for (const Element& element : elements) {
+        const double place = first != last ? (value(element) - first) / (last - first) * bins : 0.0;
+        sorted[static_cast<std::size_t>(std::clamp(static_cast<int>(place), 0, bins - 1))]
+            .push_back(element);
+    }
+    return sorted;
 }
 
 void set_means(std::span<const EdgeShift> edges, EdgeSummary& summary) {
     const double excess = summary.shift.rms_px * summary.shift.rms_px;
-    std::vector<double> shifts, shift_variances, blurs, blur_variances, sizes, chi_squares;
+    std::vector<double> sizes, chi_squares;
     for (const EdgeShift& edge : edges) {
-        shifts.push_back(edge.shift_px);
-        shift_variances.push_back(variance_of(edge) + excess);
-        blurs.push_back(edge.blur_variance_px2);
-        const double deviation = std::max(edge.blur_deviation_px2, min_deviation_px);
-        blur_variances.push_back(deviation * deviation);
         sizes.push_back(std::abs(edge.shift_px));
         chi_squares.push_back(edge.reduced_chi_square);
     }
-    const Mean shift = weighted_mean(shifts, shift_variances);
-    const Mean blur = weighted_mean(blurs, blur_variances);
+    const Mean shift = weighted_mean(
+        edges, [](const EdgeShift& edge) { return edge.shift_px; },
+        [&](const EdgeShift& edge) { return variance_of(edge) + excess; });
+    const Mean blur = weighted_mean(
+        edges, [](const EdgeShift& edge) { return edge.blur_variance_px2; },
+        [](const EdgeShift& edge) {
+            return std::pow(std::max(edge.blur_deviation_px2, min_deviation_px), 2);
+        });
     summary.mean_shift_px = shift.value;
     summary.mean_shift_deviation_px = shift.deviation;
     summary.mean_blur_px2 = blur.value;
@@ -120,14 +140,6 @@ EdgeParts parts_of(std::span<const EdgeShift> edges, int pixels) {
     };
     return {root(sum.shift), root(sum.blur), root(sum.photometric), root(sum.rest),
             root(sum.total())};
-}
-
-std::vector<EdgeShift> edges_within_range(std::span<const EdgeShift> edges) {
-    std::vector<EdgeShift> within;
-    for (const EdgeShift& edge : edges)
-        if (!edge.is_beyond_range)
-            within.push_back(edge);
-    return within;
 }
 
 // Nothing where the directions of the edges do not determine a vector.
@@ -161,20 +173,11 @@ std::optional<ShiftVector> vector_of(std::span<const EdgeShift> edges) {
     return found;
 }
 
-std::vector<EdgeBin> binned(std::span<const EdgeShift> edges, double low, double high, int bins,
-                            double (*value)(const EdgeShift&)) {
-    if (bins < 1)
-        throw NumericalError(fmt::format("edges: {} bins", bins));
-    if (edges.empty())
-        return {};
-    std::vector<std::vector<EdgeShift>> sorted(static_cast<std::size_t>(bins));
-    for (const EdgeShift& edge : edges) {
-        const double place = high > low ? (value(edge) - low) / (high - low) * bins : 0.0;
-        sorted[static_cast<std::size_t>(std::clamp(static_cast<int>(place), 0, bins - 1))]
-            .push_back(edge);
-    }
+std::vector<EdgeBin> summarized(std::span<const EdgeShift> edges, double low, double high, int bins,
+                                double EdgeShift::*value) {
+    const auto sorted = in_bins(edges, low, high, bins, std::mem_fn(value));
     std::vector<EdgeBin> result;
-    for (int bin = 0; bin < bins; ++bin)
+    for (int bin = 0; bin < bins && !edges.empty(); ++bin)
         result.push_back({std::lerp(low, high, static_cast<double>(bin) / bins),
                           std::lerp(low, high, (bin + 1.0) / bins),
                           edge_summary(sorted[static_cast<std::size_t>(bin)])});
@@ -184,7 +187,8 @@ std::vector<EdgeBin> binned(std::span<const EdgeShift> edges, double low, double
 }  // namespace
 
 EdgeSummary edge_summary(std::span<const EdgeShift> edges) {
-    const std::vector<EdgeShift> within = edges_within_range(edges);
+    std::vector<EdgeShift> within(edges.begin(), edges.end());
+    std::erase_if(within, std::mem_fn(&EdgeShift::is_beyond_range));
     EdgeSummary summary;
     summary.edges = static_cast<int>(within.size());
     summary.beyond_range = static_cast<int>(edges.size() - within.size());
@@ -225,19 +229,158 @@ std::vector<ShiftVector> shift_field(std::span<const EdgeShift> edges, cv::Size 
 }
 
 std::vector<EdgeBin> edges_by_radius(std::span<const EdgeShift> edges, cv::Size image, int bins) {
-    return binned(edges, 0.0, 0.5 * std::hypot(image.width - 1.0, image.height - 1.0), bins,
-                  [](const EdgeShift& edge) { return edge.radius_px; });
+    return summarized(edges, 0.0, 0.5 * std::hypot(image.width - 1.0, image.height - 1.0), bins,
+                      &EdgeShift::radius_px);
 }
 
 std::vector<EdgeBin> edges_by_depth(std::span<const EdgeShift> edges, int bins) {
-    const auto nearer = [](const EdgeShift& a, const EdgeShift& b) {
-        return a.depth_mm < b.depth_mm;
-    };
     if (edges.empty())
-        return binned(edges, 0.0, 0.0, bins, nullptr);
-    const auto [nearest, farthest] = std::minmax_element(edges.begin(), edges.end(), nearer);
-    return binned(edges, nearest->depth_mm, farthest->depth_mm, bins,
-                  [](const EdgeShift& edge) { return edge.depth_mm; });
+        return summarized(edges, 0.0, 0.0, bins, &EdgeShift::depth_mm);
+    const auto [nearest, farthest] = std::ranges::minmax_element(edges, {}, &EdgeShift::depth_mm);
+    return summarized(edges, nearest->depth_mm, farthest->depth_mm, bins, &EdgeShift::depth_mm);
+}
+
+namespace {
+
+// An edge that was measured in both images.
+struct Width {
+    double inverse_depth;  // mean along the edge, 1/mm
+    double measured_px2, deviation_px2;
+    double rendered_px2;
+};
+
+// Both lists are in the grid's order; each may lack edges that the other has.
+std::vector<Width> widths_of(std::span<const StraightEdge> photo,
+                             std::span<const StraightEdge> rendering) {
+    constexpr double min_deviation_px2 = 1e-4;  // the measurement's own errors
+    std::vector<Width> widths;
+    auto next = rendering.begin();
+    for (const StraightEdge& edge : photo) {
+        const auto same = std::find_if(next, rendering.end(), [&](const StraightEdge& other) {
+            return other.centre_px == edge.centre_px;
+        });
+        if (same == rendering.end())
+            continue;
+        next = same + 1;
+        const EdgeWidth measured = edge_width(edge);
+        widths.push_back({edge.depth_term, measured.variance_px2,
+                          std::max(measured.deviation_px2, min_deviation_px2),
+                          edge_width(*same).variance_px2});
+    }
+    return widths;
+}
+
+// The lowest point of the weighted least-squares parabola through (inverse depth, width).
+WidthMinimum minimum_of(std::span<const Width> widths, double Width::*width) {
+    constexpr std::size_t min_edges = 12;
+    constexpr double max_uncertainty = 0.1;  // of the range of inverse depths
+    WidthMinimum minimum;
+    if (widths.size() < min_edges) {
+        minimum.undetermined =
+            fmt::format("{} edges, at least {} are needed", widths.size(), min_edges);
+        return minimum;
+    }
+    const auto [far, near] = std::ranges::minmax(widths, {}, &Width::inverse_depth);
+    const double middle = 0.5 * (near.inverse_depth + far.inverse_depth);
+    const double scale = 0.5 * (near.inverse_depth - far.inverse_depth);
+    const auto rows = static_cast<Eigen::Index>(widths.size());
+    Eigen::MatrixXd design(rows, 3);
+    Eigen::VectorXd right(rows);
+    for (Eigen::Index i = 0; i < rows; ++i) {
+        const Width& one = widths[static_cast<std::size_t>(i)];
+        const double x = (one.inverse_depth - middle) / scale;
+        design.row(i) << 1.0, x, x * x;
+        design.row(i) /= one.deviation_px2;
+        right[i] = one.*width / one.deviation_px2;
+    }
+    const auto inverse = covariance_from_information(design.transpose() * design);
+    if (!(scale > 0.0) || !inverse) {
+        minimum.undetermined = "the edges are all at one depth";
+        return minimum;
+    }
+    const Eigen::Vector3d c = *inverse * (design.transpose() * right);
+    const double chi_square =
+        (right - design * c).squaredNorm() / static_cast<double>(widths.size() - 3);
+    const Eigen::Matrix3d covariance = std::max(1.0, chi_square) * *inverse;
+    const double place = -0.5 * c[1] / c[2];  // in units of the range
+    const Eigen::Vector3d by_c(0.0, -0.5 / c[2], 0.5 * c[1] / (c[2] * c[2]));
+    const double uncertainty = std::sqrt(by_c.dot(covariance * by_c));
+    if (!(c[2] > 3.0 * std::sqrt(covariance(2, 2))) || !(std::abs(place) < 1.0) ||
+        !(uncertainty < 2.0 * max_uncertainty)) {
+        minimum.undetermined =
+            fmt::format("the edges' width has no least value between {:.1f} and {:.1f} mm",
+                        1.0 / near.inverse_depth, 1.0 / far.inverse_depth);
+        return minimum;
+    }
+    minimum.is_determined = true;
+    minimum.focus_distance_mm = 1.0 / (middle + scale * place);
+    minimum.standard_uncertainty_mm =
+        uncertainty * scale * minimum.focus_distance_mm * minimum.focus_distance_mm;
+    return minimum;
+}
+
+// Widths differ within a bin as the rendered ones do: the scatter is that of the differences.
+void set_means(std::span<const Width> widths, DepthBin& bin) {
+    const auto variance = [](const Width& one) { return one.deviation_px2 * one.deviation_px2; };
+    const auto mean = [&](auto value) { return weighted_mean(widths, value, variance); };
+    bin.depth_mm = 1.0 / mean(std::mem_fn(&Width::inverse_depth)).value;
+    bin.measured_px2 = mean(std::mem_fn(&Width::measured_px2)).value;
+    bin.rendered_px2 = mean(std::mem_fn(&Width::rendered_px2)).value;
+    bin.measured_deviation_px2 =
+        mean([](const Width& one) { return one.measured_px2 - one.rendered_px2; }).deviation;
+}
+
+double residual_rms(std::span<const EdgeShift> shifts, double low_mm, double high_mm) {
+    double squares = 0.0, pixels = 0.0;
+    for (const EdgeShift& edge : shifts)
+        if (edge.depth_mm >= low_mm && edge.depth_mm <= high_mm) {
+            squares += edge.shares.total();
+            pixels += edge.pixels;
+        }
+    return pixels > 0.0 ? std::sqrt(squares / pixels) : 0.0;
+}
+
+std::vector<DepthBin> depth_bins(std::span<const Width> widths, std::span<const EdgeShift> shifts) {
+    constexpr int bins = 8;
+    const auto [far, near] = std::ranges::minmax(widths, {}, &Width::inverse_depth);
+    const auto sorted = in_bins(widths, near.inverse_depth, far.inverse_depth, bins,
+                                std::mem_fn(&Width::inverse_depth));
+    std::vector<DepthBin> result;
+    for (int i = 0; i < bins; ++i) {
+        const auto edge_mm = [&](double part) {
+            return 1.0 / std::lerp(near.inverse_depth, far.inverse_depth, part / bins);
+        };
+        const std::vector<Width>& inside = sorted[static_cast<std::size_t>(i)];
+        DepthBin bin{edge_mm(i), edge_mm(i + 1), static_cast<int>(inside.size())};
+        if (!inside.empty())
+            set_means(inside, bin);
+        bin.residual_rms_gray = residual_rms(shifts, bin.low_mm, bin.high_mm);
+        result.push_back(bin);
+    }
+    return result;
+}
+
+}  // namespace
+
+DefocusProfile defocus_profile(const CodeImage& photo, const Radiance& rendering,
+                               const Projector& projector, const Marker& marker,
+                               const Rigid& camera_from_marker, const ComparedArea& area,
+                               std::span<const EdgeShift> shifts, const EdgeSelection& selection) {
+    require_point_of_view(projector.camera(), "a profile of defocus");
+    const LinearPhoto measured = linear_photo(photo, projector.camera());
+    const LinearPhoto rendered{rendering, cv::Mat::zeros(rendering.size(), CV_8UC1),
+                               measured.noise};
+    const auto edges_in = [&](const LinearPhoto& image) {
+        return target_edges(image, projector, marker, camera_from_marker, area, selection).edges;
+    };
+    const std::vector<Width> widths = widths_of(edges_in(measured), edges_in(rendered));
+    DefocusProfile profile;
+    profile.edges = static_cast<int>(widths.size());
+    profile.photo = minimum_of(widths, &Width::measured_px2);
+    profile.rendering = minimum_of(widths, &Width::rendered_px2);
+    if (!widths.empty())
+        profile.bins = depth_bins(widths, shifts);
+    return profile;
 }
 
 namespace {

@@ -1,5 +1,5 @@
-// What the edges of a photograph say together: how far the rendering's edges are off, where, and
-// what the residual along them is made of.
+// What the edges of a photograph say together: how far the rendering's edges are off, where, what
+// the residual along them is made of, and how the blur changes with the depth.
 //
 // Edges beyond their range (EdgeShift::is_beyond_range) are counted and enter no other figure:
 // where there are any, the RMS is that of the others, and too small.
@@ -9,10 +9,12 @@
 
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "calib/camera/projector.h"
 #include "compare/edges/edge_shifts.h"
+#include "compare/edges/edge_spread.h"
 #include "compare/photometric/compared_area.h"
 #include "core/geometry/rigid.h"
 
@@ -81,6 +83,56 @@ struct EdgeBin {
 // no edges.
 std::vector<EdgeBin> edges_by_radius(std::span<const EdgeShift> edges, cv::Size image, int bins);
 std::vector<EdgeBin> edges_by_depth(std::span<const EdgeShift> edges, int bins);
+
+// Blur along a target that is tilted through focus: in the photograph and, as the camera's file has
+// it, in the rendering.
+//
+// An edge's width is edge_width() (compare/edges/edge_fit.h), measured on both in the same way: the
+// two can be compared however the blur is shaped and however far they are apart. A thin lens draws
+// a point at depth z as a disk of radius R = a fx |1/z - 1/z_f| px, a the aperture's radius, of
+// variance R^2 / 4: over inverse depth the widths lie close to a parabola, lowest in focus. Its
+// place is the photograph's focus distance, whatever the camera's file says. Its height is only
+// nearly right, as a disk is no Gaussian: compare/characterise/blur_estimate.h fits f-number and
+// focus distance to the pixels.
+
+// Edges between two depths.
+struct DepthBin {
+    double low_mm = 0.0, high_mm = 0.0;
+    int edges = 0;
+    double depth_mm = 0.0;  // 1 / mean of 1/z
+    // Variance along the normal, without the pixel: mean over the edges weighted by their own
+    // deviations; its deviation from these, or from the scatter among the edges where larger.
+    double measured_px2 = 0.0, measured_deviation_px2 = 0.0;
+    double rendered_px2 = 0.0;
+    // Of the edges of edge_shifts() between these depths: RMS of the residual along them.
+    double residual_rms_gray = 0.0;
+};
+
+// Where the widths are least.
+struct WidthMinimum {
+    bool is_determined = false;
+    std::string undetermined;  // when not, why; then the values are 0
+    double focus_distance_mm = 0.0, standard_uncertainty_mm = 0.0;
+};
+
+struct DefocusProfile {
+    std::vector<DepthBin> bins;  // of equal ranges in 1/z, the nearest first; none without edges
+    int edges = 0;               // measured in both images
+    WidthMinimum photo;
+    // Of the rendering: what the camera's file says, seen in the same way. It has no noise; its
+    // uncertainty says how well a parabola describes the widths.
+    WidthMinimum rendering;
+};
+
+// `rendering` is linear radiance, CV_32FC1, with the camera's blur, at this pose, and `shifts` are
+// the edges of the same photograph at the same pose (for the residuals). `selection`'s clearance is
+// to cover the widest blur disk. Throws NumericalError for a telecentric camera and for sizes
+// that differ. A millisecond an edge. Safe from every thread.
+DefocusProfile defocus_profile(const CodeImage& photo, const Radiance& rendering,
+                               const Projector& projector, const Marker& marker,
+                               const Rigid& camera_from_marker, const ComparedArea& area,
+                               std::span<const EdgeShift> shifts,
+                               const EdgeSelection& selection = {});
 
 // Do the edges' shifts move with the board? What comes back at the same place of the board in
 // photographs from other poses is the board's: it is not flat, or not printed true. What stays in

@@ -3,21 +3,282 @@
 #include <fmt/format.h>
 #include <opencv2/imgproc.hpp>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "calib/camera/projector.h"
+#include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/code_statistics.h"
-#include "compare/characterise/point_spread_estimate.h"
 #include "compare/edges/edge_spread.h"
 #include "compare/match/residual_modes.h"
-#include "compare/match/shown_pattern.h"
 #include "core/program/errors.h"
+#include "sim/marker/tag_pattern.h"
 
 namespace etalon {
 namespace {
+
+// A single square tag, which has an id, and not a board.
+bool is_tag(const Marker& marker) {
+    return marker.kind == Marker::Kind::apriltag || marker.kind == Marker::Kind::aruco;
+}
+
+// Not from a pile-up of equal codes below full scale: in a noise-free rendering white is one.
+constexpr double saturation = 0.99 * 255.0;
+
+// Which pattern a photograph shows where a marker should be: the marker's own, its negative, the
+// marker turned or mirrored, another id of its family, or none. By the levels of its cells, which
+// blur, noise and a pose that is a third of a cell wrong leave as they are.
+//
+// A pattern is fitted to the cells' mean gray values beside smooth light (a surface of second
+// order); what it explains of the variance that smooth light leaves is its score, 1 for the right
+// pattern in an ideal photograph. A pattern of random cells explains 1/n of n cells on average, and
+// the best of 5000 in 64 cells about a quarter.
+
+struct PatternScore {
+    double explained = 0.0;      // 0 .. 1
+    double contrast_gray = 0.0;  // of white over black; below 0: light and dark are exchanged
+};
+
+struct ShownPattern {
+    double visible = 0.0;         // share of the compared area that is inside the image
+    double cell_px = 0.0;         // side of a square with the mean area of a cell in the image
+    double clipped_white = 0.0;   // share of the expected light cells' samples at the scale's end
+    PatternScore expected, best;  // the best is the expected one unless another explains more
+    int quarter_turns = 0;        // of the best, clockwise
+    bool mirrored = false;        // of the best, before it is turned
+    int id = 0;                   // of the best; only tags
+    // Cells on the other side of the middle between light and dark than the expected pattern's.
+    int flipped_to_light = 0, flipped_to_dark = 0;
+
+    // The best is not the expected one, or its negative.
+    bool is_another() const {
+        return quarter_turns != 0 || mirrored || best.explained > expected.explained;
+    }
+};
+
+// A cell (or, on boards of very many, every n-th) and what the photograph shows there.
+struct CellSample {
+    int row, column;
+    double gray;
+    Vector6d light;  // terms of smooth light
+};
+
+bool is_white(const CellGrid& grid, const CellSample& sample) {
+    return grid.cells.at<float>(sample.row, sample.column) > 0.5f;
+}
+
+double interpolated(const cv::Mat& gray, const Eigen::Vector2d& pixel) {
+    const int x = std::min(static_cast<int>(pixel.x()), gray.cols - 2);
+    const int y = std::min(static_cast<int>(pixel.y()), gray.rows - 2);
+    const double u = pixel.x() - x, v = pixel.y() - y;
+    return std::lerp(std::lerp<double>(gray.at<float>(y, x), gray.at<float>(y, x + 1), u),
+                     std::lerp<double>(gray.at<float>(y + 1, x), gray.at<float>(y + 1, x + 1), u),
+                     v);
+}
+
+// Where a point of the grid (in cells) lands, if that is inside the image.
+std::optional<Eigen::Vector2d> pixel_of(const Projector& projector, const Rigid& pose,
+                                        const CellGrid& grid, double u, double v) {
+    const auto pixel = projector.project(pose * grid.point_mm(u, v));
+    const CameraModel& camera = projector.camera();
+    if (!pixel || pixel->x() < 0 || pixel->y() < 0 || pixel->x() > camera.width - 1 ||
+        pixel->y() > camera.height - 1)
+        return std::nullopt;
+    return pixel;
+}
+
+bool is_compared(const CellGrid& grid, const ComparedArea& area, int row, int column) {
+    const Eigen::Vector2d middle = grid.point_mm(column + 0.5, row + 0.5).head<2>();
+    return (middle.array() > area.low_mm.array()).all() &&
+           (middle.array() < area.high_mm.array()).all();
+}
+
+// Nine places in the middle half of a cell; nothing where one of them is not in the image. Adds to
+// the sums of `shown`.
+std::optional<CellSample> sample_cell(const cv::Mat& gray, const Projector& projector,
+                                      const CellGrid& grid, const Rigid& pose, int row, int column,
+                                      ShownPattern& shown) {
+    CellSample sample{row, column, 0.0, Vector6d::Zero()};
+    int clipped = 0;
+    std::array<Eigen::Vector2d, 9> pixels;
+    for (int i = 0; i < 9; ++i) {
+        const double u = column + 0.25 + 0.25 * (i % 3), v = row + 0.25 + 0.25 * (i / 3);
+        const auto pixel = pixel_of(projector, pose, grid, u, v);
+        if (!pixel)
+            return {};
+        pixels[static_cast<std::size_t>(i)] = *pixel;
+        const double value = interpolated(gray, *pixel);
+        sample.gray += value / 9.0;
+        clipped += value >= saturation ? 1 : 0;
+        sample.light += level_terms(pixel->x(), pixel->y(), gray.size()) / 9.0;
+    }
+    if (is_white(grid, sample))
+        shown.clipped_white += clipped / 9.0;
+    const Eigen::Vector2d a = pixels[2] - pixels[0], b = pixels[6] - pixels[0];
+    shown.cell_px += std::sqrt(std::abs(a.x() * b.y() - a.y() * b.x())) / 0.5;
+    return sample;
+}
+
+// With the means of what is seen in `shown`.
+std::vector<CellSample> sample_cells(const cv::Mat& gray, const Projector& projector,
+                                     const CellGrid& grid, const ComparedArea& area,
+                                     const Rigid& pose, ShownPattern& shown) {
+    constexpr int max_per_side = 64;
+    const int step = std::max(1, std::max(grid.rows(), grid.columns()) / max_per_side);
+    std::vector<CellSample> cells;
+    int places = 0;
+    for (int row = 0; row < grid.rows(); row += step)
+        for (int column = 0; column < grid.columns(); column += step) {
+            if (!is_compared(grid, area, row, column))
+                continue;
+            ++places;
+            if (const auto cell = sample_cell(gray, projector, grid, pose, row, column, shown))
+                cells.push_back(*cell);
+        }
+    const auto count = static_cast<double>(cells.size());
+    const auto white = static_cast<double>(
+        std::ranges::count_if(cells, [&](const CellSample& cell) { return is_white(grid, cell); }));
+    shown.visible = places > 0 ? count / places : 0.0;
+    shown.cell_px /= std::max(count, 1.0);
+    shown.clipped_white /= std::max(white, 1.0);
+    return cells;
+}
+
+// Scores patterns against the samples. Smooth light is taken out of both once and for all.
+class Scorer {
+public:
+    explicit Scorer(const std::vector<CellSample>& samples)
+        : samples_(samples), light_(samples.size(), 6), gray_(samples.size()) {
+        for (std::size_t i = 0; i < samples.size(); ++i) {
+            light_.row(static_cast<Eigen::Index>(i)) = samples[i].light;
+            gray_[static_cast<Eigen::Index>(i)] = samples[i].gray;
+        }
+        // An orthonormal basis of the light's terms.
+        const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(light_);
+        light_ = Eigen::MatrixXd(qr.householderQ() *
+                                 Eigen::MatrixXd::Identity(light_.rows(), qr.rank()));
+        gray_ = without_light(gray_);
+    }
+
+    // With light and dark that change over the marker: the pattern times 1, x and y. Into `flips`
+    // come the numbers of cells that are on the other side.
+    PatternScore score(const cv::Mat& cells, ShownPattern* flips = nullptr) const {
+        const auto n = static_cast<Eigen::Index>(samples_.size());
+        Eigen::MatrixXd terms(n, 3);
+        for (Eigen::Index i = 0; i < n; ++i) {
+            const CellSample& sample = samples_[static_cast<std::size_t>(i)];
+            const double radiance = cells.at<float>(sample.row, sample.column);
+            terms.row(i) = radiance * (sample.light.head<3>() - middle()).transpose();
+            terms(i, 0) = radiance;
+        }
+        for (int column = 0; column < 3; ++column)
+            terms.col(column) = without_light(terms.col(column));
+        const Eigen::VectorXd fit = terms.colPivHouseholderQr().solve(gray_);
+        const double all = gray_.squaredNorm();
+        const Eigen::VectorXd residual = gray_ - terms * fit;
+        const double rest = residual.squaredNorm();
+        for (Eigen::Index i = 0; flips && i < n; ++i) {
+            const CellSample& sample = samples_[static_cast<std::size_t>(i)];
+            const bool dark = cells.at<float>(sample.row, sample.column) < 0.5f;
+            flips->flipped_to_light += dark && residual[i] > 0.5 * fit[0] ? 1 : 0;
+            flips->flipped_to_dark += !dark && residual[i] < -0.5 * fit[0] ? 1 : 0;
+        }
+        return {all > 0 ? std::clamp(1.0 - rest / all, 0.0, 1.0) : 0.0, fit[0]};
+    }
+
+private:
+    Eigen::VectorXd without_light(const Eigen::VectorXd& values) const {
+        return values - light_ * (light_.transpose() * values);
+    }
+    Eigen::Vector3d middle() const {
+        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+        for (const CellSample& sample : samples_)
+            sum += sample.light.head<3>();
+        return sum / static_cast<double>(samples_.size());
+    }
+
+    const std::vector<CellSample>& samples_;
+    Eigen::MatrixXd light_;
+    Eigen::VectorXd gray_;
+};
+
+// The cells as seen from the front after mirroring and turning.
+cv::Mat placed(const cv::Mat& cells, bool mirrored, int quarter_turns) {
+    constexpr int rotations[] = {cv::ROTATE_90_CLOCKWISE, cv::ROTATE_180,
+                                 cv::ROTATE_90_COUNTERCLOCKWISE};
+    cv::Mat result = cells.clone();  // not into the marker's own cells
+    if (mirrored)
+        cv::flip(cells, result, 1);
+    if (quarter_turns == 0)
+        return result;
+    cv::Mat turned;
+    cv::rotate(result, turned, rotations[quarter_turns - 1]);
+    return turned;
+}
+
+// Takes what explains clearly more; a board may look the same in several positions.
+void try_positions(const Scorer& scorer, const cv::Mat& cells, int id, bool mirrored_too,
+                   ShownPattern& shown) {
+    constexpr double clearly = 1e-3;
+    const int step = cells.rows == cells.cols ? 1 : 2;
+    for (const bool mirrored : {false, true})
+        for (int turns = 0; turns < 4 && (mirrored_too || !mirrored); turns += step) {
+            const PatternScore score = scorer.score(placed(cells, mirrored, turns));
+            if (score.explained < shown.best.explained + clearly)
+                continue;
+            shown.best = score;
+            shown.mirrored = mirrored;
+            shown.quarter_turns = turns;
+            shown.id = id;
+        }
+}
+
+void try_other_ids(const Scorer& scorer, const Marker& marker, ShownPattern& shown) {
+    constexpr int max_ids = 5000;
+    const bool apriltag = marker.kind == Marker::Kind::apriltag;
+    const int ids = apriltag ? apriltag_count(marker.family) : aruco_count(marker.family);
+    if (ids > max_ids)
+        return;
+    for (int id = 0; id < ids; ++id) {
+        const TagPattern pattern =
+            apriltag ? apriltag_pattern(marker.family, id) : aruco_pattern(marker.family, id);
+        if (id != marker.id && pattern.cells.size() == marker.grid.cells.size())
+            try_positions(scorer, pattern.cells, id, false, shown);
+    }
+}
+
+// Ids are searched, in families of up to 5000,
+// only where the marker itself in any position explains little.
+ShownPattern shown_pattern(const cv::Mat& photo_gray, const Projector& projector,
+                           const Marker& marker, const ComparedArea& area,
+                           const Rigid& camera_from_marker) {
+    constexpr double well_explained = 0.9;
+    constexpr std::size_t min_cells = 12;  // beside six terms of light and three of the pattern
+    const CameraModel& camera = projector.camera();
+    if (photo_gray.size() != cv::Size(camera.width, camera.height))
+        throw NumericalError(fmt::format("photograph {} x {} px for a camera of {} x {}",
+                                         photo_gray.cols, photo_gray.rows, camera.width,
+                                         camera.height));
+    ShownPattern shown;
+    shown.id = marker.id;
+    const std::vector<CellSample> cells =
+        sample_cells(photo_gray, projector, marker.grid, area, camera_from_marker, shown);
+    if (cells.size() < min_cells)
+        return shown;
+    const Scorer scorer(cells);
+    shown.expected = scorer.score(marker.grid.cells, &shown);
+    shown.best = shown.expected;
+    if (shown.expected.explained > well_explained && shown.expected.contrast_gray > 0)
+        return shown;
+    try_positions(scorer, marker.grid.cells, marker.id, true, shown);
+    if (is_tag(marker) && shown.best.explained < well_explained)
+        try_other_ids(scorer, marker, shown);
+    return shown;
+}
 
 // White minus black, and white, at every pixel.
 struct Levels {
@@ -38,14 +299,18 @@ struct Levels {
     }
 };
 
+cv::Mat change_per_px(const cv::Mat& gray) {
+    cv::Mat by_x, by_y;
+    constexpr double per_px = 1.0 / 8.0;  // of Sobel's filter
+    cv::Sobel(gray, by_x, CV_32F, 1, 0, 3, per_px);
+    cv::Sobel(gray, by_y, CV_32F, 0, 1, 3, per_px);
+    return cv::abs(by_x) + cv::abs(by_y);
+}
+
 // Where the prediction changes by less than 5 % of the contrast per px: not beside an edge, where a
 // displacement of a px leaves a residual as large as a cover's.
 cv::Mat flat_places(const cv::Mat& predicted, const cv::Mat& contrast) {
-    cv::Mat by_x, by_y;
-    constexpr double per_px = 1.0 / 8.0;  // of Sobel's filter
-    cv::Sobel(predicted, by_x, CV_32F, 1, 0, 3, per_px);
-    cv::Sobel(predicted, by_y, CV_32F, 0, 1, 3, per_px);
-    return cv::Mat(cv::abs(by_x) + cv::abs(by_y)) < 0.05 * contrast;
+    return change_per_px(predicted) < 0.05 * contrast;
 }
 
 // Means over windows, of the used pixels among them; 0 where fewer than a sixth are used. The
@@ -65,12 +330,20 @@ cv::Mat window_means(const cv::Mat& values, const cv::Mat& used, int side, int s
     return means;
 }
 
-}  // namespace
+// Where a photograph differs from its rendering by a good part of the contrast over more than an
+// edge's width: something covers the marker, or shines on it.
+struct CoveredAreas {
+    double largest = 0.0;       // of all windows, in parts of the contrast
+    double share = 0.0;         // of the compared pixels that lie in windows above the limit
+    double bright_share = 0.0;  // of those that are brighter than the marker's white or clipped
+    cv::Mat pixels;             // CV_8UC1, 255: in such a window, or within a pixel of it
+};
 
+// The residual is averaged over square windows of this side beside the edges: a displaced or
+// blurred edge is another fault. Cells of 4 px and less have no such places. `limit` in parts of
+// the contrast (white minus black of the photometric model at the place).
 CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, double window_px,
-                           double limit, double saturation_gray) {
-    if (photo_gray.size() != fit.use.size() || photo_gray.type() != CV_32FC1)
-        throw NumericalError("the photograph is not the one that was compared");
+                           double limit) {
     constexpr int enough_steps = 12;  // in a window
     const int side = std::max(3, static_cast<int>(std::lround(window_px)));
     const int step = std::max(1, side / enough_steps);
@@ -94,23 +367,29 @@ CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, doubl
         return areas;
     areas.share = static_cast<double>(count) / all;
     const cv::Mat brighter =
-        (photo_gray > levels.white + 0.1 * levels.contrast) | (photo_gray >= saturation_gray);
+        (photo_gray > levels.white + 0.1 * levels.contrast) | (photo_gray >= saturation);
     areas.bright_share = static_cast<double>(cv::countNonZero(brighter & covered)) / count;
     return areas;
 }
 
-double BlockSteps::excess_gray() const {
-    return std::sqrt(std::max(across_gray * across_gray - inside_gray * inside_gray, 0.0));
-}
+// What strong JPEG compression leaves: steps between blocks of 8 x 8 px where the marker is flat.
+// Only for whole photographs: a cut or scaled one has its blocks elsewhere.
+struct BlockSteps {
+    // RMS difference of neighbouring pixels' residuals, gray: across the borders of blocks and
+    // inside them. 0 where there are no flat pairs.
+    double across_gray = 0.0, inside_gray = 0.0;
 
+    // What the borders add.
+    double excess_gray() const {
+        return std::sqrt(std::max(across_gray * across_gray - inside_gray * inside_gray, 0.0));
+    }
+};
+
+// Of the compared pixels whose prediction changes by less than 1 % of `contrast_gray` per px.
 BlockSteps block_steps(const PhotoFit& fit, double contrast_gray) {
     constexpr int block_px = 8;
-    cv::Mat by_x, by_y;
-    constexpr double per_px = 1.0 / 8.0;  // of Sobel's filter
-    cv::Sobel(fit.predicted, by_x, CV_32F, 1, 0, 3, per_px);
-    cv::Sobel(fit.predicted, by_y, CV_32F, 0, 1, 3, per_px);
     const cv::Mat flat =
-        (cv::abs(by_x) + cv::abs(by_y) < 0.01 * contrast_gray) & (fit.use != pixel_outside);
+        (change_per_px(fit.predicted) < 0.01 * contrast_gray) & (fit.use != pixel_outside);
     std::array<double, 2> squares{}, pairs{};  // inside, across
     const auto add = [&](int x, int y, int before_x, int before_y, bool across) {
         if (!flat.at<uchar>(y, x) || !flat.at<uchar>(before_y, before_x))
@@ -127,11 +406,8 @@ BlockSteps block_steps(const PhotoFit& fit, double contrast_gray) {
         }
     if (pairs[0] == 0 || pairs[1] == 0)
         return {};
-    return {std::sqrt(squares[1] / pairs[1]), std::sqrt(squares[0] / pairs[0]),
-            static_cast<int>(pairs[1])};
+    return {std::sqrt(squares[1] / pairs[1]), std::sqrt(squares[0] / pairs[0])};
 }
-
-namespace {
 
 // The limits; docs/match-outcome.md has the reasons.
 constexpr double min_explained = 0.5;       // of the cells' variance, by any pattern
@@ -150,58 +426,28 @@ constexpr double max_rest = 0.06;            // RMS residual, of the contrast
 constexpr double max_rest_over_noise = 2.0;  // where the camera's noise is known
 constexpr double max_blur_difference = 0.2;  // px^2, where the camera's file gives the blur
 
-// Not from a pile-up of equal codes below full scale: in a noise-free rendering white is one.
-constexpr double saturation = 0.99 * 255.0;
+Finding fault(std::string name, double value, double limit, std::string unit,
+              std::string sentence) {
+    return {std::move(name), value, limit, std::move(unit), std::move(sentence), false};
+}
+
+Finding refusal(std::string name, double value, double limit, std::string unit,
+                std::string sentence) {
+    return {std::move(name), value, limit, std::move(unit), std::move(sentence), true};
+}
 
 Finding not_in_image(double visible) {
-    return {"not_in_image",
-            100.0 * visible,
-            100.0,
-            "%",
-            fmt::format("only {:.0f} % of the marker's cells are inside the image", 100 * visible),
-            visible < 0.5};
-}
-
-Finding marker_not_there(const PatternScore& score) {
-    return {"marker_not_there",
-            score.explained,
-            min_explained,
-            "",
-            fmt::format("the marker is not where the pose says, or covered: its pattern explains "
-                        "{:.0f} % of what is seen there",
-                        100 * score.explained),
-            true};
-}
-
-Finding low_contrast(double contrast_gray) {
-    return {"low_contrast",
-            contrast_gray,
-            min_contrast_gray,
-            "gray",
-            fmt::format("white and black are only {:.1f} gray values apart", contrast_gray),
-            true};
+    const auto make = visible < 0.5 ? refusal : fault;
+    return make(
+        "not_in_image", 100.0 * visible, 100.0, "%",
+        fmt::format("only {:.0f} % of the marker's cells are inside the image", 100 * visible));
 }
 
 Finding saturated(double clipped) {
-    return {"saturated",
-            100.0 * clipped,
-            100.0 * max_clipped,
-            "%",
-            fmt::format("{:.0f} % of the light cells are at the end of the scale: expose less",
-                        100.0 * clipped),
-            clipped > hopelessly_clipped};
-}
-
-Finding negative(const Marker& marker, const PatternScore& score) {
-    return {"negative",
-            score.contrast_gray,
-            0.0,
-            "gray",
-            is_tag(marker)
-                ? "light and dark are exchanged: a negative of the marker"
-                : "light and dark are exchanged: a negative, or the board is half a turn round or "
-                  "a square aside",
-            true};
+    const auto make = clipped > hopelessly_clipped ? refusal : fault;
+    return make("saturated", 100.0 * clipped, 100.0 * max_clipped, "%",
+                fmt::format("{:.0f} % of the light cells are at the end of the scale: expose less",
+                            100.0 * clipped));
 }
 
 std::string position_in_words(const ShownPattern& shown) {
@@ -242,21 +488,28 @@ Findings pattern_findings(const Marker& marker, const ShownPattern& shown) {
     if (another && shown.best.explained > min_explained)
         return {other_pattern(marker, shown)};
     if (expected.explained < min_explained)
-        return {marker_not_there(expected)};
+        return {refusal("marker_not_there", expected.explained, min_explained, "",
+                        fmt::format("the marker is not where the pose says, or covered: its "
+                                    "pattern explains {:.0f} % of what is seen there",
+                                    100 * expected.explained))};
     if (expected.contrast_gray < 0)
-        return {negative(marker, expected)};
+        return {refusal("negative", expected.contrast_gray, 0.0, "gray",
+                        is_tag(marker)
+                            ? "light and dark are exchanged: a negative of the marker"
+                            : "light and dark are exchanged: a negative, or the board is half a "
+                              "turn round or a square aside")};
     if (is_tag(marker) && shown.flipped_to_light > 1 && shown.flipped_to_dark > 1)
-        return {Finding{"wrong_marker",
-                        static_cast<double>(shown.flipped_to_light + shown.flipped_to_dark), 1.0,
+        return {refusal("wrong_marker", shown.flipped_to_light + shown.flipped_to_dark, 1.0,
                         "cells",
                         fmt::format("{} dark cells are light and {} light ones dark: another "
                                     "marker, of another family or damaged",
-                                    shown.flipped_to_light, shown.flipped_to_dark),
-                        true}};
+                                    shown.flipped_to_light, shown.flipped_to_dark))};
     if (shown.clipped_white > hopelessly_clipped)
         return {saturated(shown.clipped_white)};
     if (expected.contrast_gray < min_contrast_gray)
-        return {low_contrast(expected.contrast_gray)};
+        return {refusal("low_contrast", expected.contrast_gray, min_contrast_gray, "gray",
+                        fmt::format("white and black are only {:.1f} gray values apart",
+                                    expected.contrast_gray))};
     if (shown.visible < 1.0)
         return {not_in_image(shown.visible)};
     return {};
@@ -287,25 +540,21 @@ Findings blur_findings(double sigma_px, double cell_px) {
     const double limit = std::min(max_blur_cells * cell_px, 0.99 * max_psf_sigma_px);
     if (sigma_px <= limit)
         return {};
-    return {{"out_of_focus", sigma_px, limit, "px",
-             fmt::format("edges are blurred with a sigma of {:.1f} px, cells are {:.0f} px: out of "
-                         "focus, or moved",
-                         sigma_px, cell_px),
-             true}};
+    return {refusal("out_of_focus", sigma_px, limit, "px",
+                    fmt::format("edges are blurred with a sigma of {:.1f} px, cells are {:.0f} px: "
+                                "out of focus, or moved",
+                                sigma_px, cell_px))};
 }
 
 Finding covered(const CoveredAreas& areas) {
     const bool glare = areas.bright_share > bright_part;
-    return {glare ? "glare" : "occluded",
-            100.0 * areas.largest,
-            100.0 * max_covered,
-            "%",
-            glare ? fmt::format("a reflection (or something bright) on {:.1f} % of the marker",
-                                100.0 * areas.share)
-                  : fmt::format("something covers or shades {:.1f} % of the marker, or its print "
-                                "is damaged",
-                                100.0 * areas.share),
-            false};
+    return fault(
+        glare ? "glare" : "occluded", 100.0 * areas.largest, 100.0 * max_covered, "%",
+        glare ? fmt::format("a reflection (or something bright) on {:.1f} % of the marker",
+                            100.0 * areas.share)
+              : fmt::format("something covers or shades {:.1f} % of the marker, or its print is "
+                            "damaged",
+                            100.0 * areas.share));
 }
 
 // The fit has a blur that differs along x and y, which is a part of the smear's.
@@ -313,52 +562,37 @@ Finding smeared(const ModeFit& fit, const PhotometricModel& photometry) {
     const double along_x = fit.values[0] + photometry.psf_anisotropy_px2;
     const double anisotropy = 2.0 * std::hypot(along_x, fit.values[1]);  // px^2
     const double direction = 0.5 * std::atan2(fit.values[1], along_x);
-    return {"motion_blur",
-            std::sqrt(12.0 * anisotropy),
-            max_smear_px,
-            "px",
-            fmt::format("blurred along one direction ({:.0f} degrees from x towards y) as if moved "
-                        "by {:.1f} px during the exposure; astigmatism would look the same",
-                        direction * 180.0 / CV_PI, std::sqrt(12.0 * anisotropy)),
-            false};
+    return fault(
+        "motion_blur", std::sqrt(12.0 * anisotropy), max_smear_px, "px",
+        fmt::format("blurred along one direction ({:.0f} degrees from x towards y) as if moved by "
+                    "{:.1f} px during the exposure; astigmatism would look the same",
+                    direction * 180.0 / CV_PI, std::sqrt(12.0 * anisotropy)));
 }
 
 Finding of_mode(const ModeFit& fit, const PhotometricModel& photometry) {
     switch (fit.mode) {
         case ResidualMode::rows:
-            return {"skewed",
-                    fit.size_px,
-                    max_rows_px,
-                    "px",
-                    fmt::format("rows are displaced in proportion to their place, edges by {:.2f} "
-                                "px: moved under a rolling shutter, or the calibration's pixel "
-                                "aspect is wrong",
-                                fit.size_px),
-                    false};
+            return fault("skewed", fit.size_px, max_rows_px, "px",
+                         fmt::format("rows are displaced in proportion to their place, edges by "
+                                     "{:.2f} px: moved under a rolling shutter, or the "
+                                     "calibration's pixel aspect is wrong",
+                                     fit.size_px));
         case ResidualMode::calibration:
-            return {"calibration_mismatch",
-                    fit.size_px,
-                    max_calibration_px,
-                    "px",
-                    fmt::format("edges are off by {:.2f} px in a way that another focal length, "
-                                "centre or distortion explains: another camera's calibration, "
-                                "another focus, or a marker that is not flat",
-                                fit.size_px),
-                    false};
+            return fault("calibration_mismatch", fit.size_px, max_calibration_px, "px",
+                         fmt::format("edges are off by {:.2f} px in a way that another focal "
+                                     "length, centre or distortion explains: another camera's "
+                                     "calibration, another focus, or a marker that is not flat",
+                                     fit.size_px));
         case ResidualMode::blur_along:
             return smeared(fit, photometry);
         case ResidualMode::sharpening:  // measured on the edges: sharpening_findings()
             break;
         case ResidualMode::blur:
-            return {
-                "blur_differs",
-                fit.values[0],
-                max_blur_difference,
-                "px^2",
-                fmt::format("{} than the camera's file says, by a variance of {:.2f} px^2: "
-                            "another focus or aperture",
-                            fit.values[0] > 0 ? "blurrier" : "sharper", std::abs(fit.values[0])),
-                false};
+            return fault(
+                "blur_differs", fit.values[0], max_blur_difference, "px^2",
+                fmt::format("{} than the camera's file says, by a variance of {:.2f} "
+                            "px^2: another focus or aperture",
+                            fit.values[0] > 0 ? "blurrier" : "sharper", std::abs(fit.values[0])));
     }
     return {};
 }
@@ -384,16 +618,6 @@ void name_the_rival(const ResidualModes& modes, const ModeFit& fit, Finding& fin
                         rows ? "a wrong calibration" : "a rolling shutter", 100.0 * other / own);
 }
 
-// Of many edges so many that stand all over the marker.
-std::vector<StraightEdge> every_so_many(const std::vector<StraightEdge>& edges,
-                                        std::size_t enough) {
-    const std::size_t step = edges.size() / enough + 1;
-    std::vector<StraightEdge> some;
-    for (std::size_t i = 0; i < edges.size(); i += step)
-        some.push_back(edges[i]);
-    return some;
-}
-
 // Measured on the edges' mean profile, as `etalon characterise` does. Nothing where the marker's
 // cells are too small to have one.
 Findings sharpening_findings(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
@@ -403,18 +627,18 @@ Findings sharpening_findings(const CodeImage& photo, const Marker& marker, const
         const TargetEdges seen =
             target_edges(linear_photo(photo, camera.model()), camera.projector(), marker,
                          state.camera_from_marker, area, {.with_clipped = true});
-        return measure_sharpening(every_so_many(seen.edges, enough_edges), camera.model());
+        std::vector<StraightEdge> some;  // all over the marker
+        for (std::size_t i = 0; i < seen.edges.size(); i += seen.edges.size() / enough_edges + 1)
+            some.push_back(seen.edges[i]);
+        return measure_sharpening(some, camera.model());
     });
     if (!sharpening || !sharpening->is_detected)
         return {};
-    return {
-        {"sharpened", 100.0 * std::max(sharpening->overshoot, sharpening->undershoot),
-         100.0 * min_overshoot, "%",
-         fmt::format("edges overshoot by {:.1f} % of their contrast and undershoot by {:.1f} %: "
-                     "the camera sharpens",
-                     100.0 * std::max(sharpening->overshoot, 0.0),
-                     100.0 * std::max(sharpening->undershoot, 0.0)),
-         false}};
+    const double over = 100.0 * sharpening->overshoot, under = 100.0 * sharpening->undershoot;
+    return {fault("sharpened", std::max(over, under), 100.0 * min_overshoot, "%",
+                  fmt::format("edges overshoot by {:.1f} % of their contrast and undershoot by "
+                              "{:.1f} %: the camera sharpens",
+                              std::max(over, 0.0), std::max(under, 0.0)))};
 }
 
 Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photometry) {
@@ -442,29 +666,27 @@ Findings compression_findings(const BlockSteps& steps) {
     const double excess = steps.excess_gray();
     if (excess <= max_block_step_gray || steps.across_gray < clearly * steps.inside_gray)
         return {};
-    return {{"compressed", excess, max_block_step_gray, "gray",
-             fmt::format("blocks of 8 x 8 px differ by {:.1f} gray where the marker is flat: "
-                         "compress less",
-                         excess),
-             false}};
+    return {fault("compressed", excess, max_block_step_gray, "gray",
+                  fmt::format("blocks of 8 x 8 px differ by {:.1f} gray where the marker is flat: "
+                              "compress less",
+                              excess))};
 }
 
 // The net under the named tests: a residual that none of them explains.
 Findings rest_findings(const PhotometricCamera& camera, const PhotoMatch& match,
                        double contrast_gray) {
     if (camera.knows_noise() && match.pose.noise_scale > max_rest_over_noise)
-        return {{"unexplained", match.pose.noise_scale, max_rest_over_noise, "",
-                 fmt::format("the residual is {:.1f} times the camera's noise, and nothing named "
-                             "explains it",
-                             match.pose.noise_scale),
-                 false}};
+        return {fault("unexplained", match.pose.noise_scale, max_rest_over_noise, "",
+                      fmt::format("the residual is {:.1f} times the camera's noise, and nothing "
+                                  "named explains it",
+                                  match.pose.noise_scale))};
     const double rest = match.refined.scored.rms_gray / contrast_gray;
     if (rest <= max_rest)
         return {};
-    return {{"unexplained", 100.0 * rest, 100.0 * max_rest, "%",
-             fmt::format("the residual is {:.1f} % of the contrast, and nothing named explains it",
-                         100.0 * rest),
-             false}};
+    return {
+        fault("unexplained", 100.0 * rest, 100.0 * max_rest, "%",
+              fmt::format("the residual is {:.1f} % of the contrast, and nothing named explains it",
+                          100.0 * rest))};
 }
 
 }  // namespace
@@ -476,8 +698,8 @@ bool is_refused(const Findings& findings) {
 
 Findings examine_marker(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
                         const Projector& projector, const Rigid& camera_from_marker) {
-    return pattern_findings(marker, shown_pattern(gray_of(photo), saturation, projector, marker,
-                                                  area, camera_from_marker));
+    return pattern_findings(
+        marker, shown_pattern(gray_of(photo), projector, marker, area, camera_from_marker));
 }
 
 Findings examine_match(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
@@ -485,7 +707,7 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
     const cv::Mat gray = gray_of(photo);
     const PhotoState& state = match.refined.state;
     const ShownPattern shown =
-        shown_pattern(gray, saturation, camera.projector(), marker, area, state.camera_from_marker);
+        shown_pattern(gray, camera.projector(), marker, area, state.camera_from_marker);
     Findings findings = pattern_findings(marker, shown);
     if (is_refused(findings))
         return findings;
@@ -497,7 +719,7 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
     const auto add = [&](const Findings& more) {
         findings.insert(findings.end(), more.begin(), more.end());
     };
-    const CoveredAreas areas = covered_areas(gray, fit, printed / 3.0, max_covered, saturation);
+    const CoveredAreas areas = covered_areas(gray, fit, printed / 3.0, max_covered);
     if (areas.share > 0)
         findings.push_back(covered(areas));
     else if (shown.clipped_white > max_clipped)
@@ -514,12 +736,11 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
     return findings;
 }
 
-// Why a detector found nothing: by trying. The rest of compare/match/photo_findings.h is in
-// match_outcome.cpp.
+// Why a detector found nothing: by trying.
 
 namespace {
 
-constexpr double min_range_gray = 20.0;  // as of the contrast in match_outcome.cpp
+constexpr double min_range_gray = 20.0;  // as of the contrast
 constexpr double max_saturated = 0.5;    // of the image: a white wall beside the marker is well
 
 // Between the darkest and the lightest per cent of the pixels.
@@ -534,26 +755,6 @@ double range_gray(const CodeImage& photo) {
     return (at(n - 1 - n / 100) - at(n / 100)) * 255.0 / photo.full_scale();
 }
 
-Finding tried(const std::string& name, const std::string& sentence) {
-    return {name, 0.0, 0.0, "", sentence, true};
-}
-
-CodeImage negative_of(const CodeImage& photo) {
-    return {cv::Mat(photo.full_scale() - photo.pixels), photo.bits};
-}
-
-CodeImage mirror_image_of(const CodeImage& photo) {
-    CodeImage result{{}, photo.bits};
-    cv::flip(photo.pixels, result.pixels, 1);
-    return result;
-}
-
-CodeImage reduced(const CodeImage& photo, int factor) {
-    CodeImage result{{}, photo.bits};
-    cv::resize(photo.pixels, result.pixels, {}, 1.0 / factor, 1.0 / factor, cv::INTER_AREA);
-    return result;
-}
-
 }  // namespace
 
 Findings examine_missing_marker(const CodeImage& photo, Detector& detector) {
@@ -561,32 +762,38 @@ Findings examine_missing_marker(const CodeImage& photo, Detector& detector) {
         return {};
     const double range = range_gray(photo);
     if (range < min_range_gray)
-        return {{"low_contrast", range, min_range_gray, "gray",
-                 fmt::format("the whole photograph spans {:.0f} gray values: empty, dark or "
-                             "without contrast",
-                             range),
-                 true}};
+        return {refusal("low_contrast", range, min_range_gray, "gray",
+                        fmt::format("the whole photograph spans {:.0f} gray values: empty, dark or "
+                                    "without contrast",
+                                    range))};
     const double clipped = share_at_saturation(photo, photo.full_scale());
     if (clipped > max_saturated)
-        return {{"saturated", 100.0 * clipped, 100.0 * max_saturated, "%",
-                 fmt::format("{:.0f} % of the photograph is at the end of the scale: expose less",
-                             100.0 * clipped),
-                 true}};
-    if (detector.detect(negative_of(photo)).corners)
-        return {tried("negative",
-                      "in the negative the marker is found: light and dark are "
-                      "exchanged")};
-    if (detector.detect(mirror_image_of(photo)).corners)
-        return {tried("mirrored",
-                      "in the mirrored photograph the marker is found: it is printed "
-                      "or read out mirrored")};
-    for (const int factor : {2, 4})
-        if (std::min(photo.pixels.rows, photo.pixels.cols) / factor > 40 &&
-            detector.detect(reduced(photo, factor)).corners)
-            return {tried("out_of_focus",
-                          fmt::format("in the photograph reduced to 1/{} the marker is found: out "
-                                      "of focus, moved or noisy",
-                                      factor))};
+        return {refusal("saturated", 100.0 * clipped, 100.0 * max_saturated, "%",
+                        fmt::format("{:.0f} % of the photograph is at the end of the scale: expose "
+                                    "less",
+                                    100.0 * clipped))};
+    const auto is_found_in = [&](const cv::Mat& pixels) {
+        return detector.detect({pixels, photo.bits}).corners.has_value();
+    };
+    if (is_found_in(photo.full_scale() - photo.pixels))
+        return {refusal("negative", 0.0, 0.0, "",
+                        "in the negative the marker is found: light and dark are exchanged")};
+    cv::Mat changed;
+    cv::flip(photo.pixels, changed, 1);
+    if (is_found_in(changed))
+        return {refusal("mirrored", 0.0, 0.0, "",
+                        "in the mirrored photograph the marker is found: it is printed or read "
+                        "out mirrored")};
+    for (const int factor : {2, 4}) {
+        if (std::min(photo.pixels.rows, photo.pixels.cols) / factor <= 40)
+            break;
+        cv::resize(photo.pixels, changed, {}, 1.0 / factor, 1.0 / factor, cv::INTER_AREA);
+        if (is_found_in(changed))
+            return {refusal("out_of_focus", 0.0, 0.0, "",
+                            fmt::format("in the photograph reduced to 1/{} the marker is found: "
+                                        "out of focus, moved or noisy",
+                                        factor))};
+    }
     return {};
 }
 

@@ -15,53 +15,16 @@
 // photograph.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include <string>
 #include <vector>
 
 #include "compare/detect/detector.h"
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photo_match.h"
-#include "compare/photometric/photometric_model.h"
 #include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {
-
-// Where a photograph differs from its rendering by a good part of the contrast over more than an
-// edge's width: something covers the marker, or shines on it.
-//
-// The residual is averaged over square windows of a third of a cell, but at least 3 px, beside the
-// edges: a displaced or blurred edge is another fault. Cells of 4 px and less have no such places.
-
-struct CoveredAreas {
-    double largest = 0.0;       // of all windows, in parts of the contrast
-    double share = 0.0;         // of the compared pixels that lie in windows above the limit
-    double bright_share = 0.0;  // of those that are brighter than the marker's white or clipped
-    cv::Mat pixels;             // CV_8UC1, 255: in such a window, or within a pixel of it
-};
-
-// `limit` in parts of the contrast (white minus black of the photometric model at the place). The
-// windows' side is in px. Safe from every thread. Throws NumericalError when sizes differ.
-CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, double window_px,
-                           double limit, double saturation_gray);
-
-// What strong JPEG compression leaves: steps between blocks of 8 x 8 px where the marker is flat.
-// Only for whole photographs: a cut or scaled one has its blocks elsewhere.
-
-struct BlockSteps {
-    // RMS difference of neighbouring pixels' residuals, gray: across the borders of blocks and
-    // inside them. 0 where there are no flat pairs.
-    double across_gray = 0.0, inside_gray = 0.0;
-    int pairs = 0;  // across borders
-
-    // What the borders add: sqrt(across^2 - inside^2), or 0.
-    double excess_gray() const;
-};
-
-// Of the compared pixels whose prediction changes by less than 1 % of `contrast_gray` per px.
-BlockSteps block_steps(const PhotoFit& fit, double contrast_gray);
 
 struct Finding {
     // For files, never renamed: not_in_image, marker_not_there, wrong_marker, turned, upside_down,

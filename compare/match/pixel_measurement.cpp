@@ -75,6 +75,14 @@ std::vector<int> changed_in_renders(const std::array<bool, deviation::count>& as
     return all;
 }
 
+// Of normal equations, each unknown in its own unit.
+Eigen::MatrixXd scaled_solution(const Eigen::MatrixXd& information, const Eigen::MatrixXd& right) {
+    const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
+    const Eigen::LDLT<Eigen::MatrixXd> solver(
+        Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
+    return scale.asDiagonal() * solver.solve(Eigen::MatrixXd(scale.asDiagonal() * right));
+}
+
 // The deviations' part of normal equations in which all others are solved. Those that are renders'
 // changes come first, the tone last but one, the noise last.
 void reduce(const PhotoEquations& equations, const std::array<bool, deviation::count>& asked,
@@ -94,11 +102,7 @@ void reduce(const PhotoEquations& equations, const std::array<bool, deviation::c
             others.push_back(i);
     const Eigen::MatrixXd among = equations.information(others, others),
                           across = equations.information(others, wanted);
-    const Eigen::VectorXd scale = among.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
-    const Eigen::LDLT<Eigen::MatrixXd> solver(
-        Eigen::MatrixXd(scale.asDiagonal() * among * scale.asDiagonal()));
-    const Eigen::MatrixXd solved =
-        scale.asDiagonal() * solver.solve(Eigen::MatrixXd(scale.asDiagonal() * across));
+    const Eigen::MatrixXd solved = scaled_solution(among, across);
     const Eigen::VectorXd other_score = equations.score(others);
     const Eigen::MatrixXd information =
         Eigen::MatrixXd(equations.information(wanted, wanted)) - across.transpose() * solved;
@@ -106,22 +110,10 @@ void reduce(const PhotoEquations& equations, const std::array<bool, deviation::c
         Eigen::VectorXd(equations.score(wanted)) - solved.transpose() * other_score;
     if (!information.allFinite() || !score.allFinite())
         throw NumericalError("the pixels do not determine pose and levels");
-    for (std::size_t i = 0; i < as.size(); ++i) {
-        const auto row = static_cast<Eigen::Index>(i);
-        pixels.score[as[i]] = score[row];
-        pixels.score_by_log_noise[as[i]] = information(row, std::ssize(as));
-        for (std::size_t j = 0; j < as.size(); ++j)
-            pixels.information(as[i], as[j]) = information(row, static_cast<Eigen::Index>(j));
-    }
-}
-
-void add_largest_changes(const std::vector<cv::Mat>& changes, const PhotoOfMarker& photo,
-                         const cv::Rect& region, const std::array<bool, deviation::count>& asked,
-                         PhotoEvidence& pixels) {
-    const cv::Mat counted = photo.use(region) == photo.fitted;
-    const std::vector<int> as = changed_in_renders(asked);
-    for (std::size_t i = 0; i < as.size(); ++i)
-        pixels.largest_change[as[i]] = cv::norm(changes[i], cv::NORM_INF, counted);
+    const auto n = std::ssize(as);
+    pixels.score(as) = score.head(n);
+    pixels.score_by_log_noise(as) = information.col(n).head(n);
+    pixels.information(as, as) = information.topLeftCorner(n, n);
 }
 
 // Standard deviation of rounding to the camera's code values, gray.
@@ -308,14 +300,15 @@ PhotoEvidence DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
 
     pixels.depth_mm = depth_mm(camera_.model().projection, camera_from_marker.translation);
     reduce(equations, asked_, pixels);
-    add_largest_changes(by_deviations, photo, motion.region(), asked_, pixels);
+    const cv::Mat counted = photo.use(motion.region()) == photo.fitted;
+    const std::vector<int> changed = changed_in_renders(asked_);
+    for (std::size_t i = 0; i < changed.size(); ++i)
+        pixels.largest_change[changed[i]] = cv::norm(by_deviations[i], cv::NORM_INF, counted);
     pixels.loss = equations.loss();
     add_noise(photo, camera_, state, rendered, motion.region(), pixels);
     add_levels(photo, camera_, state, whole, pixels);
     return pixels;
 }
-
-// ---------------------------------------------------------------------------------- the descent
 
 namespace {
 
@@ -353,24 +346,13 @@ DeviationStep newton_step(const DeviationPlace& place, double damping, const Fre
     for (int i = 0; i < deviation::count; ++i)
         if (free[static_cast<std::size_t>(i)])
             at.push_back(i);
-    const auto n = std::ssize(at);
-    Eigen::MatrixXd information(n, n);
-    Eigen::VectorXd score(n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-        score[i] = place.score[at[static_cast<std::size_t>(i)]];
-        for (Eigen::Index j = 0; j < n; ++j)
-            information(i, j) =
-                place.information(at[static_cast<std::size_t>(i)], at[static_cast<std::size_t>(j)]);
-    }
+    Eigen::MatrixXd information = place.information(at, at);
+    const Eigen::VectorXd score = place.score(at);
     information.diagonal() *= 1.0 + damping;
-    const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::LDLT<Eigen::MatrixXd> solver(
-        Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
-    const Eigen::VectorXd solved = scale.cwiseProduct(
-        Eigen::VectorXd(solver.solve(Eigen::VectorXd(scale.cwiseProduct(score)))));
+    const Eigen::VectorXd solved = scaled_solution(information, score);
     DeviationStep step;
-    for (Eigen::Index i = 0; i < n; ++i)
-        step.step[at[static_cast<std::size_t>(i)]] = solved[i];
+    for (std::size_t i = 0; i < at.size(); ++i)
+        step.step[at[i]] = solved[static_cast<Eigen::Index>(i)];
     step.predicted_gain = 0.5 * solved.dot(score);
     return step;
 }

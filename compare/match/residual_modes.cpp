@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <cmath>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 
 #include "core/program/errors.h"
@@ -37,9 +38,8 @@ const CalibrationModel& calibration_modes() {
 }
 
 std::vector<int> range(int first, int count) {
-    std::vector<int> columns;
-    for (int i = 0; i < count; ++i)
-        columns.push_back(first + i);
+    std::vector<int> columns(static_cast<std::size_t>(count));
+    std::iota(columns.begin(), columns.end(), first);
     return columns;
 }
 
@@ -76,11 +76,6 @@ double robust_chi_square(const Eigen::VectorXd& values, const Eigen::MatrixXd& i
         return formal;
     const Eigen::MatrixXd covariance = inverse * scatter * inverse * blocks / (blocks - parameters);
     return values.dot(pseudo_inverse(covariance, min_eigenvalue * covariance.trace()) * values);
-}
-
-void require_finite(const Eigen::MatrixXd& information, const Eigen::VectorXd& score) {
-    if (!information.allFinite() || !score.allFinite())
-        throw NumericalError("a pixel of the photograph or its rendering is not finite");
 }
 
 }  // namespace
@@ -198,23 +193,15 @@ ResidualModes::ResidualModes(const PhotoFit& fit, const cv::Mat& counted,
             score_ += block.score;
             blocks_.push_back(std::move(block));
         }
-    require_finite(information_, score_);
+    if (!information_.allFinite() || !score_.allFinite())
+        throw NumericalError("a pixel of the photograph or its rendering is not finite");
 }
 
 ResidualModes::Columns ResidualModes::columns_of(ResidualMode mode) const {
-    switch (mode) {
-        case ResidualMode::rows:
-            return range(rows_at, 2);
-        case ResidualMode::calibration:
-            return range(calibration_at, 5);
-        case ResidualMode::blur_along:
-            return range(blur_along_at, 2);
-        case ResidualMode::sharpening:
-            return range(sharpening_at, 1);
-        case ResidualMode::blur:
-            return has_lens_ ? range(blur_at, 1) : Columns{};
-    }
-    return {};
+    constexpr std::pair<int, int> first_and_count[residual_mode_count] = {
+        {rows_at, 2}, {calibration_at, 5}, {blur_along_at, 2}, {sharpening_at, 1}, {blur_at, 1}};
+    const auto [first, count] = first_and_count[static_cast<std::size_t>(mode)];
+    return mode == ResidualMode::blur && !has_lens_ ? Columns{} : range(first, count);
 }
 
 Eigen::MatrixXd ResidualModes::block_scatter(const Columns& own, const Columns& others,

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "compare/edges/defocus_profile.h"
 #include "compare/edges/edge_summary.h"
 #include "compare/match/photo_findings.h"
 #include "compare/photo_pose.h"

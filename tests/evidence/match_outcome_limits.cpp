@@ -24,13 +24,7 @@ using test::TrueScene;
 using Camera = std::shared_ptr<const PhotometricCamera>;
 
 Findings examined(const CodeImage& photo, const TrueScene& scene, const Camera& camera, int seed) {
-    const ComparedArea area = compared_area(scene.marker, {}, "");
-    const Rigid pose = test::found_pose(scene, camera->model(), seed);
-    const Findings before = examine_marker(photo, scene.marker, area, camera->projector(), pose);
-    if (is_refused(before))
-        return before;
-    return examine_match(photo, scene.marker, area, *camera,
-                         match_photo(photo, scene.marker.grid, area, camera, pose));
+    return test::examined(photo, scene, test::found_pose(scene, camera->model(), seed), camera);
 }
 
 using Photographer = std::function<CodeImage(const TrueScene&, double strength, int seed)>;

@@ -10,8 +10,7 @@
 #include <cstdio>
 #include <opencv2/core.hpp>
 
-#include "compare/characterise/defocus_estimate.h"
-#include "compare/characterise/point_spread_estimate.h"
+#include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/slanted_edge.h"
 #include "sim/psf/diffraction.h"
 #include "tests/compare/edges/edge_scenes.h"
@@ -19,23 +18,12 @@
 namespace etalon {
 namespace {
 
+using test::Pulls;
+
 constexpr int draws = 24;
 constexpr double max_mean = 1.2;     // 3.5 sqrt(1/24 + 0.1) is 1.3
 constexpr double max_square = 2.6;   // 1 + 3.1 sqrt(2/24) + 2/24 = 2.0, and 0.6 for the mean
 constexpr double min_square = 0.15;  // an uncertainty must not be a multiple of the scatter
-
-struct Pulls {
-    double sum = 0.0, squares = 0.0;
-    int count = 0;
-    void add(double error, double standard_uncertainty) {
-        const double pull = error / standard_uncertainty;
-        sum += pull;
-        squares += pull * pull;
-        ++count;
-    }
-    double mean() const { return sum / count; }
-    double square() const { return squares / count; }
-};
 
 void expect_fair(const char* what, const Pulls& pulls) {
     std::printf("%-34s pulls: mean %6.2f, mean square %5.2f, n %d\n", what, pulls.mean(),

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <opencv2/core.hpp>
 
 #include "core/program/errors.h"
@@ -28,17 +29,27 @@ double pixel_value(double x, double y, double degrees, double sigma) {
 
 constexpr int width = 40, height = 64;
 
-LinearPhoto edge_photo(double degrees, double noise = 0.0) {
+// Of a radiance by pixel, nothing clipped.
+LinearPhoto photo_of(cv::Size size, double noise, const auto& radiance) {
     LinearPhoto photo;
-    photo.radiance.create(height, width, CV_32FC1);
-    photo.clipped = cv::Mat::zeros(height, width, CV_8UC1);
+    photo.radiance.create(size, CV_32FC1);
+    photo.clipped = cv::Mat::zeros(size, CV_8UC1);
     RandomStream random(5, 1);
-    for (int y = 0; y < height; ++y)
-        for (int x = 0; x < width; ++x)
+    for (int y = 0; y < size.height; ++y)
+        for (int x = 0; x < size.width; ++x)
             photo.radiance.at<float>(y, x) =
-                static_cast<float>(0.1 + 0.7 * pixel_value(x - 19.3, y - 31.6, degrees, 0.5) +
-                                   noise * random.normal());
+                static_cast<float>(radiance(x, y) + noise * random.normal());
     return photo;
+}
+
+LinearPhoto edge_photo(double degrees, double noise = 0.0) {
+    return photo_of({width, height}, noise, [&](int x, int y) {
+        return 0.1 + 0.7 * pixel_value(x - 19.3, y - 31.6, degrees, 0.5);
+    });
+}
+
+LinearPhoto flat(cv::Size size) {
+    return photo_of(size, 0.0, [](int, int) { return 0.4; });
 }
 
 SlantedEdge measure(const LinearPhoto& photo) {
@@ -67,10 +78,8 @@ TEST(SlantedEdge, DoesNotDependOnWhichWayTheEdgeRuns) {
     const LinearPhoto photo = edge_photo(7.0);
     const SlantedEdge first = measure(photo);
     const auto expect_same = [&](const cv::Mat& radiance) {
-        LinearPhoto other;
-        other.radiance = radiance.clone();
-        other.clipped = cv::Mat::zeros(radiance.size(), CV_8UC1);
-        const SlantedEdge edge = measure(other);
+        const SlantedEdge edge =
+            measure({radiance.clone(), cv::Mat::zeros(radiance.size(), CV_8UC1), {}});
         EXPECT_NEAR(edge.angle_deg, first.angle_deg, 1e-3);
         EXPECT_NEAR(edge.at_nyquist, first.at_nyquist, 0.003);
         EXPECT_NEAR(edge.mtf50_cycles_per_px, first.mtf50_cycles_per_px, 0.003);
@@ -90,9 +99,7 @@ TEST(SlantedEdge, RefusesRegionsThatHoldNoSlantedEdge) {
     EXPECT_THROW(slanted_edge(photo, {8, 0, 40, 64}), NumericalError);   // outside
     EXPECT_THROW(slanted_edge(photo, {16, 0, 20, 64}), NumericalError);  // too near to a side
     EXPECT_THROW(measure(edge_photo(0.0)), NumericalError);
-    LinearPhoto flat = photo;
-    flat.radiance = cv::Mat(height, width, CV_32FC1, cv::Scalar(0.4));
-    EXPECT_THROW(measure(flat), NumericalError);
+    EXPECT_THROW(measure(flat({width, height})), NumericalError);
     photo.clipped.at<uchar>(3, 3) = 255;
     EXPECT_THROW(measure(photo), NumericalError);
 }
@@ -134,6 +141,58 @@ TEST(SlantedEdge, TakesTheEdgesOfATarget) {
         ++measured;
     }
     EXPECT_GE(measured, 4);
+}
+
+// Slanted edges of a picture of which nothing is known.
+
+constexpr double sigma_px = 0.8;  // of the square
+
+// A light quadrilateral: the product of four half planes behind a Gaussian, turned by `degrees`.
+LinearPhoto photo_of_a_square(double degrees, double noise) {
+    const double angle = degrees * std::numbers::pi / 180.0, half_side = 61.3;
+    const auto half_plane = [](double distance) {
+        return 0.5 * std::erfc(-distance / sigma_px / std::numbers::sqrt2);
+    };
+    return photo_of({230, 190}, noise, [&](int x, int y) {
+        const double u = (x - 113.4) * std::cos(angle) + (y - 96.8) * std::sin(angle),
+                     v = (y - 96.8) * std::cos(angle) - (x - 113.4) * std::sin(angle);
+        return 0.12 + 0.55 * half_plane(half_side - u) * half_plane(half_side + u) *
+                          half_plane(half_side - v) * half_plane(half_side + v);
+    });
+}
+
+// exp(-2 (pi sigma f)^2) is one half at sqrt(ln 2 / 2) / (pi sigma).
+TEST(EdgeSearch, FindsTheFourSidesOfASquareAndTheirSharpness) {
+    const double truth = std::sqrt(std::numbers::ln2 / 2.0) / (std::numbers::pi * sigma_px);
+    for (const double degrees : {-7.3, 3.4, 12.1}) {
+        const SlantedEdges found = find_slanted_edges(photo_of_a_square(degrees, 0.004));
+        EXPECT_EQ(found.edges.size(), 4u) << degrees;
+        for (const FoundSlantedEdge& each : found.edges) {
+            EXPECT_NEAR(each.edge.angle_deg, std::abs(degrees), 0.2);
+            EXPECT_NEAR(each.edge.mtf50_cycles_per_px, truth,
+                        0.01 * truth + 4.0 * each.edge.mtf50_standard_uncertainty);
+        }
+    }
+}
+
+TEST(EdgeSearch, TakesNoEdgeAlongThePixelsNorOneFarFromThem) {
+    for (const double degrees : {0.0, 31.0}) {
+        const SlantedEdges found = find_slanted_edges(photo_of_a_square(degrees, 0.004));
+        EXPECT_TRUE(found.edges.empty()) << degrees;
+        EXPECT_EQ(found.reason, "");
+    }
+}
+
+TEST(EdgeSearch, SaysWhyAnEdgeCannotBeMeasured) {
+    LinearPhoto photo = photo_of_a_square(5.2, 0.004);
+    photo.clipped.setTo(255);
+    const SlantedEdges found = find_slanted_edges(photo);
+    EXPECT_TRUE(found.edges.empty());
+    EXPECT_NE(found.reason.find("clipped pixels"), std::string::npos);
+}
+
+TEST(EdgeSearch, FindsNothingInImagesWithoutContent) {
+    EXPECT_TRUE(find_slanted_edges(flat({80, 60})).edges.empty());
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 // A tilted board through focus, photographed by the reference integrator with noise, against
 // renderings with the right lens, a wrong focus distance and a wrong f-number.
-#include "compare/edges/defocus_profile.h"
 
 #include <gtest/gtest.h>
 
@@ -63,23 +62,13 @@ void print(const Claim& claim, const Comparison& found) {
                     bin.residual_rms_gray);
 }
 
-struct Pulls {
-    double sum = 0.0, squares = 0.0;
-    int count = 0;
-    void add(double pull) {
-        sum += pull;
-        squares += pull * pull;
-        ++count;
-    }
-};
-
 // The photograph's noise is 3 gray on the edges, the integrator's own error 0.8 gray: chi-square
 // 1.08. The integrator's error is common to all draws: a mean pull within 1.2 as in
 // edges_statistics_test.cpp, where also the focus distance's 0.05 mm have room by which a parabola
 // misses it.
 TEST(DefocusProfile, OfTheRightLensIsTheRenderingsAndTheResidualIsNoise) {
     constexpr int draws = 8;
-    Pulls focus, widths;
+    test::Pulls focus, widths;
     for (int seed = 0; seed < draws; ++seed) {
         const Claim claim{"right lens", true_focus_mm, 1.4};
         const Comparison found = compared(claim, seed);
@@ -89,18 +78,17 @@ TEST(DefocusProfile, OfTheRightLensIsTheRenderingsAndTheResidualIsNoise) {
         EXPECT_GT(found.profile.edges, 70);
         EXPECT_NEAR(found.summary.median_chi_square, 1.08, 0.08);
         EXPECT_LT(found.summary.shift.rms_px, 0.005);
-        focus.add((found.profile.photo.focus_distance_mm - true_focus_mm) /
+        focus.add(found.profile.photo.focus_distance_mm - true_focus_mm,
                   found.profile.photo.standard_uncertainty_mm);
         for (const DepthBin& bin : found.profile.bins)
-            widths.add((bin.measured_px2 - bin.rendered_px2) / bin.measured_deviation_px2);
+            widths.add(bin.measured_px2 - bin.rendered_px2, bin.measured_deviation_px2);
     }
     std::printf("pulls: focus %.2f (mean square %.2f), widths %.2f (mean square %.2f)\n",
-                focus.sum / draws, focus.squares / draws, widths.sum / widths.count,
-                widths.squares / widths.count);
-    EXPECT_LT(std::abs(focus.sum / draws), 1.2);
-    EXPECT_LT(focus.squares / draws, 3.5);  // 99.9 % of chi-square with 8: 3.3
-    EXPECT_LT(widths.squares / widths.count, 1.9);
-    EXPECT_GT(widths.squares / widths.count, 0.4);
+                focus.mean(), focus.square(), widths.mean(), widths.square());
+    EXPECT_LT(std::abs(focus.mean()), 1.2);
+    EXPECT_LT(focus.square(), 3.5);  // 99.9 % of chi-square with 8: 3.3
+    EXPECT_LT(widths.square(), 1.9);
+    EXPECT_GT(widths.square(), 0.4);
 }
 
 TEST(DefocusProfile, ShowsAWrongFocusDistanceAndWhereTheTrueOneIs) {

@@ -6,8 +6,7 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
-#include "compare/characterise/defocus_estimate.h"
-#include "compare/characterise/point_spread_estimate.h"
+#include "compare/characterise/blur_estimate.h"
 #include "core/program/errors.h"
 #include "tests/compare/edges/edge_scenes.h"
 
@@ -140,12 +139,21 @@ TEST(TargetEdges, RefusesWhatIsNotAPhotographOfTheCamera) {
     EXPECT_TRUE(scene.edges(photo).edges.empty());
 }
 
+// Without noise unless a seed is given.
+std::vector<StraightEdge> edges_of(const EdgeScene& scene, int seed = 0) {
+    const SensorModel sensor(scene.camera);
+    return scene
+        .edges(seed == 0
+                   ? sensor.expose(scene.rendered())
+                   : sensor.expose(scene.rendered(), NoiseKey{3, static_cast<std::uint32_t>(seed)}))
+        .edges;
+}
+
 // The renderer's error is 0.1 gray of 190 at most; sigma moves by no more than a few 1e-3 px.
 TEST(PointSpreadEstimate, FindsTheRenderedWidth) {
     for (const double sigma : {0.2, 0.55, 1.1}) {
         const EdgeScene scene = small_board(sigma);
-        const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-        const auto estimate = estimate_point_spread(scene.edges(photo).edges, scene.camera);
+        const auto estimate = estimate_point_spread(edges_of(scene), scene.camera);
         EXPECT_NEAR(estimate.gaussian.sigma_px, sigma, 0.005);
         EXPECT_FALSE(estimate.sharpening.is_detected);
         for (const double f : {0.1, 0.25, 0.5})
@@ -170,9 +178,7 @@ TEST(PointSpreadEstimate, DetectsSharpeningInTheCamera) {
     const EdgeScene scene = small_board(0.5);
     const SensorModel sensor(scene.camera);
     Radiance radiance = scene.rendered();
-    EXPECT_FALSE(estimate_point_spread(scene.edges(sensor.expose(radiance, NoiseKey{3, 1})).edges,
-                                       scene.camera)
-                     .sharpening.is_detected);
+    EXPECT_FALSE(estimate_point_spread(edges_of(scene, 1), scene.camera).sharpening.is_detected);
     cv::Mat mean;
     cv::blur(radiance, mean, {3, 3});
     const Radiance sharpened = radiance + 0.6 * (radiance - mean);
@@ -190,8 +196,7 @@ TEST(PointSpreadEstimate, MeasuresAPatternThatIsNoGaussian) {
     EdgeScene scene = small_board(0.2);
     scene.camera.lens->psf.kind = PointSpread::Kind::measured;
     scene.camera.lens->psf.profile = {{0.0, 1.0}, {1.6, 1.0}, {1.8, 0.0}, {2.0, 0.0}};
-    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered(), NoiseKey{3, 1});
-    const auto edges = scene.edges(photo).edges;
+    const auto edges = edges_of(scene, 1);
     const auto estimate = estimate_point_spread(edges, scene.camera);
     EXPECT_FALSE(estimate.gaussian_suffices);
     ASSERT_TRUE(estimate.measured.has_value());
@@ -208,8 +213,7 @@ TEST(PointSpreadEstimate, MeasuresAPatternThatIsNoGaussian) {
 TEST(PointSpreadEstimate, LeavesOutTheDefocusThatTheCameraKnows) {
     EdgeScene scene = test::defocused_board();
     scene.pose = test::pose_of(0.0, 0.0, 0.12, -26.0, -22.0, 280.0);
-    CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-    const auto edges = scene.edges(photo).edges;
+    const auto edges = edges_of(scene);
     EXPECT_NEAR(estimate_point_spread(edges, scene.camera).gaussian.sigma_px, 0.5, 0.01);
     CameraModel unknown = scene.camera;
     unknown.lens.reset();
@@ -220,19 +224,21 @@ TEST(PointSpreadEstimate, LeavesOutTheDefocusThatTheCameraKnows) {
 
 TEST(PointSpreadEstimate, RefusesTooFewEdges) {
     const EdgeScene scene = small_board(0.5);
-    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-    const auto edges = scene.edges(photo).edges;
+    const auto edges = edges_of(scene);
     EXPECT_THROW(estimate_point_spread(std::span(edges).first(3), scene.camera), NumericalError);
 }
 
-TEST(DefocusEstimate, FindsFocusAndFNumber) {
-    const EdgeScene scene = test::defocused_board();
-    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+// What the scene's lens has, f/1.4 and 0.5 px.
+void expect_found(const EdgeScene& scene) {
+    const auto estimate = estimate_defocus(edges_of(scene), scene.camera);
     ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
-    EXPECT_NEAR(estimate.focus_distance_mm, 303.0, 0.5);
+    EXPECT_NEAR(estimate.focus_distance_mm, scene.camera.lens->focus_distance_mm, 0.5);
     EXPECT_NEAR(estimate.f_number, 1.4, 0.02);
     EXPECT_NEAR(estimate.sigma_px, 0.5, 0.01);
+}
+
+TEST(DefocusEstimate, FindsFocusAndFNumber) {
+    expect_found(test::defocused_board());
 }
 
 // A lens of 200 degrees that sees the board 60 degrees from its axis: the thin lens near the axis,
@@ -247,20 +253,14 @@ TEST(DefocusEstimate, FindsTheFocusSphereOfAWideLens) {
     scene.camera.lens->focus_distance_mm = 240.0;
     const Rigid to_the_side(rotation_from_vector({-0.35, 0.55, 0.0}), Eigen::Vector3d::Zero());
     scene.pose = to_the_side * test::pose_of(0.25, -0.8, 0.12, -26.0, -22.0, 220.0);
-    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
-    ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
-    EXPECT_NEAR(estimate.focus_distance_mm, 240.0, 0.5);
-    EXPECT_NEAR(estimate.f_number, 1.4, 0.02);
-    EXPECT_NEAR(estimate.sigma_px, 0.5, 0.01);
+    expect_found(scene);
 }
 
 // f/0.6: disks of up to 4 px reach the next edge. With those left out the result is right.
 TEST(DefocusEstimate, LeavesOutEdgesWhoseBlurReachesTheNext) {
     EdgeScene scene = test::defocused_board();
     scene.camera.lens->f_number = 0.6;
-    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+    const auto estimate = estimate_defocus(edges_of(scene), scene.camera);
     ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
     EXPECT_GT(estimate.too_blurred, 0);
     EXPECT_LT(estimate.largest_blur_px, 4.0);
@@ -272,8 +272,7 @@ TEST(DefocusEstimate, LeavesOutEdgesWhoseBlurReachesTheNext) {
 TEST(DefocusEstimate, SaysWhatOneSideOfFocusLeavesOpen) {
     EdgeScene scene = test::defocused_board();
     scene.camera.lens->focus_distance_mm = 360.0;
-    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+    const auto estimate = estimate_defocus(edges_of(scene), scene.camera);
     EXPECT_FALSE(estimate.is_determined);
     EXPECT_NE(estimate.undetermined.find("focus distance"), std::string::npos);
     EXPECT_EQ(estimate.focus_distance_mm, 0.0);
@@ -284,16 +283,14 @@ TEST(DefocusEstimate, SaysWhatOneSideOfFocusLeavesOpen) {
 TEST(DefocusEstimate, SaysThatAFlatTargetTellsNothing) {
     EdgeScene scene = small_board(0.5);
     scene.pose = test::pose_of(0.0, 0.0, 0.09, -30.0, -22.0, 500.0);
-    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered(), NoiseKey{3, 1});
-    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+    const auto estimate = estimate_defocus(edges_of(scene, 1), scene.camera);
     EXPECT_FALSE(estimate.is_determined);
     EXPECT_FALSE(estimate.undetermined.empty());
 }
 
 TEST(DefocusEstimate, RefusesCamerasThatItCannotBeOf) {
     const EdgeScene scene = small_board(0.5);
-    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-    const auto edges = scene.edges(photo).edges;
+    const auto edges = edges_of(scene);
     CameraModel telecentric = scene.camera;
     telecentric.projection.kind = Projection::telecentric;
     EXPECT_THROW(estimate_defocus(edges, telecentric), NumericalError);

@@ -90,6 +90,20 @@ inline EdgeScene defocused_board() {
     return scene;
 }
 
+// Errors over their stated deviations.
+struct Pulls {
+    double sum = 0.0, squares = 0.0;
+    int count = 0;
+    void add(double error, double standard_uncertainty) {
+        const double pull = error / standard_uncertainty;
+        sum += pull;
+        squares += pull * pull;
+        ++count;
+    }
+    double mean() const { return sum / count; }
+    double square() const { return squares / count; }
+};
+
 inline double sinc(double x) {
     const double q = std::numbers::pi * x;
     return q == 0.0 ? 1.0 : std::sin(q) / q;

@@ -90,28 +90,16 @@ struct Prediction {
     }
 };
 
-struct ShiftPulls {
-    double sum = 0.0, squares = 0.0, error = 0.0;
-    int count = 0;
-    void add(double difference, double deviation) {
-        sum += difference / deviation;
-        squares += difference * difference / deviation / deviation;
-        error += difference;
-        ++count;
-    }
-};
-
 // 49 edges, 24 draws. The integrator's error is common to all draws: 0.0022 px, a fifth of an
 // edge's deviation. Means within 3.5 sqrt(1/1176 + 0.04/49) = 0.14, and 0.05 for what the second
 // order in blur leaves. Deviations are multiplied by max(1, sqrt(chi^2)), which is 1.02 on average
 // for the 180 pixels of an edge: mean squares 0.95 + 0.04 +- 3.5 sqrt(2/1176).
-void expect_fair(const char* name, const char* what, const ShiftPulls& pulls) {
-    const double mean = pulls.sum / pulls.count, square = pulls.squares / pulls.count;
-    std::printf("%-10s %-6s mean error %8.4f, pulls: mean %6.3f, mean square %5.3f, n %d\n", name,
-                what, pulls.error / pulls.count, mean, square, pulls.count);
-    EXPECT_LT(std::abs(mean), 0.19) << name << ", " << what;
-    EXPECT_GT(square, 0.84) << name << ", " << what;
-    EXPECT_LT(square, 1.14) << name << ", " << what;
+void expect_fair(const char* name, const char* what, const test::Pulls& pulls) {
+    std::printf("%-10s %-6s pulls: mean %6.3f, mean square %5.3f, n %d\n", name, what, pulls.mean(),
+                pulls.square(), pulls.count);
+    EXPECT_LT(std::abs(pulls.mean()), 0.19) << name << ", " << what;
+    EXPECT_GT(pulls.square(), 0.84) << name << ", " << what;
+    EXPECT_LT(pulls.square(), 1.14) << name << ", " << what;
 }
 
 class KnownDifferences : public ::testing::TestWithParam<Difference> {};
@@ -121,7 +109,7 @@ TEST_P(KnownDifferences, ComeOutWithinTheirDeviationsAndNotInPlaceOfEachOther) {
     const Prediction predicted;
     const Difference& known = GetParam();
     const Radiance radiance = predicted.radiance(known, 128);
-    ShiftPulls shift, blur, black, white;
+    test::Pulls shift, blur, black, white;
     for (int seed = 0; seed < draws; ++seed) {
         const EdgeShifts found = predicted.shifts(predicted.photo(radiance, seed), known);
         EXPECT_TRUE(found.noise_is_known);

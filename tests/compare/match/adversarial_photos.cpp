@@ -253,4 +253,14 @@ Rigid found_pose(const TrueScene& scene, const CameraModel& camera, int seed) {
         .camera_from_marker;
 }
 
+Findings examined(const CodeImage& photo, const TrueScene& scene, const Rigid& pose,
+                  const std::shared_ptr<const PhotometricCamera>& camera) {
+    const ComparedArea area = compared_area(scene.marker, {}, "test");
+    const Findings before = examine_marker(photo, scene.marker, area, camera->projector(), pose);
+    if (is_refused(before))
+        return before;
+    return examine_match(photo, scene.marker, area, *camera,
+                         match_photo(photo, scene.marker.grid, area, camera, pose));
+}
+
 }  // namespace etalon::test

@@ -3,10 +3,9 @@
 // compare/match/photo_findings.h.
 #pragma once
 
-#include <functional>
-#include <string>
+#include <memory>
 
-#include "compare/photometric/compared_area.h"
+#include "compare/match/photo_findings.h"
 #include "core/geometry/rigid.h"
 #include "core/image/image.h"
 #include "sim/marker/marker.h"
@@ -56,6 +55,10 @@ CodeImage compressed(const CodeImage& photo, int jpeg_quality);
 
 // The pose that corners would give, with this camera: each corner has an error of 0.05 px.
 Rigid found_pose(const TrueScene& scene, const CameraModel& camera, int seed);
+
+// As `etalon compare` examines a photograph at a pose.
+Findings examined(const CodeImage& photo, const TrueScene& scene, const Rigid& pose,
+                  const std::shared_ptr<const PhotometricCamera>& camera);
 
 // The marker's middle and its size in the true image.
 Eigen::Vector2d middle_px(const TrueScene& scene);

@@ -15,22 +15,12 @@
 namespace etalon {
 namespace {
 
+using test::examined;
 using test::TrueScene;
 
 std::shared_ptr<const PhotometricCamera> calibrated() {
     static const auto camera = std::make_shared<const PhotometricCamera>(test::calibrated_camera());
     return camera;
-}
-
-// As `etalon compare` does it.
-Findings examined(const CodeImage& photo, const TrueScene& scene, const Rigid& pose,
-                  const std::shared_ptr<const PhotometricCamera>& camera) {
-    const ComparedArea area = compared_area(scene.marker, {}, "test");
-    const Findings before = examine_marker(photo, scene.marker, area, camera->projector(), pose);
-    if (is_refused(before))
-        return before;
-    return examine_match(photo, scene.marker, area, *camera,
-                         match_photo(photo, scene.marker.grid, area, camera, pose));
 }
 
 std::string names(const Findings& findings) {
@@ -42,73 +32,71 @@ std::string names(const Findings& findings) {
 
 using Photographer = std::function<CodeImage(const TrueScene&, int seed)>;
 
-using Scenes = TrueScene (*)(int pose);
-
-// Four photographs of a target; every one must have a finding with one of these names.
-void expect_found(const std::set<std::string>& expected, const Photographer& photo, Scenes scenes,
-                  const CameraModel& camera_file = test::calibrated_camera()) {
-    const auto camera = std::make_shared<const PhotometricCamera>(camera_file);
-    for (int pose = 0; pose < 2; ++pose)
-        for (int seed = 1; seed <= 2; ++seed) {
-            const TrueScene scene = scenes(pose);
-            const Findings findings = examined(photo(scene, seed), scene,
-                                               test::found_pose(scene, camera_file, seed), camera);
-            EXPECT_FALSE(is_matched(findings));
-            EXPECT_TRUE(std::any_of(
-                findings.begin(), findings.end(),
-                [&](const Finding& finding) { return expected.count(finding.name) > 0; }))
-                << scene.marker.spec << " at pose " << pose << ": " << names(findings);
-            for (const Finding& finding : findings)
-                EXPECT_TRUE(std::isfinite(finding.value) && !finding.sentence.empty());
-        }
+CodeImage plain(const TrueScene& scene, int seed) {
+    return test::exposed(test::radiance_of(scene), seed);
 }
 
-void expect_found_on_both(const std::set<std::string>& expected, const Photographer& photo) {
-    expect_found(expected, photo, test::tag_scene);
-    expect_found(expected, photo, test::board_scene);
+// Eight gray more than the camera has.
+CodeImage noisy(const TrueScene& scene, int seed) {
+    CodeImage photo = plain(scene, seed);
+    cv::Mat noise(photo.pixels.size(), CV_16SC1);
+    RandomStream random(5, 2);
+    for (short& value : cv::Mat_<short>(noise))
+        value = static_cast<short>(std::lround(8.0 * random.normal()));
+    cv::add(photo.pixels, noise, photo.pixels, cv::noArray(), CV_8U);
+    return photo;
 }
 
-void expect_match_on_both(const Photographer& photo) {
-    for (const bool board : {false, true})
+Photographer before_the_sensor(std::function<Radiance(const TrueScene&)> radiance) {
+    return [=](const TrueScene& scene, int seed) { return test::exposed(radiance(scene), seed); };
+}
+
+Photographer with_radiance(std::function<Radiance(const Radiance&)> change) {
+    return before_the_sensor(
+        [=](const TrueScene& scene) { return change(test::radiance_of(scene)); });
+}
+
+Photographer behind_the_sensor(std::function<CodeImage(const CodeImage&)> change) {
+    return [=](const TrueScene& scene, int seed) { return change(plain(scene, seed)); };
+}
+
+Photographer compressed(int quality) {
+    return behind_the_sensor(
+        [=](const CodeImage& photo) { return test::compressed(photo, quality); });
+}
+
+struct Harmless {
+    std::string name;
+    Photographer photo;
+};
+
+class MatchOf : public testing::TestWithParam<Harmless> {};
+
+TEST_P(MatchOf, IsAMatch) {
+    for (const auto scenes : {test::tag_scene, test::board_scene})
         for (int pose = 0; pose < 2; ++pose) {
-            const TrueScene scene = board ? test::board_scene(pose) : test::tag_scene(pose);
+            const TrueScene scene = scenes(pose);
             const Findings findings =
-                examined(photo(scene, 3), scene, test::found_pose(scene, calibrated()->model(), 3),
-                         calibrated());
+                examined(GetParam().photo(scene, 3), scene,
+                         test::found_pose(scene, calibrated()->model(), 3), calibrated());
             EXPECT_TRUE(is_matched(findings)) << names(findings);
         }
 }
 
-TEST(MatchOutcome, OfAPhotographWithoutFaultIsAMatch) {
-    expect_match_on_both([](const TrueScene& scene, int seed) {
-        return test::exposed(test::radiance_of(scene), seed);
-    });
-}
-
-TEST(MatchOutcome, OfUnevenLightIsAMatch) {
-    expect_match_on_both([](const TrueScene& scene, int seed) {
-        return test::exposed(test::unevenly_lit(scene, 0.5), seed);
-    });
-}
-
-// Eight gray more than the camera has.
-TEST(MatchOutcome, OfNoiseIsAMatch) {
-    expect_match_on_both([](const TrueScene& scene, int seed) {
-        CodeImage photo = test::exposed(test::radiance_of(scene), seed);
-        cv::Mat noise(photo.pixels.size(), CV_16SC1);
-        RandomStream random(5, 2);
-        for (short& value : cv::Mat_<short>(noise))
-            value = static_cast<short>(std::lround(8.0 * random.normal()));
-        cv::add(photo.pixels, noise, photo.pixels, cv::noArray(), CV_8U);
-        return photo;
-    });
-}
-
-TEST(MatchOutcome, OfJpegAtQuality50IsAMatch) {
-    expect_match_on_both([](const TrueScene& scene, int seed) {
-        return test::compressed(test::exposed(test::radiance_of(scene), seed), 50);
-    });
-}
+INSTANTIATE_TEST_SUITE_P(MatchOutcome, MatchOf,
+                         testing::Values(Harmless{"APhotographWithoutFault", plain},
+                                         Harmless{"UnevenLight",
+                                                  [](const TrueScene& scene, int seed) {
+                                                      return test::exposed(
+                                                          test::unevenly_lit(scene, 0.5), seed);
+                                                  }},
+                                         Harmless{"Noise", noisy},
+                                         Harmless{"JpegAtQuality50",
+                                                  [](const TrueScene& scene, int seed) {
+                                                      return test::compressed(plain(scene, seed),
+                                                                              50);
+                                                  }}),
+                         [](const auto& harmless) { return harmless.param.name; });
 
 // The truth from brute-force sampling: no renderer of ours made this photograph.
 TEST(MatchOutcome, OfAPhotographByTheReferenceIntegratorIsAMatch) {
@@ -137,156 +125,138 @@ TEST(MatchOutcome, NamesABlurThatIsNotTheCamerasOwn) {
     }
 }
 
-TEST(MatchOutcome, NamesWhatCoversTheMarker) {
-    for (const double reflectance : {0.1, 0.4, 0.8})
-        expect_found_on_both({"occluded"}, [&](const TrueScene& scene, int seed) {
-            return test::exposed(test::occluded(scene, 1.5 * test::cell_px(scene), reflectance),
-                                 seed);
-        });
+using Scenes = std::vector<TrueScene (*)(int pose)>;
+
+const Scenes tag{test::tag_scene}, board{test::board_scene}, wide_board{test::wide_board_scene},
+    both{test::tag_scene, test::board_scene};
+
+struct Fault {
+    std::string name;
+    std::set<std::string> findings;  // every photograph has one of them
+    Scenes scenes;
+    Photographer photo;
+    CameraModel camera = test::calibrated_camera();  // what the calibration says
+};
+
+// Photographs of what else hangs there: another marker, or the marker's own cells changed.
+Photographer of_another(const std::string& spec) {
+    return [=](TrueScene scene, int seed) {
+        scene.shown = parse_marker(spec, "test").grid;
+        return plain(scene, seed);
+    };
 }
 
-TEST(MatchOutcome, NamesGlare) {
-    expect_found_on_both({"glare"}, [](const TrueScene& scene, int seed) {
-        return test::exposed(test::with_glare(scene, 0.8 * test::cell_px(scene), 3.0), seed);
+Photographer with_cells(std::function<void(const cv::Mat& cells, cv::Mat& shown)> change) {
+    return [=](TrueScene scene, int seed) {
+        change(scene.marker.grid.cells, scene.shown.cells);
+        return plain(scene, seed);
+    };
+}
+
+Photographer turned(int code) {
+    return with_cells(
+        [=](const cv::Mat& cells, cv::Mat& shown) { cv::rotate(cells, shown, code); });
+}
+
+Photographer covered(double reflectance) {
+    return before_the_sensor([=](const TrueScene& scene) {
+        return test::occluded(scene, 1.5 * test::cell_px(scene), reflectance);
     });
 }
 
-TEST(MatchOutcome, NamesMotionBlur) {
-    expect_found_on_both({"motion_blur"}, [](const TrueScene& scene, int seed) {
-        return test::exposed(test::moved(scene, 5.0), seed);
-    });
+Photographer sharpened(double amount) {
+    return behind_the_sensor(
+        [=](const CodeImage& photo) { return test::sharpened(photo, amount, 1.2); });
 }
 
-TEST(MatchOutcome, NamesTheIdThatIsThereInstead) {
-    expect_found(
-        {"wrong_marker"},
-        [](TrueScene scene, int seed) {
-            scene.shown = parse_marker("apriltag:36h11:17@50mm", "test").grid;
-            return test::exposed(test::radiance_of(scene), seed);
-        },
-        test::tag_scene);
-}
-
-TEST(MatchOutcome, SeesThatAnotherFamilysTagIsNotThisOne) {
-    expect_found(
-        {"wrong_marker", "marker_not_there"},
-        [](TrueScene scene, int seed) {
-            scene.shown = parse_marker("aruco:6X6_50:3@50mm", "test").grid;
-            return test::exposed(test::radiance_of(scene), seed);
-        },
-        test::tag_scene);
-}
-
-TEST(MatchOutcome, SeesThatAnotherBoardIsNotThisOne) {
-    expect_found(
-        {"marker_not_there"},
-        [](TrueScene scene, int seed) {
-            scene.shown = parse_marker("chessboard:12x9@18mm", "test").grid;
-            return test::exposed(test::radiance_of(scene), seed);
-        },
-        test::board_scene);
-}
-
-TEST(MatchOutcome, NamesAMarkerUpsideDown) {
-    expect_found(
-        {"upside_down"},
-        [](TrueScene scene, int seed) {
-            cv::rotate(scene.marker.grid.cells, scene.shown.cells, cv::ROTATE_180);
-            return test::exposed(test::radiance_of(scene), seed);
-        },
-        test::tag_scene);
-}
-
-// Half a turn of a board with an odd number of corners each way more than even exchanges light and
-// dark, and so does its negative: one group.
-TEST(MatchOutcome, NamesABoardUpsideDownTogetherWithItsNegative) {
-    expect_found(
-        {"negative"},
-        [](TrueScene scene, int seed) {
-            cv::rotate(scene.marker.grid.cells, scene.shown.cells, cv::ROTATE_180);
-            return test::exposed(test::radiance_of(scene), seed);
-        },
-        test::board_scene);
-}
-
-TEST(MatchOutcome, NamesATurnAndAMirrorImage) {
-    expect_found(
-        {"turned"},
-        [](TrueScene scene, int seed) {
-            cv::rotate(scene.marker.grid.cells, scene.shown.cells, cv::ROTATE_90_CLOCKWISE);
-            return test::exposed(test::radiance_of(scene), seed);
-        },
-        test::tag_scene);
-    expect_found(
-        {"mirrored"},
-        [](TrueScene scene, int seed) {
-            cv::flip(scene.marker.grid.cells, scene.shown.cells, 1);
-            return test::exposed(test::radiance_of(scene), seed);
-        },
-        test::tag_scene);
-}
-
-TEST(MatchOutcome, NamesANegative) {
-    expect_found_on_both({"negative"}, [](const TrueScene& scene, int seed) {
-        return test::negative(test::exposed(test::radiance_of(scene), seed));
-    });
-}
-
-TEST(MatchOutcome, NamesRowsThatAreReadWhileTheMarkerMoves) {
-    expect_found_on_both({"skewed"}, [](const TrueScene& scene, int seed) {
-        return test::exposed(test::rolled(scene, 3.0), seed);
-    });
-}
-
-TEST(MatchOutcome, NamesSharpening) {
-    for (const double amount : {0.5, 1.0, 2.0})
-        expect_found_on_both({"sharpened"}, [&](const TrueScene& scene, int seed) {
-            return test::sharpened(test::exposed(test::radiance_of(scene), seed), amount, 1.2);
-        });
-}
-
-TEST(MatchOutcome, NamesACalibrationWithOtherDistortion) {
+CameraModel with_other_distortion() {
     CameraModel wrong = test::calibrated_camera();
     wrong.distortion.k1 += 0.05;
-    expect_found(
-        {"calibration_mismatch"},
-        [](const TrueScene& scene, int seed) {
-            return test::exposed(test::radiance_of(scene), seed);
-        },
-        test::wide_board_scene, wrong);
+    return wrong;
 }
 
-TEST(MatchOutcome, NamesACalibrationWithAnotherFocalLength) {
+CameraModel with_another_focal_length() {
     CameraModel wrong = test::calibrated_camera();
     wrong.intrinsics.fx *= 1.05;
     wrong.intrinsics.fy *= 1.05;
-    expect_found(
-        {"calibration_mismatch"},
-        [](const TrueScene& scene, int seed) {
-            return test::exposed(test::radiance_of(scene), seed);
-        },
-        test::board_scene, wrong);
+    return wrong;
 }
 
-TEST(MatchOutcome, RefusesWhatIsSaturatedOrWithoutContrast) {
-    expect_found_on_both({"saturated"}, [](const TrueScene& scene, int seed) {
-        return test::exposed(2.0 * test::radiance_of(scene), seed);
-    });
-    expect_found_on_both({"low_contrast"}, [](const TrueScene& scene, int seed) {
-        return test::exposed(0.3 + 0.08 * test::radiance_of(scene), seed);
-    });
-    expect_found_on_both({"marker_not_there"}, [](const TrueScene& scene, int seed) {
-        return test::exposed(Radiance(0.5 + 0.0 * test::radiance_of(scene)), seed);
-    });
+const std::vector<Fault> faults{
+    {"BlackCover", {"occluded"}, both, covered(0.1)},
+    {"GrayCover", {"occluded"}, both, covered(0.4)},
+    {"WhiteCover", {"occluded"}, both, covered(0.8)},
+    {"Glare", {"glare"}, both, before_the_sensor([](const TrueScene& scene) {
+         return test::with_glare(scene, 0.8 * test::cell_px(scene), 3.0);
+     })},
+    {"MotionBlur",
+     {"motion_blur"},
+     both,
+     [](const TrueScene& scene, int seed) { return test::exposed(test::moved(scene, 5.0), seed); }},
+    {"RowsReadWhileTheMarkerMoves", {"skewed"}, both, before_the_sensor([](const TrueScene& scene) {
+         return test::rolled(scene, 3.0);
+     })},
+    {"AnotherId", {"wrong_marker"}, tag, of_another("apriltag:36h11:17@50mm")},
+    {"AnotherFamily", {"wrong_marker", "marker_not_there"}, tag, of_another("aruco:6X6_50:3@50mm")},
+    {"AnotherBoard", {"marker_not_there"}, board, of_another("chessboard:12x9@18mm")},
+    {"UpsideDown", {"upside_down"}, tag, turned(cv::ROTATE_180)},
+    // Half a turn of a board with an odd number of corners each way more than even exchanges light
+    // and dark, and so does its negative: one group.
+    {"BoardUpsideDown", {"negative"}, board, turned(cv::ROTATE_180)},
+    {"Turned", {"turned"}, tag, turned(cv::ROTATE_90_CLOCKWISE)},
+    {"Mirrored", {"mirrored"}, tag, with_cells([](const cv::Mat& cells, cv::Mat& shown) {
+         cv::flip(cells, shown, 1);
+     })},
+    {"Negative", {"negative"}, both, behind_the_sensor(test::negative)},
+    {"LittleSharpening", {"sharpened"}, both, sharpened(0.5)},
+    {"Sharpening", {"sharpened"}, both, sharpened(1.0)},
+    {"MuchSharpening", {"sharpened"}, both, sharpened(2.0)},
+    {"OtherDistortion", {"calibration_mismatch"}, wide_board, plain, with_other_distortion()},
+    {"AnotherFocalLength", {"calibration_mismatch"}, board, plain, with_another_focal_length()},
+    {"Saturation", {"saturated"}, both, with_radiance([](const Radiance& radiance) -> Radiance {
+         return 2.0 * radiance;
+     })},
+    {"LowContrast", {"low_contrast"}, both, with_radiance([](const Radiance& radiance) -> Radiance {
+         return 0.3 + 0.08 * radiance;
+     })},
+    {"NoMarker",
+     {"marker_not_there"},
+     both,
+     before_the_sensor(
+         [](const TrueScene& scene) -> Radiance { return 0.5 + 0.0 * test::radiance_of(scene); })},
+    {"OutOfFocus", {"out_of_focus"}, both, before_the_sensor([](const TrueScene& scene) {
+         Radiance blurred;
+         cv::GaussianBlur(test::radiance_of(scene), blurred, {0, 0}, 5.0);
+         return blurred;
+     })},
+    {"StrongCompression", {"compressed"}, both, compressed(10)},
+};
+
+class FaultOf : public testing::TestWithParam<Fault> {};
+
+// Two poses and two seeds of each target.
+TEST_P(FaultOf, IsNamed) {
+    const auto camera = std::make_shared<const PhotometricCamera>(GetParam().camera);
+    for (const auto scenes : GetParam().scenes)
+        for (const int pose : {0, 1})
+            for (const int seed : {1, 2}) {
+                const TrueScene scene = scenes(pose);
+                const Findings findings =
+                    examined(GetParam().photo(scene, seed), scene,
+                             test::found_pose(scene, GetParam().camera, seed), camera);
+                EXPECT_TRUE(std::ranges::any_of(findings,
+                                                [](const Finding& finding) {
+                                                    return GetParam().findings.contains(
+                                                        finding.name);
+                                                }))
+                    << scene.marker.spec << " at pose " << pose << ": " << names(findings);
+                for (const Finding& finding : findings)
+                    EXPECT_TRUE(std::isfinite(finding.value) && !finding.sentence.empty());
+            }
 }
 
-TEST(MatchOutcome, RefusesWhatIsOutOfFocusBeyondUse) {
-    expect_found_on_both({"out_of_focus"}, [](const TrueScene& scene, int seed) {
-        cv::Mat radiance;
-        cv::GaussianBlur(test::radiance_of(scene), radiance, {0, 0}, 5.0);
-        return test::exposed(radiance, seed);
-    });
-}
+INSTANTIATE_TEST_SUITE_P(MatchOutcome, FaultOf, testing::ValuesIn(faults),
+                         [](const auto& fault) { return fault.param.name; });
 
 TEST(MatchOutcome, NamesAMarkerThatReachesOutOfTheImage) {
     for (const bool board : {false, true}) {
@@ -297,12 +267,6 @@ TEST(MatchOutcome, NamesAMarkerThatReachesOutOfTheImage) {
         ASSERT_FALSE(is_matched(findings));
         EXPECT_EQ(findings.front().name, "not_in_image") << names(findings);
     }
-}
-
-TEST(MatchOutcome, NamesStrongCompression) {
-    expect_found_on_both({"compressed"}, [](const TrueScene& scene, int seed) {
-        return test::compressed(test::exposed(test::radiance_of(scene), seed), 10);
-    });
 }
 
 // 200 photographs without a fault, each at a pose of its own. At the stated rate of 1 % two false

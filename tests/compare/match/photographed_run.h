@@ -1,5 +1,6 @@
 // Photographs of a tag by a camera that differs from its calibration, with its sensor's noise, and
-// what their pixels tell: shared by photo_pixels_statistics_test.cpp and tests/evidence/causes.cpp.
+// what their pixels tell: shared by pixel_measurement_statistics_test.cpp and
+// tests/evidence/causes.cpp.
 #pragma once
 
 #include <cmath>

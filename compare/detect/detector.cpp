@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
@@ -65,6 +66,17 @@ std::optional<Eigen::Matrix3d> homography(const std::vector<Eigen::Vector2d>& fr
     Eigen::Matrix3d result;
     cv::cv2eigen(found, result);
     return result;
+}
+
+Eigen::Vector2d seen_at(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place) {
+    return (homography * place.homogeneous()).hnormalized();
+}
+
+Eigen::Matrix2d jacobian_at(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place) {
+    const Eigen::Vector3d there = homography * place.homogeneous();
+    return (homography.topLeftCorner<2, 2>() -
+            there.hnormalized() * homography.bottomLeftCorner<1, 2>()) /
+           there.z();
 }
 
 Eigen::Vector3d principal_spreads(const std::vector<Eigen::Vector3d>& points) {

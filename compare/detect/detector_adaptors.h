@@ -121,6 +121,10 @@ cv::Mat as_float(const CodeImage& image);
 std::optional<Eigen::Matrix3d> homography(const std::vector<Eigen::Vector2d>& from,
                                           const std::vector<Eigen::Vector2d>& to);
 
+// Where a homography takes a place, and the derivative there.
+Eigen::Vector2d seen_at(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place);
+Eigen::Matrix2d jacobian_at(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place);
+
 // Spread of points along their principal axes, largest first, mm.
 Eigen::Vector3d principal_spreads(const std::vector<Eigen::Vector3d>& points_mm);
 

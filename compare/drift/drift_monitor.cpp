@@ -303,8 +303,8 @@ std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
     if (recent_.size() < 2 * half)
         return std::nullopt;
     const std::vector<Movement> frames(recent_.begin(), recent_.end());
-    const Movement difference =
-        medians(std::span(frames).last(half)) - medians(std::span(frames).first(half));
+    const std::span all(frames);
+    const Movement difference = medians(all.last(half)) - medians(all.first(half));
     if (is_jump(difference))
         return largest_step();
     push(differences_, difference, max_steps);
@@ -318,19 +318,17 @@ constexpr std::array<std::size_t, 3> windows{20, 40, 80};  // blocks
 
 DriftBlock median_of(const std::vector<std::pair<Minutes, TargetReference::Look>>& frames) {
     DriftBlock block;
-    std::vector<double> values[4];
+    std::vector<Movement> movements;
     std::map<int, std::pair<std::vector<double>, std::vector<double>>> residuals;
     for (const auto& [time, look] : frames) {
         block.time += time / static_cast<double>(frames.size());
-        for (int i = 0; i < 4; ++i)
-            values[i].push_back(look.movement[i]);
+        movements.push_back(look.movement);
         for (const auto& [id, residual] : look.residuals) {
             residuals[id].first.push_back(residual.x());
             residuals[id].second.push_back(residual.y());
         }
     }
-    for (int i = 0; i < 4; ++i)
-        block.movement[i] = median(values[i]);
+    block.movement = medians(movements);
     for (const auto& [id, xy] : residuals)
         block.residuals[id] = {median(xy.first), median(xy.second)};
     return block;

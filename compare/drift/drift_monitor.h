@@ -131,13 +131,12 @@ std::optional<DriftRate> estimate_drift(std::span<const DriftBlock> blocks,
                                         double chance_of_error);
 
 // Tells a jump of a static target's image from its drift and its noise: somebody touched the
-// target, the camera or what they stand on.
-//
-// The medians of the last five frames and of the five before them are compared: two bad frames
-// cannot move them. How much they differ by drift is the median of earlier such differences, how
-// much by noise follows from the scatter of these and of the steps from frame to frame, whichever
-// says more. The threshold is Student's quantile for the number of steps seen, at a chance of 1e-7
-// per frame and component: with normal noise a false jump in some 2.5 million frames.
+// target, the camera or what they stand on. The medians of the last five frames and of the five
+// before them are compared: two bad frames cannot move them. Their difference by drift is the
+// median of earlier such differences; that by noise follows from the scatter of these or of the
+// steps from frame to frame, whichever is larger. The threshold is Student's quantile for the
+// number of steps seen, at a chance of 1e-7 per frame and component: with normal noise a false jump
+// in some 2.5 million frames.
 
 struct TargetJump {
     int frames_after = 0;  // how many of the last frames came after it
@@ -168,10 +167,9 @@ struct DriftPlan {
     cv::Size image;
     double limit_px_per_min = 0.02;
     Minutes block{0.25};
-    // How many windows can come to be judged. The chance to call a camera stable whose drift is as
-    // large as the limit is at most 5 % over all of them.
-    int judgements = 1;
+    int judgements = 1;  // how many windows can come to be judged
 
+    // Over all of them: to call a camera stable whose drift is as large as the limit.
     static constexpr double chance_of_error = 0.05;
 };
 
@@ -208,7 +206,9 @@ public:
     const std::vector<DriftRate>& rates() const { return rates_; }
     const std::vector<DriftJump>& jumps() const { return jumps_; }
     // By the last rate, unless something jumped since then.
-    bool stable() const { return !rates_.empty() && fresh_ && rates_.back().below(limit()); }
+    bool stable() const {
+        return !rates_.empty() && fresh_ && rates_.back().below(plan_.limit_px_per_min);
+    }
 
     // From frame to frame, one standard deviation of a coordinate: of a single point against the
     // others, and of the target as a whole. Medians over all frames; nothing before the second.
@@ -221,7 +221,6 @@ private:
         TargetPoints points;
     };
 
-    double limit() const { return plan_.limit_px_per_min; }
     void look(const Seen& seen);
     void note_noise(const TargetReference::Look& look);
     void put_into_block(Minutes time, const TargetReference::Look& look);

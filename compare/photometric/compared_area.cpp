@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <limits>
 
@@ -25,46 +26,32 @@ ComparedArea chessboard_area(const Marker& board, const ScoreMargin& margin,
     return {-outside, last + outside, {square, square}, {0.0, 0.0}};
 }
 
-// The image of the rectangle is bounded by the image of its outline: the projection is one-to-one
-// where it is valid. Empty when a part of the outline cannot be seen: then all pixels are tried.
-std::optional<cv::Rect2d> outline_box(const Projector& projector, const Rigid& camera_from_marker,
-                                      const ComparedArea& area) {
+// The pixels to try. The image of the rectangle is bounded by the image of its outline: the
+// projection is one-to-one where it is valid. All when a part of the outline cannot be seen.
+cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
+                          const ComparedArea& area) {
     constexpr int steps_per_side = 64;
-    const Eigen::Vector2d low = area.low_mm, size = area.high_mm - area.low_mm;
-    Eigen::Vector2d least = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
-    Eigen::Vector2d greatest = -least;
+    constexpr double room = 3.0;  // px, for what the outline does between two steps
+    const cv::Size size(projector.camera().width, projector.camera().height);
+    Eigen::AlignedBox2d box;
     for (int i = 0; i <= steps_per_side; ++i) {
         const double s = static_cast<double>(i) / steps_per_side;
         for (const Eigen::Vector2d& at : {Eigen::Vector2d(s, 0), Eigen::Vector2d(s, 1),
                                           Eigen::Vector2d(0, s), Eigen::Vector2d(1, s)}) {
-            const Eigen::Vector2d point = low + size.cwiseProduct(at);
+            const Eigen::Vector2d point =
+                area.low_mm + (area.high_mm - area.low_mm).cwiseProduct(at);
             const auto pixel =
                 projector.project(camera_from_marker * Eigen::Vector3d(point.x(), point.y(), 0.0));
             if (!pixel)
-                return std::nullopt;
-            least = least.cwiseMin(*pixel);
-            greatest = greatest.cwiseMax(*pixel);
+                return {cv::Point(), size};
+            box.extend(*pixel);
         }
     }
-    return cv::Rect2d(least.x(), least.y(), greatest.x() - least.x(), greatest.y() - least.y());
-}
-
-// The pixels to try, with room for what the outline does between two steps.
-cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
-                          const ComparedArea& area) {
-    const cv::Rect image(0, 0, projector.camera().width, projector.camera().height);
-    const auto box = outline_box(projector, camera_from_marker, area);
-    if (!box)
-        return image;
-    constexpr double room = 3.0;
-    const auto clamped = [](double value, int high) {
-        return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(high)));
-    };
-    const int left = clamped(std::floor(box->x - room), image.width);
-    const int top = clamped(std::floor(box->y - room), image.height);
-    const int right = clamped(std::ceil(box->br().x + room) + 1, image.width);
-    const int bottom = clamped(std::ceil(box->br().y + room) + 1, image.height);
-    return {left, top, right - left, bottom - top};
+    const Eigen::Array2d none = Eigen::Array2d::Zero(), all(size.width, size.height);
+    const Eigen::Array2i
+        low = (box.min().array() - room).floor().max(none).min(all).cast<int>(),
+        high = ((box.max().array() + room).ceil() + 1.0).max(none).min(all).cast<int>();
+    return {low.x(), low.y(), high.x() - low.x(), high.y() - low.y()};
 }
 
 PixelUse use_of(const Eigen::Vector2d& point_mm, const ComparedArea& area) {

@@ -585,13 +585,6 @@ cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera
     return predicted_gray(state.photometry, lit, camera.curve(state.photometry));
 }
 
-double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                         const PhotoState& state) {
-    const cv::Mat counted = photo.use == photo.fitted;
-    return cv::norm(photo.gray, predicted_at(photo, camera, state), cv::NORM_L2, counted) /
-           std::sqrt(cv::countNonZero(counted));
-}
-
 PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
                    const Eigen::VectorXd& step) {
     PhotoState next = state;

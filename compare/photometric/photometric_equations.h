@@ -227,10 +227,6 @@ cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& came
 cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                      const PhotoState& state);
 
-// Photograph minus prediction in gray, RMS over the pixels that count.
-double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                         const PhotoState& state);
-
 // The state after a step in pose and photometric parameters (the tail of the equations' order);
 // the Gaussian's widths, tone, level and knee stay in their ranges.
 PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,

@@ -271,8 +271,11 @@ double held_out_rms(const Job& job, std::size_t photo,
     const PhotometricPose pose =
         photometric_pose(photo_of(job, photo, use, pixel_fitted), camera, {start, photometry},
                          refinement_terms(camera->model()));
-    return residual_rms_gray(photo_of(job, photo, use, pixel_scored), *camera,
-                             {pose.camera_from_marker, pose.photometry});
+    const cv::Mat scored = use == pixel_scored;
+    const cv::Mat predicted = predicted_at(photo_of(job, photo, use, pixel_scored), *camera,
+                                           {pose.camera_from_marker, pose.photometry});
+    return cv::norm(job.gray[photo], predicted, cv::NORM_L2, scored) /
+           std::sqrt(cv::countNonZero(scored));
 }
 
 void validate_fold(const Job& job, const CameraFit& corners, const Place& all, std::size_t fold,

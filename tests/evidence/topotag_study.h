@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "calib/camera/projector.h"
+#include "compare/detect/detector_adaptors.h"
 #include "compare/detect/topotag/topotag_detector.h"
 #include "core/statistics/random.h"
 #include "sim/marker/marker.h"
@@ -138,9 +139,7 @@ inline SeenTag study_pose(const Projector& projector, const Marker& tag, Draw& d
 }
 
 inline std::vector<DetectedCorners> find_in(const CodeImage& image, const std::string& family) {
-    cv::Mat pixels;
-    image.pixels.convertTo(pixels, CV_32F, 1.0 / image.full_scale());
-    return find_topotags(image.pixels, pixels, family);
+    return find_topotags(image.pixels, as_float(image), family);
 }
 
 // Pictures without the family that is looked for, by kind.

@@ -14,7 +14,7 @@
 #include <cstdlib>
 #include <map>
 
-#include "tests/fuzz/scene_check.h"
+#include "tests/fuzz/random_scenes.h"
 
 namespace etalon::test {
 namespace {

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <tbb/global_control.h>
 
-#include "tests/fuzz/scene_check.h"
+#include "tests/fuzz/random_scenes.h"
 #include "tests/gray.h"
 
 namespace etalon::test {

@@ -1,4 +1,4 @@
-#include "tests/fuzz/scene_check.h"
+#include "tests/fuzz/random_scenes.h"
 
 #include <fmt/format.h>
 

@@ -1,12 +1,5 @@
-// Targets that a camera is calibrated with, and what a photograph shows of them.
-//
-//   chessboard:9x6@25mm               charuco:4X4_50:9x6@30mm/22mm
-//   circles:7x6@20mm/12mm             aprilgrid:36h11:6x5@40mm/12mm (Kalibr's)
-//   acircles:4x11@20mm/12mm           squares:4x3@30mm/20mm
-//   hexcircles:28x24@12mm/10mm
-//
-// A target is a board of sim/marker/marker.h, which can be printed, placed in a scene and rendered;
-// here is what finds its points in photographs: in our pixel convention (docs/conventions.md), to
+// Targets that a camera is calibrated with, and what a photograph shows of them: the boards of
+// sim/marker/marker.h, their points found in our pixel convention (docs/conventions.md), to
 // sub-pixel, each with its index on the target. Not for single tags and their poses:
 // compare/detect/detector.h. How far off the points are, by kind: docs/calibration.md, "Targets".
 #pragma once

@@ -9,6 +9,7 @@
 
 #include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/shape_grid.h"
+#include "compare/detect/detector_adaptors.h"
 #include "core/statistics/distributions.h"
 #include "sim/marker/board_pattern.h"
 
@@ -37,14 +38,15 @@ std::vector<Eigen::Vector2i> lattice_places(const Marker& board) {
 
 using Circles = std::vector<std::optional<DarkShape>>;
 
-std::optional<SeenPlane> view_of(const Marker& board, const Circles& circles) {
+// Px from mm, to place windows with: distortion is left to them.
+std::optional<Eigen::Matrix3d> view_of(const Marker& board, const Circles& circles) {
     std::vector<Eigen::Vector2d> mm, px;
     for (std::size_t i = 0; i < circles.size(); ++i)
         if (circles[i]) {
             mm.push_back(board.points_mm[i].head<2>());
             px.push_back(circles[i]->centre);
         }
-    return SeenPlane::through(mm, px);
+    return homography(mm, px);
 }
 
 // Pixels of a disk on the board around a place in the image, with their distance from it in mm.
@@ -179,13 +181,13 @@ std::optional<double> diameter_mm(const cv::Mat& pixels, const CircleWindow& win
 
 // The circles' diameter where their spacing is the stated one: a window to the middle between two,
 // whatever the stated diameter. 0 where none can be measured.
-double seen_diameter_mm(const Marker& board, const SeenPlane& view, const Circles& circles,
+double seen_diameter_mm(const Marker& board, const Eigen::Matrix3d& view, const Circles& circles,
                         const cv::Mat& pixels) {
     const double half_way = 0.5 * nearest_circle_mm(layout_of(board), board.size_mm);
     std::vector<double> diameters;
     for (std::size_t i = 0; i < circles.size(); ++i)
         if (circles[i]) {
-            const CircleWindow window{view.px_per_mm(board.points_mm[i].head<2>()), half_way,
+            const CircleWindow window{jacobian_at(view, board.points_mm[i].head<2>()), half_way,
                                       0.95 * half_way, 1.05 * half_way};
             if (const auto seen = diameter_mm(pixels, window, *circles[i]))
                 diameters.push_back(*seen);
@@ -214,8 +216,8 @@ FoundBoard find_circle_centroids(const Marker& board, const BoardPhoto& photo) {
     FoundBoard result;
     for (std::size_t i = 0; i < circles.size(); ++i) {
         const Eigen::Vector2d mm = board.points_mm[i].head<2>();
-        const Eigen::Vector2d start = circles[i] ? circles[i]->centre : view->at(mm);
-        const auto window = window_around(photo.pixels, start, view->px_per_mm(mm), radius, gap);
+        const Eigen::Vector2d start = circles[i] ? circles[i]->centre : seen_at(*view, mm);
+        const auto window = window_around(photo.pixels, start, jacobian_at(*view, mm), radius, gap);
         if (window)
             result.add(static_cast<int>(i), centroid(photo.pixels, *window, start));
     }

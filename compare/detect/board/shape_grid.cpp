@@ -11,8 +11,6 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
-#include "compare/detect/detector_adaptors.h"
-
 namespace etalon {
 namespace {
 
@@ -456,23 +454,6 @@ FoundShapes find_shape_grid(ShapeKind kind, const cv::Mat& image,
         }
     }
     return none;
-}
-
-std::optional<SeenPlane> SeenPlane::through(const std::vector<Eigen::Vector2d>& mm,
-                                            const std::vector<Eigen::Vector2d>& pixels) {
-    const auto pixel_from_mm = homography(mm, pixels);
-    return pixel_from_mm ? std::optional(SeenPlane{*pixel_from_mm}) : std::nullopt;
-}
-
-Eigen::Vector2d SeenPlane::at(const Eigen::Vector2d& mm) const {
-    return (pixel_from_mm * mm.homogeneous()).hnormalized();
-}
-
-Eigen::Matrix2d SeenPlane::px_per_mm(const Eigen::Vector2d& mm) const {
-    const Eigen::Vector3d there = pixel_from_mm * mm.homogeneous();
-    return (pixel_from_mm.topLeftCorner<2, 2>() -
-            there.hnormalized() * pixel_from_mm.bottomLeftCorner<1, 2>()) /
-           there.z();
 }
 
 }  // namespace etalon

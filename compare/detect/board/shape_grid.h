@@ -43,17 +43,4 @@ struct FoundShapes {
 FoundShapes find_shape_grid(ShapeKind kind, const cv::Mat& image,
                             const std::vector<Eigen::Vector2i>& board);
 
-// A plane as it is seen around its points, to place windows with: px from mm by one homography.
-// Distortion is left to who looks there.
-struct SeenPlane {
-    Eigen::Matrix3d pixel_from_mm;
-
-    // Least squares; nothing when the points do not determine it.
-    static std::optional<SeenPlane> through(const std::vector<Eigen::Vector2d>& mm,
-                                            const std::vector<Eigen::Vector2d>& pixels);
-
-    Eigen::Vector2d at(const Eigen::Vector2d& mm) const;
-    Eigen::Matrix2d px_per_mm(const Eigen::Vector2d& mm) const;  // derivative
-};
-
 }  // namespace etalon

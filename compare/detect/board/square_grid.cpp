@@ -8,6 +8,7 @@
 #include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/saddle_point.h"
 #include "compare/detect/board/shape_grid.h"
+#include "compare/detect/detector_adaptors.h"
 #include "core/statistics/distributions.h"
 
 namespace etalon {
@@ -27,8 +28,9 @@ std::array<int, 4> ids_of(const Marker& board, const Eigen::Vector2i& place) {
     return {first, first + 1, first + across + 1, first + across};
 }
 
-std::optional<SeenPlane> view_of(const Marker& board, const std::vector<Eigen::Vector2i>& places,
-                                 const std::vector<std::optional<DarkShape>>& squares) {
+std::optional<Eigen::Matrix3d> view_of(const Marker& board,
+                                       const std::vector<Eigen::Vector2i>& places,
+                                       const std::vector<std::optional<DarkShape>>& squares) {
     const double pitch = board.size_mm + board.part_mm;
     std::vector<Eigen::Vector2d> mm, px;
     for (std::size_t i = 0; i < squares.size(); ++i)
@@ -36,15 +38,16 @@ std::optional<SeenPlane> view_of(const Marker& board, const std::vector<Eigen::V
             mm.push_back((places[i].cast<double>() * pitch).array() + 0.5 * board.size_mm);
             px.push_back(squares[i]->centre);
         }
-    return SeenPlane::through(mm, px);
+    return homography(mm, px);
 }
 
 using Corners = std::array<Eigen::Vector2d, 4>;  // from the board's top left one clockwise
 
-Corners corners_by(const SeenPlane& view, const Marker& board, const std::array<int, 4>& ids) {
+Corners corners_by(const Eigen::Matrix3d& view, const Marker& board,
+                   const std::array<int, 4>& ids) {
     Corners corners;
     for (std::size_t k = 0; k < 4; ++k)
-        corners[k] = view.at(board.points_mm[static_cast<std::size_t>(ids[k])].head<2>());
+        corners[k] = seen_at(view, board.points_mm[static_cast<std::size_t>(ids[k])].head<2>());
     return corners;
 }
 
@@ -79,7 +82,7 @@ double misfit(const Corners& seen, const Corners& expected) {
 
 // Where to look for the corners of every square: at those of the shape that was found, or else
 // where the plane of the others has them. Nothing where most shapes are not the board's squares.
-std::vector<Corners> guessed_corners(const Marker& board, const SeenPlane& view,
+std::vector<Corners> guessed_corners(const Marker& board, const Eigen::Matrix3d& view,
                                      const std::vector<std::optional<DarkShape>>& squares,
                                      const std::vector<Eigen::Vector2i>& places) {
     constexpr double max_misfit = 0.25;

@@ -11,7 +11,6 @@
 
 #include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/saddle_point.h"
-#include "compare/detect/board/shape_grid.h"
 #include "compare/detect/detector_adaptors.h"
 #include "core/file/text.h"
 #include "sim/marker/board_pattern.h"
@@ -29,13 +28,14 @@ Eigen::Vector2d centre_of(const auto& corners) {
     return 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]);
 }
 
-std::optional<SeenPlane> view_of(const std::vector<const MatchedTag*>& tags) {
+// Px from mm around these tags.
+std::optional<Eigen::Matrix3d> view_of(const std::vector<const MatchedTag*>& tags) {
     std::vector<Eigen::Vector2d> mm, px;
     for (const MatchedTag* tag : tags) {
         mm.insert(mm.end(), tag->placed.corners_mm.begin(), tag->placed.corners_mm.end());
         px.insert(px.end(), tag->found.pixels.begin(), tag->found.pixels.end());
     }
-    return SeenPlane::through(mm, px);
+    return homography(mm, px);
 }
 
 bool meets(const MatchedTag& from, const MatchedTag& other) {
@@ -47,9 +47,8 @@ bool meets(const MatchedTag& from, const MatchedTag& other) {
         std::min((corners[2] - corners[0]).norm(), (corners[3] - corners[1]).norm()) *
         std::sqrt(0.5);
     for (std::size_t i = 0; i < 4; ++i) {
-        const Eigen::Vector3d there =
-            view->pixel_from_mm * other.placed.corners_mm[i].homogeneous();
-        if (!(there.z() * view->pixel_from_mm(2, 2) > 0) ||
+        const Eigen::Vector3d there = *view * other.placed.corners_mm[i].homogeneous();
+        if (!(there.z() * (*view)(2, 2) > 0) ||
             !((there.hnormalized() - corners[i]).norm() < 0.5 * side))
             return false;
     }
@@ -141,7 +140,7 @@ std::optional<LocalView> local_view(const std::vector<MatchedTag>& tags,
     const auto plane = near.empty() ? std::nullopt : view_of(near);
     if (!plane)
         return std::nullopt;
-    const LocalView view{plane->at(point_mm), plane->px_per_mm(point_mm)};
+    const LocalView view{seen_at(*plane, point_mm), jacobian_at(*plane, point_mm)};
     if (!view.pixel.allFinite() || !view.px_per_mm.allFinite())
         return std::nullopt;
     return view;

@@ -20,15 +20,6 @@ namespace etalon {
 // Corners in our pixels, clockwise as seen in the image.
 using Quad = std::array<Eigen::Vector2d, 4>;
 
-// Dark quadrilaterals in a CV_8UC1 image, from edge segments as in the publication: chains of
-// pixels along which the gradient is largest (Edge Drawing, parameter free: C. Akinlar, C. Topal,
-// "EDPF", IJPRAI 26, 2012; OpenCV's implementation). A chain is cut into straight lines; four lines
-// in a row of which each meets the next make a quadrilateral, whose fourth corner is where the last
-// line meets the first: a corner may be hidden. They begin anywhere and are good to a pixel or two.
-// Convex ones only; many are no markers, and one may be found more than once. About 2 ms for
-// 640x480.
-std::vector<Quad> find_quads(const cv::Mat& image);
-
 // The bilinear value of a CV_32FC1 image; nothing outside the pixels' centres and for a place that
 // is not finite.
 std::optional<double> bilinear(const cv::Mat& image, const Eigen::Vector2d& place);
@@ -40,17 +31,6 @@ using Homography = Eigen::Matrix3d;
 // That takes the square's corners, from its top left clockwise, to these pixels; 1 is its last
 // number. Nothing when three of them are on a line.
 std::optional<Homography> homography_to(const Quad& corners);
-
-struct StagReading {
-    StagCode code = 0;      // as seen: upright only if the first corner is the marker's top left
-    double contrast = 0.0;  // mean white reference - mean black reference, in the image's values
-};
-
-// Samples the 48 code points and 12 black and 12 white references outside the circle, bilinearly,
-// in a CV_32FC1 image, and cuts between black and white by Otsu's method. Nothing when a point is
-// outside the image.
-std::optional<StagReading> read_stag_code(const cv::Mat& image,
-                                          const Homography& image_from_marker);
 
 struct StagRefinement {
     Quad corners;                // from the marker's top left clockwise

@@ -179,7 +179,7 @@ std::optional<Points> in_order(const Candidate& candidate, int order) {
         {cells[0], cells[n - 1], cells[n * n - 1], cells[n * (n - 1)]}, *corners);
     Points expected, vertices;
     for (const Eigen::Vector2d& cell : cells)
-        expected.push_back((h * cell.homogeneous()).hnormalized());
+        expected.push_back(seen_at(h, cell));
     Points dots(candidate.baseline.begin(), candidate.baseline.end()), nodes = candidate.nodes;
     for (std::size_t i = 0; i < expected.size(); ++i) {
         const auto vertex = take_nearest(i < 2 ? dots : nodes, expected[i],
@@ -197,7 +197,7 @@ bool fits_a_plane(const Points& vertices, int order) {
     if (!h)
         return false;
     for (std::size_t i = 0; i < cells.size(); ++i)
-        if (!(((*h * cells[i].homogeneous()).hnormalized() - vertices[i]).norm() <
+        if (!((seen_at(*h, cells[i]) - vertices[i]).norm() <
               close_fit * nearest_distance(vertices, i)))
             return false;
     return true;

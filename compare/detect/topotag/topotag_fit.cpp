@@ -175,16 +175,6 @@ struct WindowFit {
     double residual_square = 0.0, variance = 0.0;
 };
 
-Eigen::Vector2d seen_at(const Eigen::Matrix3d& h, const Eigen::Vector2d& place) {
-    return (h * place.homogeneous()).hnormalized();
-}
-
-// Of the homography around a place.
-Eigen::Matrix2d jacobian(const Eigen::Matrix3d& h, const Eigen::Vector2d& place) {
-    const Eigen::Vector3d there = h * place.homogeneous();
-    return (h.topLeftCorner<2, 2>() - there.hnormalized() * h.bottomLeftCorner<1, 2>()) / there.z();
-}
-
 // What all windows of an iteration share.
 struct TagView {
     Eigen::Matrix3d pixel_from_cell, cell_from_pixel;
@@ -255,7 +245,7 @@ std::optional<WindowFit> fit_window(const cv::Mat& pixels, const Window& window,
     constexpr double max_a_side = 32.0;  // pixels; of larger windows only every n-th
     const auto area = pixels_of(window, view, pixels.size());
     const Eigen::Matrix2d cell_per_px =
-        jacobian(view.cell_from_pixel, seen_at(view.pixel_from_cell, window.centre_cell));
+        jacobian_at(view.cell_from_pixel, seen_at(view.pixel_from_cell, window.centre_cell));
     const SeenEdges edges(view.blur_px, view.white_growth_px, cell_per_px);
     if (!area || !(edges.sigma.allFinite() && edges.sigma.minCoeff() > 0.0))
         return std::nullopt;

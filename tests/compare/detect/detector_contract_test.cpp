@@ -121,13 +121,18 @@ TEST_P(EveryDetector, GivesTheSameForTheSameImageWhateverItSawBefore) {
 TEST_P(EveryDetector, FindsNothingInImagesWithoutContentOrSize) {
     EXPECT_FALSE(detector_->detect({cv::Mat(), 8}).corners);
     for (const cv::Size size : {cv::Size(1, 1), cv::Size(7, 300), cv::Size(9, 9), cv::Size(16, 16),
-                                cv::Size(17, 40), cv::Size(640, 3), cv::Size(320, 240)})
+                                cv::Size(17, 40), cv::Size(700, 3), cv::Size(320, 240)})
         for (const int level : {0, 128, 255}) {
             const Detection detection =
                 detector_->detect({cv::Mat(size, CV_8UC1, cv::Scalar(level)), 8});
             EXPECT_FALSE(detection.corners);
             EXPECT_THAT(detection.reason, StartsWith("marker not found"));
         }
+    cv::Mat gradient(240, 320, CV_16UC1);
+    for (int y = 0; y < gradient.rows; ++y)
+        for (int x = 0; x < gradient.cols; ++x)
+            gradient.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(100 * x + 50 * y);
+    EXPECT_FALSE(detector_->detect({gradient, 16}).corners);
 }
 
 TEST_P(EveryDetector, FindsNothingInNoise) {

@@ -56,11 +56,14 @@ Radiance tag_reference() {
     return 0.8 * radiance;
 }
 
-PhotoOfMarker photo(const PhotometricCamera& camera, const Rigid& near, std::uint64_t seed) {
-    const CodeImage image = SensorModel(camera.model()).expose(tag_reference(), NoiseKey{seed, 0});
-    return {gray_of(image), tag().grid,
-            pixel_uses(camera.projector(), near, compared_area(tag(), {}, "test")) != pixel_outside,
-            255, 1.0};
+const auto camera = std::make_shared<const PhotometricCamera>(noisy_camera());
+
+PhotoOfMarker photo(const Rigid& near, std::uint64_t seed) {
+    const CodeImage image = SensorModel(camera->model()).expose(tag_reference(), NoiseKey{seed, 0});
+    return {
+        gray_of(image), tag().grid,
+        pixel_uses(camera->projector(), near, compared_area(tag(), {}, "test")) != pixel_outside,
+        255, 1.0};
 }
 
 constexpr PhotometricTerms planes_only{.level_terms = 3, .psf = false, .tone = false};
@@ -72,22 +75,29 @@ Rigid displaced_start() {
     return left_perturbed(tag_pose(), delta);
 }
 
+PhotometricPose pose_from(const PhotoOfMarker& seen, const Rigid& start) {
+    return photometric_pose(seen, camera, starting_state(seen, *camera, start, planes_only),
+                            planes_only);
+}
+
+// Of an error in standard deviations as stated, of all six components together.
+double squared_distance(const PhotometricPose& pose) {
+    const Vector6d error = left_difference(tag_pose(), pose.camera_from_marker);
+    return error.dot(pose.covariance.ldlt().solve(error));
+}
+
 // The sum of 16 squared Mahalanobis distances of six components is a chi-square of 96 degrees of
 // freedom: within 58 and 146 for all but 1 in 300 runs. A stated covariance that is wrong by a
 // factor of 1.6 fails.
 TEST(PhotometricPose, ScattersAsItsCovarianceSays) {
-    const auto camera = std::make_shared<const PhotometricCamera>(noisy_camera());
     double distances = 0.0;
     int converged = 0;
     for (std::uint64_t seed = 1; seed <= 16; ++seed) {
-        const PhotoOfMarker seen = photo(*camera, displaced_start(), seed);
-        const PhotometricPose pose = photometric_pose(
-            seen, camera, starting_state(seen, *camera, displaced_start(), planes_only),
-            planes_only);
+        const PhotoOfMarker seen = photo(displaced_start(), seed);
+        const PhotometricPose pose = pose_from(seen, displaced_start());
         converged += pose.converged ? 1 : 0;
         EXPECT_NEAR(pose.reduced_squares, 1.0, 0.1);
-        const Vector6d error = left_difference(tag_pose(), pose.camera_from_marker);
-        distances += error.dot(pose.covariance.ldlt().solve(error));
+        distances += squared_distance(pose);
     }
     EXPECT_EQ(converged, 16);
     EXPECT_GT(distances, 58.0);
@@ -96,10 +106,8 @@ TEST(PhotometricPose, ScattersAsItsCovarianceSays) {
 }
 
 TEST(PhotometricPose, FindsLevelsAlongside) {
-    const auto camera = std::make_shared<const PhotometricCamera>(noisy_camera());
-    const PhotoOfMarker seen = photo(*camera, displaced_start(), 3);
-    const PhotometricPose pose = photometric_pose(
-        seen, camera, starting_state(seen, *camera, displaced_start(), planes_only), planes_only);
+    const PhotoOfMarker seen = photo(displaced_start(), 3);
+    const PhotometricPose pose = pose_from(seen, displaced_start());
     // No light gives 5 codes, full light 5 + 0.8 * 250.
     EXPECT_NEAR(pose.photometry.black[0], 5.0, 0.5);
     EXPECT_NEAR(pose.photometry.white[0], 205.0, 0.5);
@@ -112,7 +120,7 @@ TEST(PhotometricPose, TakesTheNoiseFromTheResidualsWhereTheCameraHasNone) {
     silent.sensor->gain_e_per_dn = 0.0;
     silent.sensor->read_noise_e = 0.0;
     const auto without = std::make_shared<const PhotometricCamera>(silent);
-    const PhotoOfMarker seen = photo(*camera, displaced_start(), 4);
+    const PhotoOfMarker seen = photo(displaced_start(), 4);
     const PhotoState start = starting_state(seen, *camera, displaced_start(), planes_only);
     const PhotometricPose known = photometric_pose(seen, camera, start, planes_only);
     const PhotometricPose found = photometric_pose(seen, without, start, planes_only);
@@ -150,27 +158,16 @@ cv::Mat bent(const cv::Mat& gray, std::uint64_t seed) {
 // components make 240. Neighbouring parts of the picture bend alike, which the parts' own scatter
 // does not show: deviations may be too small by half, no more.
 TEST(PhotometricPose, StatesWhatABentPrintDoesToIt) {
-    const auto camera = std::make_shared<const PhotometricCamera>(noisy_camera());
     double distances = 0.0;
     for (std::uint64_t seed = 1; seed <= 40; ++seed) {
-        PhotoOfMarker seen = photo(*camera, displaced_start(), seed);
+        PhotoOfMarker seen = photo(displaced_start(), seed);
         seen.gray = bent(seen.gray, seed);
-        const PhotometricPose pose = photometric_pose(
-            seen, camera, starting_state(seen, *camera, displaced_start(), planes_only),
-            planes_only);
-        const Vector6d error = left_difference(tag_pose(), pose.camera_from_marker);
-        distances += error.dot(pose.covariance.ldlt().solve(error));
+        const PhotometricPose pose = pose_from(seen, displaced_start());
+        distances += squared_distance(pose);
     }
     EXPECT_GT(distances, 240.0 / 4.0);
     EXPECT_LT(distances, 240.0 * 4.0);
     RecordProperty("chi_square_of_240", std::to_string(distances));
-}
-
-PhotometricPose pose_from(const PhotoOfMarker& seen,
-                          const std::shared_ptr<const PhotometricCamera>& camera,
-                          const Rigid& start) {
-    return photometric_pose(seen, camera, starting_state(seen, *camera, start, planes_only),
-                            planes_only);
 }
 
 TEST(PhotometricPose, MirrorsTheTiltAboutTheLineOfSight) {
@@ -191,12 +188,10 @@ TEST(PhotometricPose, MirrorsTheTiltAboutTheLineOfSight) {
 
 // Either start ends in the true pose, and the other solution is stated with its loss.
 TEST(PhotometricPose, TellsThePlanarSolutionsApartByTheirLoss) {
-    const auto camera = std::make_shared<const PhotometricCamera>(noisy_camera());
-    const PhotoOfMarker seen = photo(*camera, tag_pose(), 5);
+    const PhotoOfMarker seen = photo(tag_pose(), 5);
     for (const Rigid& start : {displaced_start(), tilt_mirrored(displaced_start(), tag().grid)}) {
-        const PhotometricPose pose = pose_from(seen, camera, start);
-        const Vector6d error = left_difference(tag_pose(), pose.camera_from_marker);
-        EXPECT_LT(error.dot(pose.covariance.ldlt().solve(error)), 30.0);
+        const PhotometricPose pose = pose_from(seen, start);
+        EXPECT_LT(squared_distance(pose), 30.0);
         ASSERT_TRUE(pose.other);
         EXPECT_GT(pose.other->log_likelihood_ratio, 100.0);
         EXPECT_NEAR(pose.other->loss - pose.loss, pose.other->log_likelihood_ratio, 1e-9);
@@ -208,8 +203,7 @@ TEST(PhotometricPose, TellsThePlanarSolutionsApartByTheirLoss) {
 }
 
 TEST(PhotometricPose, RefusesWhatDeterminesNoPose) {
-    const auto camera = std::make_shared<const PhotometricCamera>(noisy_camera());
-    PhotoOfMarker seen = photo(*camera, tag_pose(), 6);
+    PhotoOfMarker seen = photo(tag_pose(), 6);
     PhotoOfMarker nothing = seen;
     nothing.use = cv::Mat(seen.use.size(), CV_8UC1, cv::Scalar(0));
     EXPECT_THROW(starting_state(nothing, *camera, tag_pose(), planes_only), NumericalError);

@@ -98,6 +98,31 @@ void print(const char* camera, const Case& of, const Measured& measured) {
         measured.raw.rms());
 }
 
+// A board in a photograph without noise.
+struct Shown {
+    explicit Shown(const std::string& spec)
+        : target(parse_calibration_target(spec, "test")), renderer(blurred_camera(0.7)) {}
+
+    CodeImage at(const Rigid& where) {
+        pose = where;
+        return photo_of(renderer, target.board, pose);
+    }
+    CodeImage at_random(int n, double largest_tilt, double distance_mm) {
+        return at(random_board_pose(target.board, n, largest_tilt, distance_mm));
+    }
+    // Circles' centres where the board has circles.
+    PointErrors errors(const CalibrationView& view, bool half_turn = false) const {
+        PointErrors result;
+        add_errors(target.board, with_circle_centres(target, view, renderer.camera(), pose),
+                   Projector(renderer.camera()), pose, half_turn, result);
+        return result;
+    }
+
+    CalibrationTarget target;
+    Renderer renderer;
+    Rigid pose;
+};
+
 class EveryTarget : public testing::TestWithParam<Case> {};
 
 // Tilts to 45 degrees. With a blur as of a lens; without any, the hardest for sub-pixel work, as
@@ -136,10 +161,9 @@ TEST_P(EveryTarget, IsFoundInNoise) {
 }
 
 TEST_P(EveryTarget, IsFoundInSixteenBitsAndTheSameTwice) {
-    const CalibrationTarget target = parse_calibration_target(GetParam().spec, "test");
-    const Renderer renderer(blurred_camera(0.7));
-    const Rigid pose = random_board_pose(target.board, 3, 0.5, GetParam().distance_mm);
-    const CodeImage photo = photo_of(renderer, target.board, pose);
+    Shown shown(GetParam().spec);
+    const CalibrationTarget& target = shown.target;
+    const CodeImage photo = shown.at_random(3, 0.5, GetParam().distance_mm);
     const cv::Mat untouched = photo.pixels.clone();
     CodeImage deep{{}, 12};
     photo.pixels.convertTo(deep.pixels, CV_16U, 4095.0 / 255.0);
@@ -151,20 +175,6 @@ TEST_P(EveryTarget, IsFoundInSixteenBitsAndTheSameTwice) {
     EXPECT_EQ(first->ids, third->ids);
     for (std::size_t i = 0; i < first->pixels.size(); ++i)
         EXPECT_LT((first->pixels[i] - third->pixels[i]).norm(), 1e-3);
-}
-
-TEST_P(EveryTarget, IsNotSeenWhereItIsNot) {
-    const CalibrationTarget target = parse_calibration_target(GetParam().spec, "test");
-    for (const int gray : {0, 128, 255})
-        EXPECT_FALSE(observe(target, {cv::Mat(240, 320, CV_8UC1, cv::Scalar(gray)), 8}).view);
-    EXPECT_FALSE(observe(target, {}).view);
-    EXPECT_FALSE(observe(target, {cv::Mat(1, 1, CV_8UC1, cv::Scalar(9)), 8}).view);
-    EXPECT_FALSE(observe(target, {cv::Mat(3, 700, CV_8UC1, cv::Scalar(9)), 8}).view);
-    cv::Mat gradient(240, 320, CV_16UC1);
-    for (int y = 0; y < gradient.rows; ++y)
-        for (int x = 0; x < gradient.cols; ++x)
-            gradient.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(100 * x + 50 * y);
-    EXPECT_FALSE(observe(target, {gradient, 16}).view);
 }
 
 // The sheet that `etalon marker` prints, taken for a photograph: every point is where the page has
@@ -196,10 +206,9 @@ TEST_P(EveryTarget, IsNotTakenForAnother) {
     for (const Case& other : {chessboard, charuco, aprilgrid, circles, acircles}) {
         if (std::string(other.spec) == GetParam().spec)
             continue;
-        const Marker board = parse_marker(other.spec, "test");
-        const Renderer renderer(blurred_camera(0.7));
-        const Rigid pose = random_board_pose(board, 2, 0.4, other.distance_mm);
-        const ObservedTarget seen = observe(target, photo_of(renderer, board, pose));
+        Shown shown(other.spec);
+        const Marker& board = shown.target.board;
+        const ObservedTarget seen = observe(target, shown.at_random(2, 0.4, other.distance_mm));
         const bool is_other_layout =
             target.board.kind == board.kind && target.board.family == board.family;
         EXPECT_EQ(seen.view.has_value(), is_other_layout) << other.spec;
@@ -214,35 +223,28 @@ INSTANTIATE_TEST_SUITE_P(Kinds, EveryTarget,
 // Boards with tags: half of them behind a hand. What is found keeps its index and place.
 TEST(CalibrationTarget, WithTagsMayBeSeenInPart) {
     for (const Case& of : {charuco, legacy, aprilgrid}) {
-        const CalibrationTarget target = parse_calibration_target(of.spec, "test");
-        const Renderer renderer(blurred_camera(0.7));
-        const Projector projector(renderer.camera());
-        const Rigid pose = random_board_pose(target.board, 4, 0.4, of.distance_mm);
-        CodeImage photo = photo_of(renderer, target.board, pose);
-        const double edge = projector.project(pose * middle_of(target.board))->x();
+        Shown shown(of.spec);
+        const Marker& board = shown.target.board;
+        CodeImage photo = shown.at_random(4, 0.4, of.distance_mm);
+        const double edge =
+            Projector(shown.renderer.camera()).project(shown.pose * middle_of(board))->x();
         photo.pixels(cv::Rect(0, 0, static_cast<int>(edge), photo.pixels.rows)).setTo(90);
-        const auto view = observe(target, photo).view;
+        const auto view = observe(shown.target, photo).view;
         ASSERT_TRUE(view) << of.spec;
-        EXPECT_LT(view->ids.size(), target.board.points_mm.size() * 6 / 10);
-        EXPECT_GT(view->ids.size(), target.board.points_mm.size() / 4);
-        PointErrors errors;
-        add_errors(target.board, *view, projector, pose, false, errors);
-        EXPECT_LT(errors.largest, 0.05) << of.spec;
+        EXPECT_LT(view->ids.size(), board.points_mm.size() * 6 / 10);
+        EXPECT_GT(view->ids.size(), board.points_mm.size() / 4);
+        EXPECT_LT(shown.errors(*view).largest, 0.05) << of.spec;
     }
 }
 
 TEST(CalibrationTarget, HangingUpsideDownKeepsItsIndices) {
     for (const Case& of : {chessboard, charuco, legacy, aprilgrid, acircles}) {
-        const CalibrationTarget target = parse_calibration_target(of.spec, "test");
-        const Renderer renderer(blurred_camera(0.7));
-        const Projector projector(renderer.camera());
-        const Rigid pose = board_pose(target.board, {0.1, 0.05, 3.0}, {2, 1, of.distance_mm * 1.1});
-        const auto view = observe(target, photo_of(renderer, target.board, pose)).view;
+        Shown shown(of.spec);
+        const CodeImage photo = shown.at(
+            board_pose(shown.target.board, {0.1, 0.05, 3.0}, {2, 1, of.distance_mm * 1.1}));
+        const auto view = observe(shown.target, photo).view;
         ASSERT_TRUE(view) << of.spec;
-        PointErrors errors;
-        add_errors(target.board, with_circle_centres(target, *view, renderer.camera(), pose),
-                   projector, pose, false, errors);
-        EXPECT_LT(errors.largest, 0.05) << of.spec;
+        EXPECT_LT(shown.errors(*view).largest, 0.05) << of.spec;
     }
 }
 
@@ -250,46 +252,37 @@ TEST(CalibrationTarget, HangingUpsideDownKeepsItsIndices) {
 // chessboard's crossings are, and a negative board of odd sum is its own half turn.
 TEST(CalibrationTarget, InNegativeIsNotSeenOrSeenRight) {
     for (const Case& of : {charuco, aprilgrid, circles, acircles, hexcircles, squares}) {
-        const CalibrationTarget target = parse_calibration_target(of.spec, "test");
-        const Renderer renderer(blurred_camera(0.7));
-        CodeImage photo = photo_of(renderer, target.board,
-                                   random_board_pose(target.board, 3, 0.4, of.distance_mm));
+        Shown shown(of.spec);
+        CodeImage photo = shown.at_random(3, 0.4, of.distance_mm);
         cv::bitwise_not(photo.pixels, photo.pixels);
-        EXPECT_FALSE(observe(target, photo).view) << of.spec;
+        EXPECT_FALSE(observe(shown.target, photo).view) << of.spec;
     }
 }
 
 // OpenCV's two layouts, which differ by a square: the one that is seen is named, whichever was
 // asked for, and its points are in the right places.
 TEST(CalibrationTarget, TellsTheLayoutsOfCharucoApart) {
-    const Renderer renderer(blurred_camera(0.7));
-    const Projector projector(renderer.camera());
     for (const char* size : {"9x6", "8x6", "7x8"})
         for (const bool legacy : {false, true}) {
             const auto name = [&](bool old) {
                 return fmt::format("charuco{}:4X4_50:{}@12mm/8.8mm", old ? "-legacy" : "", size);
             };
-            const CalibrationTarget drawn = parse_calibration_target(name(legacy), "test"),
-                                    asked = parse_calibration_target(name(!legacy), "test");
-            const Rigid pose = random_board_pose(drawn.board, 3, 0.4, 230);
-            const CodeImage photo = photo_of(renderer, drawn.board, pose);
-            EXPECT_EQ(observe(drawn, photo).shown_as, "");
-            const ObservedTarget seen = observe(asked, photo);
+            Shown drawn(name(legacy));
+            const CodeImage photo = drawn.at_random(3, 0.4, 230);
+            EXPECT_EQ(observe(drawn.target, photo).shown_as, "");
+            const ObservedTarget seen =
+                observe(parse_calibration_target(name(!legacy), "test"), photo);
             ASSERT_TRUE(seen.view) << name(legacy) << seen.reason;
             EXPECT_EQ(seen.shown_as, name(legacy));
-            PointErrors errors;
-            add_errors(asked.board, *seen.view, projector, pose, false, errors);
-            EXPECT_LT(errors.largest, 0.05) << name(legacy);
+            EXPECT_LT(drawn.errors(*seen.view).largest, 0.05) << name(legacy);
         }
 }
 
 // Markers of the same dictionary at other places are no board, and what is seen is said.
 TEST(CalibrationTarget, WithTagsOfAnotherLayoutIsNotTakenForTheBoard) {
-    const Renderer renderer(blurred_camera(0.7));
     const auto seen = [&](const char* drawn, const char* asked) {
-        const Marker board = parse_marker(drawn, "test");
         return observe(parse_calibration_target(asked, "test"),
-                       photo_of(renderer, board, random_board_pose(board, 2, 0.3, 200)));
+                       Shown(drawn).at_random(2, 0.3, 200));
     };
     const ObservedTarget other =
         seen("charuco:4X4_50:7x6@12mm/8.8mm", "charuco:4X4_50:9x6@12mm/8.8mm");
@@ -365,34 +358,25 @@ TEST(CalibrationTarget, OfDotsOrSquaresIsFoundFromFarAndNearAndTilted) {
                            {"hexcircles:9x7@20mm/8mm", 0.3, 250},
                            {"squares:7x5@6mm/6mm", 1.0, 170},
                            {"squares:3x2@40mm/20mm", 0.2, 220}}) {
-        const CalibrationTarget target = parse_calibration_target(of.spec, "test");
-        const Renderer renderer(blurred_camera(0.7));
+        Shown shown(of.spec);
+        const Marker& board = shown.target.board;
         for (const double way : {0.0, 0.8, 1.57, 2.5, -2.0}) {
-            const Rigid tilted{
-                rotation_from_vector(of.tilt * Eigen::Vector3d(std::cos(way), std::sin(way), 0.0)),
-                {}};
-            const Rigid pose =
-                board_pose(target.board, rotation_vector(tilted.rotation), {1, -2, of.distance_mm});
-            CodeImage photo = photo_of(renderer, target.board, pose);
+            const Eigen::Vector3d tilt =
+                of.tilt * Eigen::Vector3d(std::cos(way), std::sin(way), 0.0);
+            CodeImage photo = shown.at(board_pose(board, tilt, {1, -2, of.distance_mm}));
             for (int x = 0; x < photo.pixels.cols; ++x)
                 photo.pixels.col(x) *= 1.0 - 0.67 * x / photo.pixels.cols;
             add_noise(photo, 1.5, 3);
-            const ObservedTarget seen = observe(target, photo);
+            const ObservedTarget seen = observe(shown.target, photo);
             ASSERT_TRUE(seen.view) << of.spec << " " << way << " " << seen.reason;
-            EXPECT_GE(seen.view->ids.size(), target.board.points_mm.size() * 9 / 10) << of.spec;
-            PointErrors errors;
-            add_errors(target.board,
-                       with_circle_centres(target, *seen.view, renderer.camera(), pose),
-                       Projector(renderer.camera()), pose, true, errors);
-            EXPECT_LT(errors.rms(), 0.15) << of.spec << " " << way;
+            EXPECT_GE(seen.view->ids.size(), board.points_mm.size() * 9 / 10) << of.spec;
+            EXPECT_LT(shown.errors(*seen.view, true).rms(), 0.15) << of.spec << " " << way;
         }
     }
 }
 
 TEST(CalibrationTarget, OfDotsNamesADiameterThatIsWrong) {
-    const Renderer renderer(blurred_camera(0.7));
-    const Marker board = parse_marker("circles:8x5@14mm/8mm", "test");
-    const CodeImage photo = photo_of(renderer, board, random_board_pose(board, 1, 0.4, 200));
+    const CodeImage photo = Shown("circles:8x5@14mm/8mm").at_random(1, 0.4, 200);
     const auto reason = [&](const char* spec) {
         return observe(parse_calibration_target(spec, "test"), photo).reason;
     };

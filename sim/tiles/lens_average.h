@@ -48,4 +48,59 @@ private:
     std::vector<DiskChord> column_chords_, row_chords_;
 };
 
+// Method C: the radiance that a small box of the sensor receives, from its exact area in each cell,
+// at a few points of the aperture. For (nearly) sharp images, where the edges' blur is far narrower
+// than the box.
+
+// Areas that straight lines cut from a square, as fractions of the square: what a pixel sees past
+// one edge and past two crossing edges.
+//
+// The square is [-1/2, 1/2]^2. Closed form for one line; clipping of the square's outline
+// (Sutherland and Hodgman, 1974) for two.
+
+// The part offset + gradient . s >= 0 of the square.
+struct SquareCut {
+    Eigen::Vector2d gradient;
+    double offset;
+    double area;  // of the part
+};
+
+// Any finite values; a zero gradient gives 0 or 1.
+SquareCut square_cut(const Eigen::Vector2d& gradient, double offset);
+
+// The inverse: the offset of the cut that has this area, 0..1. Needs a gradient that is not zero.
+double offset_of_area(const Eigen::Vector2d& gradient, double area);
+
+// Fraction of the square that lies in both parts.
+double square_wedge_area(const SquareCut& a, const SquareCut& b);
+
+struct LensPoint {
+    Eigen::Vector2d l_mm;
+    double weight;
+};
+
+// `rings` x `spokes` points: radii by Gauss-Legendre in the enclosed area, spokes equally spaced,
+// every other ring turned by half a spoke. Rings 1..4; spokes 0 gives the lens centre alone.
+std::vector<LensPoint> lens_points(double radius_mm, int rings, int spokes);
+
+// Holds scratch memory: one per thread. The view must outlive it.
+class CellCoverage {
+public:
+    CellCoverage(const MarkerView& view, std::vector<LensPoint> points)
+        : view_(view), points_(std::move(points)) {}
+
+    // Average over the parallelogram of undistorted sensor points centred on x with these sides
+    // (columns). `range` as for LensAverage::at.
+    double over(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides, const CellRange& range);
+
+private:
+    int cut_box(int axis, int first, int last, const Eigen::Vector2d& x, const SensorPoint& point,
+                const Eigen::Matrix2d& sides, const Eigen::Vector2d& l,
+                std::vector<SquareCut>& cuts) const;
+
+    const MarkerView& view_;
+    std::vector<LensPoint> points_;
+    std::vector<SquareCut> column_cuts_, row_cuts_;
+};
+
 }  // namespace etalon

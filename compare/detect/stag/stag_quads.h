@@ -1,5 +1,5 @@
 // Dark quadrilaterals in an image: the first step of finding STag markers, from edge segments as in
-// the publication (sim/marker/stag_codes.h).
+// the publication (sim/marker/stag_pattern.h).
 //
 // Edge segments are chains of pixels along which the gradient is largest (Edge Drawing, parameter
 // free: C. Akinlar, C. Topal, "EDPF", IJPRAI 26, 2012; OpenCV's implementation). A chain is cut

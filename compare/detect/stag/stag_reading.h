@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "compare/detect/stag/stag_quads.h"
-#include "sim/marker/stag_codes.h"
+#include "sim/marker/stag_pattern.h"
 
 namespace etalon {
 

@@ -4,8 +4,7 @@
 // Geometry of the publication and of the authors' generator, in units of the black square's side:
 // white border 0.125, radius of the disk 0.4, code in the radius 0.35, radius of a code disc
 // 0.0437. Black discs next to each other are joined by a smaller one half way, so that no thin
-// white lines are left between them; the generator also rounds the joined outline off (a majority
-// filter on its bitmap), which is not done here. A detector sees the same code points.
+// white lines are left between them, and the joined outline is rounded off by a majority filter.
 #pragma once
 
 #include <opencv2/core.hpp>

@@ -41,8 +41,7 @@ struct PoseVolume {
     std::optional<Interval> x_mm = {}, y_mm = {};
     Interval z_mm;
     Interval roll, pitch, yaw;
-    double margin_px =
-        0.0;  // of the marker's outline to the image's border (sim/scene/marker_view.h)
+    double margin_px = 0.0;  // of the marker's outline to the image's border (is_in_view())
 };
 
 // Not safe from several threads, but the same arguments give the same poses everywhere, and a
@@ -105,9 +104,7 @@ struct SeenVolume {
 std::vector<Rigid> volume_poses(const CameraModel& camera, const CellGrid& grid, int count,
                                 std::uint64_t seed, const SeenVolume& volume);
 
-// From near focus to far: depth of the grid's centre uniform from 150 to 1500 mm, tilt from 0 to 70
-// degrees about any axis in the image plane, any turn in the marker's plane, the centre anywhere in
-// the image.
+// From near focus to far: 150 to 1500 mm, tilts to 70 degrees.
 std::vector<Rigid> spread_poses(const CameraModel& camera, const CellGrid& grid, int count,
                                 std::uint64_t seed);
 

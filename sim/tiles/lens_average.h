@@ -1,6 +1,6 @@
-// Method E: the radiance that a point of the sensor receives through the whole aperture, in closed
-// form. Exact for a planar grid, tilt and change of blur across the marker included, whether the
-// point is in focus or not.
+// The two closed-form methods in double precision, and the areas that straight lines cut from a
+// disk and from a square, as fractions: what the aperture or a pixel sees past one edge and past
+// two crossing edges.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,11 +10,8 @@
 
 namespace etalon {
 
-// Areas that straight lines cut from a disk, as fractions of the disk: what the aperture sees past
-// one edge (segment) and past two crossing edges (wedge).
-//
-// Closed forms by Green's theorem. The delicate part is the wedge of nearly parallel lines and of
-// lines that cross near the rim; docs/rendering.md says how it is kept accurate to 1e-15.
+// The disk by Green's theorem; docs/rendering.md says how the wedge of nearly parallel lines, and
+// of lines that cross near the rim, is kept accurate to 1e-15.
 
 // The part normal . l + offset >= 0 of the unit disk, cut by a chord.
 struct DiskChord {
@@ -31,7 +28,9 @@ DiskChord disk_chord(const Eigen::Vector2d& normal, double offset);
 // Fraction of the disk that lies in both parts. In [max(0, a + b - 1), min(a, b)] always.
 double disk_wedge_area(const DiskChord& a, const DiskChord& b);
 
-// Holds scratch memory: one per thread. The view must outlive it.
+// Method E: the radiance that a point of the sensor receives through the whole aperture. Exact for
+// a planar grid, tilt and change of blur across the marker included. Holds scratch memory: one per
+// thread. The view must outlive it.
 class LensAverage {
 public:
     explicit LensAverage(const MarkerView& view) : view_(view) {}
@@ -48,15 +47,8 @@ private:
     std::vector<DiskChord> column_chords_, row_chords_;
 };
 
-// Method C: the radiance that a small box of the sensor receives, from its exact area in each cell,
-// at a few points of the aperture. For (nearly) sharp images, where the edges' blur is far narrower
-// than the box.
-
-// Areas that straight lines cut from a square, as fractions of the square: what a pixel sees past
-// one edge and past two crossing edges.
-//
-// The square is [-1/2, 1/2]^2. Closed form for one line; clipping of the square's outline
-// (Sutherland and Hodgman, 1974) for two.
+// The square [-1/2, 1/2]^2: closed form for one line; clipping of its outline (Sutherland and
+// Hodgman, 1974) for two.
 
 // The part offset + gradient . s >= 0 of the square.
 struct SquareCut {
@@ -83,7 +75,9 @@ struct LensPoint {
 // every other ring turned by half a spoke. Rings 1..4; spokes 0 gives the lens centre alone.
 std::vector<LensPoint> lens_points(double radius_mm, int rings, int spokes);
 
-// Holds scratch memory: one per thread. The view must outlive it.
+// Method C: the radiance that a small box of the sensor receives, from its exact area in each cell,
+// at a few points of the aperture. For edges whose blur is far narrower than the box. Memory and
+// view as above.
 class CellCoverage {
 public:
     CellCoverage(const MarkerView& view, std::vector<LensPoint> points)

@@ -16,7 +16,7 @@
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 #include "core/time/clock.h"
-#include "sim/scene/bench_poses.h"
+#include "sim/scene/pose_volume.h"
 #include "sim/sensor/sensor_model.h"
 #include "sim/tiles/undistortion_map.h"
 

@@ -10,7 +10,7 @@
 #include "compare/make_detector.h"
 #include "report/json_text.h"
 #include "sim/marker/marker.h"
-#include "sim/marker/stag_codes.h"
+#include "sim/marker/stag_pattern.h"
 #include "sim/marker/tag_pattern.h"
 #include "sim/marker/topotag_pattern.h"
 #include "stage/profile/profile.h"

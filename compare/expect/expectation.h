@@ -17,7 +17,7 @@
 
 #include "compare/expect/expected_view.h"
 #include "compare/pose/pose_bias.h"
-#include "sim/scene/bench_poses.h"
+#include "sim/scene/pose_volume.h"
 
 namespace etalon {
 

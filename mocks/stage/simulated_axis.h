@@ -11,7 +11,6 @@
 #include <optional>
 
 #include "mocks/stage/stage_errors.h"
-#include "sim/twin/motion_profile.h"
 #include "sim/twin/servo.h"
 
 namespace etalon {

@@ -4,7 +4,7 @@
 //   aruco:4X4_50:7@50mm      the same for OpenCV's predefined dictionaries
 //   stag:HD21:3@50mm         STag, a black square of 50 mm with a white border of an eighth of it;
 //                            origin at its centre; stag:FILE.txt:3@50mm takes the codewords of a
-//                            file (sim/marker/stag_codes.h)
+//                            file (sim/marker/stag_pattern.h)
 //   topotag:4x4:123@50mm     white square 50 mm, a black frame around it; 4x4-circle: round nodes;
 //                            origin at its centre (sim/marker/topotag_pattern.h)
 //   chessboard:9x6@25mm      9 x 6 INNER corners, squares of 25 mm; origin at the first inner

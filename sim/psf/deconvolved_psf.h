@@ -1,16 +1,16 @@
-// The core of a point spread with a small disk taken out of it: disk (*) sharpened = core. A sharp
-// image sampled by averages over that disk and filtered by the sharpened core is the image filtered
-// by the core itself; and averages over a disk follow an edge at fewer samples than averages over
-// squares do (11 a pixel side instead of 35 for a webcam at 0.1 gray).
+// The core of a point spread with a small disk taken out of it: disk (*) sharpened = core. Averages
+// over that disk, filtered by the sharpened core, are the image filtered by the core; they follow
+// an edge at fewer samples than averages over squares (11 a pixel side instead of 35 for a webcam
+// at 0.1 gray).
 //
 // By Fourier: the core's transfer divided by the disk's, 2 J1(q) / q with q = 2 pi r f. At the
-// spread's cut-off q = 2.6, well before the disk's first zero at 3.83; the core, which is the
-// spread within a smooth window, leaks a little beyond, and is followed to 1.25 times the cut-off.
+// spread's cut-off q = 2.6, before the disk's first zero at 3.83; the core leaks a little beyond,
+// and is followed to 1.25 times the cut-off.
 //
-// The lens comes in exactly as well. Disks of radii a and b, convolved, are a mean over concentric
-// disks: J1(a)/a J1(b)/b = (1/pi) integral over 0..pi of J1(c)/c sin^2 with c^2 = a^2 + b^2 + 2 a b
-// cos (Gegenbauer's addition theorem). By Gauss' rule for that weight one disk is exact to the
-// second moment, two, c^2 = a^2 + b^2 +- a b, to the sixth.
+// The lens comes in exactly: disks of radii a and b, convolved, are a mean over concentric disks,
+// J1(a)/a J1(b)/b = (1/pi) integral over 0..pi of J1(c)/c sin^2 with c^2 = a^2 + b^2 + 2 a b cos
+// (Gegenbauer's addition theorem). By Gauss' rule one disk is exact to the second moment, two,
+// c^2 = a^2 + b^2 +- a b, to the sixth.
 #pragma once
 
 #include <array>

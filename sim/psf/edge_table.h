@@ -1,10 +1,9 @@
-// How a straight edge looks that the lens has blurred: the part of a pixel's filter that sees
-// beyond it, by the distance of the pixel's centre, tabulated once per camera.
+// How a blurred straight edge looks: the part of a pixel's filter beyond it by the distance of the
+// pixel's centre, tabulated once per camera.
 //
-// The pixel's filter and the blur disk as the edge sees them are their line spreads, functions of
-// one coordinate. A disk's is half an ellipse; a square's, in the direction a, is a trapezoid of
-// which the second moment is that of every direction, and the higher ones are affine in sin^2 2a:
-// two directions give all. docs/rendering.md has the bounds.
+// Filter and blur disk are their line spreads, functions of one coordinate. A disk's is half an
+// ellipse; a square's in the direction a is a trapezoid whose higher moments are affine in sin^2
+// 2a: two directions give all. docs/rendering.md has the bounds.
 #pragma once
 
 #include <array>

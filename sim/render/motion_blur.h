@@ -1,16 +1,12 @@
 // Markers that move while the shutter is open: the mean of still images along the way.
 //
-// A sensor adds up light, so a moving marker's image is the time average of still ones. It is taken
-// by the midpoint rule: n equal parts of the exposure, each by the pose at its middle. How many?
-// While a straight edge of contrast C sweeps a pixel along its normal by L px, the pixel's value
-// rises with a slope that grows from 0 to at most sqrt(2) C per px (the longest chord of the
-// pixel's square) and falls back. In a part of length h = L/n the rule is wrong by the integral of
-// the second derivative against a kernel between 0 and h^2/8: by at most sqrt(2) C h^2 / (8 L) in
-// all, for the rising and the falling slope count with opposite signs. We allow
+// Midpoint rule: n equal parts of the exposure, each by the pose at its middle. While a straight
+// edge of contrast C sweeps a pixel along its normal by L px, the pixel's slope is at most sqrt(2)
+// C per px. In a part of length h = L/n the rule then errs by at most sqrt(2) C h^2 / (8 L). We
+// allow
 //     255 C h^2 / (4 L) = 255 C L / (4 n^2) gray,
-// which leaves room for a way that curves (the speed along the normal may vary by 7/8 of itself).
-// Blur and diffraction only smooth the sweep. For one edge at a time; m edges that sweep the same
-// pixel within one exposure may add up to m times that.
+// for a way that curves (the speed along the normal may vary by 7/8 of itself). For one edge at a
+// time: m edges that sweep the same pixel within one exposure may add up to m times that.
 #pragma once
 
 #include "core/geometry/rigid.h"

@@ -1,17 +1,14 @@
 // The truth that every other method is measured against: brute-force sampling of the whole image
-// model, with its own standard error. Slow, and shares no integration code with them.
+// model, with its own standard error. Slow, and shares no integration code with the others.
 //
-// A sample is a point of the pixel's square, displaced by the point spread (Airy pattern to
-// infinity, Gaussian or measured; psf wave: the wave-optical pattern for the defocus of the
-// marker's plane at that point, and the lens centre alone), undistorted exactly, traced through a
-// point of the aperture and the plane of focus to the marker's plane and its cell. Six dimensions,
-// Owen-scrambled Sobol points; the mean over independent scrambles is the value, their spread its
-// standard error.
+// A sample is a point of the pixel's square, displaced by the point spread (of psf wave: the
+// pattern for the defocus of the marker's plane there, and the lens centre alone), undistorted
+// exactly, and traced through a point of the aperture to the marker's plane and its cell. Six
+// dimensions, Owen-scrambled Sobol points; the mean over independent scrambles is the value, their
+// spread its standard error.
 //
-// Counted as background: rays that miss the grid; rays that meet the marker's plane behind the lens
-// or from the marker's back; sensor points without a ray (outside the distortion model's valid
-// region), as far as the point spread brings them into a valid pixel. A pixel whose centre has no
-// ray is background without error.
+// Background are rays that miss the grid, meet the marker's plane behind the lens or from its back,
+// and sensor points without a ray. A pixel whose centre has no ray is background without error.
 #pragma once
 
 #include <cstdint>

@@ -141,7 +141,7 @@ private:
 
     // Bounds are of one edge. In a grid of cells smaller than a pixel a pixel sees more of them,
     // 1 / cell times the length; of very many the errors cancel. Measured in stripes, checkerboards
-    // and random cells of 0.1 to 8 px (tests/sim/render/small_cells_test.cpp).
+    // and random cells of 0.1 to 8 px (tests/sim/render/renderer_test.cpp).
     double edges() const {
         constexpr double most = 8.0;
         return image_.cell_px > 0.0 ? std::clamp(1.0 / image_.cell_px, 1.0, most) : 1.0;

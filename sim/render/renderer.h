@@ -17,7 +17,7 @@
 #include "core/image/image.h"
 #include "sim/scene/scene.h"
 #include "sim/sensor/sensor_model.h"
-#include "sim/tiles/rendered_image.h"
+#include "sim/tiles/render_plan.h"
 
 namespace etalon {
 

@@ -1,8 +1,8 @@
 // How wrong a render can be for sampling the image at k x k places a pixel: the bounds from which k
-// is chosen. Numeric: the pixel's weights on the samples of a straight edge, against the exact
-// response, for the worst place of the edge. Along the pixels' rows or columns, and at 45 degrees,
-// a pixel's k rows of samples err in step; in between their errors partly cancel, the more the more
-// samples there are. (The spread is taken across the edge's axis only: that is for the safe side.)
+// is chosen. Numeric: the pixel's weights on the samples of a straight edge against the exact
+// response, for the worst place of the edge. Along the pixels' axes and at 45 degrees a pixel's k
+// rows of samples err in step; in between their errors partly cancel. The spread is taken across
+// the edge's axis only, which is on the safe side.
 //
 // A scene's error is this times the largest step between neighbouring cells; a second edge within
 // the same pixel adds its own.

@@ -7,7 +7,7 @@
 
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
-#include "sim/tiles/cell_coverage.h"
+#include "sim/tiles/lens_average.h"
 #include "sim/tiles/tile_map.h"
 
 namespace etalon {

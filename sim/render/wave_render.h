@@ -7,7 +7,7 @@
 // do (the factor 1 / (1 - a . l) of sim/scene/marker_view.h) is not in the model.
 #pragma once
 
-#include "sim/psf/wave_filter.h"
+#include "sim/psf/wave_point_spread.h"
 #include "sim/scene/marker_view.h"
 #include "sim/tiles/undistortion_map.h"
 

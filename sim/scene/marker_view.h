@@ -26,9 +26,9 @@
 
 namespace etalon {
 
-// What of the lens matters to the geometry. The focus of a flat projection is affine in the
-// undistorted sensor point: a tilted sensor (tau_x, tau_y) tilts the plane of sharp focus
-// (Scheimpflug). A wide lens's pupil faces each ray, and its focus is a sphere about it.
+// What of the lens matters to the geometry. A flat projection's focus is affine in the sensor
+// point: a tilted sensor tilts it (Scheimpflug). A wide lens's pupil faces each ray; its focus is a
+// sphere.
 struct Aperture {
     Projection projection = Projection::perspective;
     double radius_mm = 0.0;      // 0: pinhole; telecentric: of the cone of rays 1 mm from its tip
@@ -215,18 +215,13 @@ struct BlurRange {
 };
 BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics);
 
-// Whether a camera sees a marker at a pose, from geometry alone.
-
-// True when all of the marker's front is before the lens and seen by all of the lens, and the
-// grid's outline keeps `margin_px` from the centres of the image's outermost pixels. Looked at are
-// the grid's corners, and where distortion bends the edges between them also seven points along
-// each edge (an edge that bulges out by b px may then come nearer by b / 64). Throws NumericalError
-// when the camera's lens section is of no lens. Safe from every thread; 0.3 us, with distortion
-// 1.5 us.
+// True when all of the lens sees all of the marker's front, and the grid's outline keeps
+// `margin_px` from the centres of the image's outermost pixels: its corners, with distortion also
+// seven points along each edge (one that bulges out by b px may come nearer by b / 64). Throws
+// NumericalError when the camera's lens section is of no lens. Safe from every thread; 0.3 us, with
+// distortion 1.5 us.
 bool is_in_view(const Projector& projector, const CellGrid& grid, const Rigid& camera_from_marker,
                 double margin_px);
-
-// A marker's outline in the image.
 
 // Pixels along the outline, side after side (upper, right, lower, left) with the same number of
 // points on each, its ends included; nothing when some of it has no image.

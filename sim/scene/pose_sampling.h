@@ -1,19 +1,15 @@
-// Well-spread points of the unit cube, for plans and studies that must cover a volume of poses
-// evenly with as few poses as they can afford. Plain points: what the coordinates mean is for the
-// plan to say (for a study: sim/scene/pose_volume.h).
+// Low-discrepancy points of the unit cube, for plans and studies that cover a volume of poses
+// evenly. What the coordinates mean: sim/scene/pose_volume.h.
 //
 // Halton's sequence (Numerische Mathematik 2, 1960): the index's digits in the first prime bases,
-// mirrored at the point: 6 = 110b -> 0.011b = 0.375. From the fifth base or so its first points lie
-// on lines, so the digits are permuted:
-//   - every digit position of every base by a random permutation of its own (random digit
-//     scrambling; Matousek, J. Complexity 14, 1998): each point is uniform; or
-//   - by Faure's permutations (H. Faure, "Good permutations for extreme discrepancy", J. Number
-//     Theory 42, 1992), one per base, found for the smallest discrepancy in each dimension. They
-//     leave nothing to chance; a seed then lets every base start at a random index of its own
-//     (random start: X. Wang and F. J. Hickernell, Math. Comput. Modelling 32, 2000; with permuted
-//     digits G. Okten, J. Complexity 25, 2009). That makes each point uniform as well, and keeps
-//     the stratification, which a random shift of the points modulo 1 would not.
-// Sobol's sequence is in sim/scene/pose_sampling.h.
+// mirrored at the point. The digits are permuted, because from the fifth base on the first points
+// lie on lines:
+//   - at every position by a random permutation (Matousek, J. Complexity 14, 1998), or
+//   - by Faure's permutations (J. Number Theory 42, 1992), one per base, of the smallest
+//   discrepancy
+//     in each dimension. A seed lets every base start at a random index (X. Wang and
+//     F. J. Hickernell, Math. Comput. Modelling 32, 2000; G. Okten, J. Complexity 25, 2009).
+// With a seed each point is uniform either way, and the strata stay.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,17 +21,13 @@
 
 namespace etalon {
 
-// Owen-scrambled Sobol points: each scramble is an independent randomisation of the same
-// low-discrepancy set, so their spread is an honest standard error.
+// Owen-scrambled Sobol points: each scramble is an independent randomisation of the same set, so
+// that their spread is an honest standard error. Direction numbers: S. Joe and F. Y. Kuo, SIAM J.
+// Sci. Comput. 30 (2008), file new-joe-kuo-6.21201.
 //
-// SobolSequence is for plans and studies: up to 16 dimensions, any index, scrambled exactly as Owen
-// defined it (A. B. Owen, "Randomly permuted (t,m,s)-nets and (t,s)-sequences", Lecture Notes in
-// Statistics 106, Springer 1995). SobolPoints is for millions of integrals: six dimensions, a
-// prepared number of points, scrambled by hashing (B. Burley, "Practical hash-based Owen
-// scrambling", JCGT 9(4) (2020)) in a few ns.
-//
-// Direction numbers: S. Joe and F. Y. Kuo, "Constructing Sobol sequences with better
-// two-dimensional projections", SIAM J. Sci. Comput. 30 (2008), file new-joe-kuo-6.21201.
+// SobolSequence, for plans and studies: any index, scrambled as A. B. Owen defined it (Lecture
+// Notes in Statistics 106, Springer 1995). SobolPoints, for millions of integrals: six dimensions,
+// a prepared number of points, scrambled by hashing (B. Burley, JCGT 9(4), 2020) in a few ns.
 
 // By digit of the index, the last first: the fraction that it is multiplied with and added modulo 2
 // to the point, its first binary digit in the highest bit.
@@ -51,9 +43,8 @@ public:
 
     // One coordinate in [0, 1) per dimension, 53 binary digits. Of 2^m points that start at a
     // multiple of 2^m, exactly one lies in each of the 2^m equal intervals of every dimension, and
-    // of the first two dimensions in each rectangle of area 2^-m with sides of powers of two;
-    // scrambled or not. In the index's own order, not in that of its Gray code, in which the same
-    // points are often listed. Point 0 of the unscrambled sequence is the origin.
+    // of the first two in each rectangle of area 2^-m with sides of powers of two. In the index's
+    // order, not its Gray code's. Point 0 of the unscrambled sequence is the origin.
     std::vector<double> point(std::uint64_t index) const;
 
 private:
@@ -87,9 +78,7 @@ Eigen::Vector2d concentric_disk(double u, double v);
 SobolPoints::Scramble make_scramble(std::uint64_t seed, std::uint32_t pixel_x,
                                     std::uint32_t pixel_y, std::uint32_t number);
 
-// Faure's permutation of the digits 0 to base - 1, base >= 2: (0 3 2 1 4) for 5. An even base takes
-// 2 s and then 2 s + 1 of the permutation s of its half; an odd one puts its middle digit into the
-// middle of the permutation of base - 1.
+// Faure's permutation of the digits 0 to base - 1, base >= 2: (0 3 2 1 4) for 5.
 std::vector<int> faure_permutation(int base);
 
 // Immutable, safe from every thread. point() costs about 80 ns per dimension.
@@ -103,10 +92,9 @@ public:
     static HaltonSequence with_faure_permutations(int dimensions,
                                                   std::optional<std::uint64_t> seed);
 
-    // One coordinate in [0, 1) per dimension. Of base^m points that start at a multiple of base^m,
-    // exactly one lies in each of the base^m equal intervals of that base's dimension, permuted or
-    // not; with Faure's permutations of any base^m points that follow each other. Point 0 of an
-    // unseeded sequence is the origin: plans usually begin at 1.
+    // One coordinate in [0, 1) per dimension. Of base^m points that start at a multiple of base^m
+    // (with Faure's permutations: anywhere) exactly one lies in each of the base^m equal intervals
+    // of that base's dimension. Point 0 of an unseeded sequence is the origin.
     std::vector<double> point(std::uint64_t index) const;
 
 private:
@@ -131,8 +119,8 @@ enum class SequenceKind {
     sobol,         // Owen's nested uniform scrambling
 };
 
-// One of them, randomised by the seed: over the seeds every point is uniform in the cube, so the
-// mean of any function over the points is free of bias. Immutable, safe from every thread.
+// One of them, randomised by the seed: over the seeds every point is uniform in the cube.
+// Immutable, safe from every thread.
 class PointSequence {
 public:
     static constexpr int max_dimensions = 16;

@@ -13,7 +13,7 @@
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/sensor/sensor_simd.h"
-#include "sim/tiles/cell_coverage.h"
+#include "sim/tiles/lens_average.h"
 #include "sim/tiles/tile_map.h"
 
 namespace etalon {

@@ -18,10 +18,9 @@
 //   6. JPEG          compressed().
 // Defocus is no disturbance: it is another focus distance of the camera.
 //
-// Directions and noise are a pure function of the key, counter-based (core/statistics/random.h):
-// the same for every thread, order and subset of poses, and with the sensor's own noise under the
-// same key independent of it. A disturbance's random numbers do not depend on the others. They are
-// those of RandomStream(seed, frame, index) with 1 or 2 in the index's upper half.
+// Directions and noise are a pure function of the key (core/statistics/random.h), independent of
+// the sensor's noise under the same key and of each other: RandomStream(seed, frame, index) with 1
+// or 2 in the index's upper half.
 #pragma once
 
 #include <Eigen/Core>
@@ -112,19 +111,16 @@ private:
 CodeImage compressed(const CodeImage& image, double quality);
 
 // The blur of an image that moves along a straight line while the shutter is open: a filter for
-// images that are already rendered. Exact, at the cost of tens of renders: render_moving()
-// (sim/render/motion_blur.h).
+// rendered images. Exact is render_moving() (sim/render/motion_blur.h), at the cost of tens of
+// renders.
 //
-// The filter is the mean of the interpolated image along the line, integrated exactly: the taps are
-// the line integrals of the interpolation's weights, so lengths and directions are not rounded to
-// pixels. Interpolated by cubic convolution (Keys, IEEE Trans. ASSP 29, 1981, a = -1/2), which
-// reproduces second-order polynomials: the taps have the line's own mean, 0, and covariance,
-// m m^T / 12 for the motion m. Bilinear weights would add 1/6 px^2 to it.
+// The mean of the interpolated image along the line, integrated exactly: the taps are the line
+// integrals of cubic convolution's weights (Keys, IEEE Trans. ASSP 29, 1981, a = -1/2), whose mean
+// is the line's, 0, and whose covariance is m m^T / 12 for the motion m.
 //
-// What it cannot know is the image between the pixels. Against render_moving(), largest error and
-// RMS around a marker's edges, of their contrast: 0.01 and 0.001 with a lens of f/8 on pixels of
-// 2.8 um, 0.07 and 0.008 where nothing but the pixels blurs (a test measures both). The edges are
-// softer or overshoot by that; they are not displaced, for the filter is even.
+// Against render_moving(), largest error and RMS around a marker's edges, of their contrast: 0.01
+// and 0.001 with a lens of f/8 on pixels of 2.8 um, 0.07 and 0.008 where only the pixels blur
+// (tested). Edges are not displaced, for the filter is even.
 
 // The image of the same size, moved from -motion/2 to +motion/2 (px, x right, y down). Beyond the
 // border the image goes on as at the border. Where all that the line meets is even the result is

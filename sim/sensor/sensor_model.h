@@ -25,7 +25,7 @@
 #include "core/image/image.h"
 #include "sim/sensor/sensor_noise.h"
 #include "sim/sensor/sensor_steps.h"
-#include "sim/tiles/rendered_image.h"
+#include "sim/tiles/render_plan.h"
 
 namespace etalon {
 

@@ -364,14 +364,12 @@ HWY_ATTR void interpolate_row(const float* coarse, const float weights[6], int f
         put_one();
 }
 
-HWY_ATTR void AddInterpolated(const float* coarse, const float weights[6], int first, int last,
-                              float* out) {
-    interpolate_row<true>(coarse, weights, first, last, 0.0f, out);
-}
-
-HWY_ATTR void SetInterpolated(const float* coarse, const float weights[6], int first, int last,
-                              float base, float* out) {
-    interpolate_row<false>(coarse, weights, first, last, base, out);
+HWY_ATTR void PutInterpolated(const float* coarse, const float weights[6], int first, int last,
+                              bool add, float base, float* out) {
+    if (add)
+        interpolate_row<true>(coarse, weights, first, last, 0.0f, out);
+    else
+        interpolate_row<false>(coarse, weights, first, last, base, out);
 }
 
 // Where and how a row of ramps is written.
@@ -468,13 +466,12 @@ HWY_ATTR void ramp_row(const float* coarse, int shift, int first, int last, bool
         put_some<how>(ramp, coarse + (end >> shift), end, last, out + end - first);
 }
 
-HWY_ATTR void AddRamps(const float* coarse, int shift, int first, int last, float* out) {
-    ramp_row<true>(coarse, shift, first, last, false, out);
-}
-
-HWY_ATTR void SetRamps(const float* coarse, int shift, int first, int last, bool past_caches,
-                       float* out) {
-    ramp_row<false>(coarse, shift, first, last, past_caches, out);
+HWY_ATTR void PutRamps(const float* coarse, int shift, int first, int last, bool add,
+                       bool past_caches, float* out) {
+    if (add)
+        ramp_row<true>(coarse, shift, first, last, false, out);
+    else
+        ramp_row<false>(coarse, shift, first, last, past_caches, out);
 }
 
 }  // namespace etalon::HWY_NAMESPACE
@@ -493,10 +490,8 @@ HWY_EXPORT(AverageParts);
 HWY_EXPORT(AddConstant);
 HWY_EXPORT(SumRowPair);
 HWY_EXPORT(FillRow);
-HWY_EXPORT(AddInterpolated);
-HWY_EXPORT(SetInterpolated);
-HWY_EXPORT(AddRamps);
-HWY_EXPORT(SetRamps);
+HWY_EXPORT(PutInterpolated);
+HWY_EXPORT(PutRamps);
 
 void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t window_stride,
                    int width, int height, float* out, std::ptrdiff_t out_stride) {
@@ -540,22 +535,15 @@ void fill_row(float value, std::ptrdiff_t count, bool past_caches, float* out) {
     HWY_DYNAMIC_DISPATCH(FillRow)(value, count, past_caches, out);
 }
 
-void add_interpolated(const float* coarse, const float weights[6], int first, int last,
-                      float* out) {
-    HWY_DYNAMIC_DISPATCH(AddInterpolated)(coarse, weights, first, last, out);
+void put_interpolated(const float* coarse, const float weights[6], int first, int last,
+                      std::optional<float> base, float* out) {
+    HWY_DYNAMIC_DISPATCH(PutInterpolated)
+    (coarse, weights, first, last, !base, base.value_or(0.0f), out);
 }
 
-void set_interpolated(const float* coarse, const float weights[6], int first, int last, float base,
-                      float* out) {
-    HWY_DYNAMIC_DISPATCH(SetInterpolated)(coarse, weights, first, last, base, out);
-}
-
-void add_ramps(const float* coarse, int shift, int first, int last, float* out) {
-    HWY_DYNAMIC_DISPATCH(AddRamps)(coarse, shift, first, last, out);
-}
-
-void set_ramps(const float* coarse, int shift, int first, int last, bool past_caches, float* out) {
-    HWY_DYNAMIC_DISPATCH(SetRamps)(coarse, shift, first, last, past_caches, out);
+void put_ramps(const float* coarse, int shift, int first, int last, bool add, bool past_caches,
+               float* out) {
+    HWY_DYNAMIC_DISPATCH(PutRamps)(coarse, shift, first, last, add, past_caches, out);
 }
 
 }  // namespace etalon

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 
 namespace etalon {
 
@@ -58,20 +59,19 @@ void sum_row_pair(const float* const rows[7], const float weights[6], int width,
                   float* odd);
 
 // Interpolation up by two, for the fine samples first ... last - 1: fine sample 2 i lies a quarter
-// of a step before coarse sample i, 2 i + 1 a quarter behind it. out[f - first] += the sum of
-// weights[n] * coarse[i - 3 + n], for odd ones its mirror image; set_interpolated() writes it with
-// `base` added and does not read `out`.
-void add_interpolated(const float* coarse, const float weights[6], int first, int last, float* out);
-void set_interpolated(const float* coarse, const float weights[6], int first, int last, float base,
-                      float* out);
+// of a step before coarse sample i, 2 i + 1 a quarter behind it: the sum of weights[n] *
+// coarse[i - 3 + n], for odd ones its mirror image. With a `base` writes the sum and the base to
+// out[f - first], without one adds the sum.
+void put_interpolated(const float* coarse, const float weights[6], int first, int last,
+                      std::optional<float> base, float* out);
 
 // Writes one value, past the caches if these would not hold the image anyway.
 void fill_row(float value, std::ptrdiff_t count, bool past_caches, float* out);
 
 // Linear interpolation up by 2^shift >= 8: pixels first ... last - 1 between the coarse samples, of
-// which sample i stands in the middle of the pixels from 2^shift i on. Added to `out` or written,
+// which sample i stands in the middle of the pixels from 2^shift i on. Adds to `out`, or writes,
 // past the caches if these would not hold the image anyway.
-void add_ramps(const float* coarse, int shift, int first, int last, float* out);
-void set_ramps(const float* coarse, int shift, int first, int last, bool past_caches, float* out);
+void put_ramps(const float* coarse, int shift, int first, int last, bool add, bool past_caches,
+               float* out);
 
 }  // namespace etalon

@@ -1,6 +1,6 @@
-// Method E: the radiance that a point of the sensor receives through the whole aperture, in closed
-// form. Exact for a planar grid, tilt and change of blur across the marker included, whether the
-// point is in focus or not.
+// The two closed-form methods in double precision, and the areas that straight lines cut from a
+// disk and from a square, as fractions: what the aperture or a pixel sees past one edge and past
+// two crossing edges.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,11 +10,8 @@
 
 namespace etalon {
 
-// Areas that straight lines cut from a disk, as fractions of the disk: what the aperture sees past
-// one edge (segment) and past two crossing edges (wedge).
-//
-// Closed forms by Green's theorem. The delicate part is the wedge of nearly parallel lines and of
-// lines that cross near the rim; docs/rendering.md says how it is kept accurate to 1e-15.
+// The disk by Green's theorem; docs/rendering.md says how the wedge of nearly parallel lines, and
+// of lines that cross near the rim, is kept accurate to 1e-15.
 
 // The part normal . l + offset >= 0 of the unit disk, cut by a chord.
 struct DiskChord {
@@ -31,7 +28,9 @@ DiskChord disk_chord(const Eigen::Vector2d& normal, double offset);
 // Fraction of the disk that lies in both parts. In [max(0, a + b - 1), min(a, b)] always.
 double disk_wedge_area(const DiskChord& a, const DiskChord& b);
 
-// Holds scratch memory: one per thread. The view must outlive it.
+// Method E: the radiance that a point of the sensor receives through the whole aperture. Exact for
+// a planar grid, tilt and change of blur across the marker included. Holds scratch memory: one per
+// thread. The view must outlive it.
 class LensAverage {
 public:
     explicit LensAverage(const MarkerView& view) : view_(view) {}
@@ -46,6 +45,56 @@ private:
 
     const MarkerView& view_;
     std::vector<DiskChord> column_chords_, row_chords_;
+};
+
+// The square [-1/2, 1/2]^2: closed form for one line; clipping of its outline (Sutherland and
+// Hodgman, 1974) for two.
+
+// The part offset + gradient . s >= 0 of the square.
+struct SquareCut {
+    Eigen::Vector2d gradient;
+    double offset;
+    double area;  // of the part
+};
+
+// Any finite values; a zero gradient gives 0 or 1.
+SquareCut square_cut(const Eigen::Vector2d& gradient, double offset);
+
+// The inverse: the offset of the cut that has this area, 0..1. Needs a gradient that is not zero.
+double offset_of_area(const Eigen::Vector2d& gradient, double area);
+
+// Fraction of the square that lies in both parts.
+double square_wedge_area(const SquareCut& a, const SquareCut& b);
+
+struct LensPoint {
+    Eigen::Vector2d l_mm;
+    double weight;
+};
+
+// `rings` x `spokes` points: radii by Gauss-Legendre in the enclosed area, spokes equally spaced,
+// every other ring turned by half a spoke. Rings 1..4; spokes 0 gives the lens centre alone.
+std::vector<LensPoint> lens_points(double radius_mm, int rings, int spokes);
+
+// Method C: the radiance that a small box of the sensor receives, from its exact area in each cell,
+// at a few points of the aperture. For edges whose blur is far narrower than the box. Memory and
+// view as above.
+class CellCoverage {
+public:
+    CellCoverage(const MarkerView& view, std::vector<LensPoint> points)
+        : view_(view), points_(std::move(points)) {}
+
+    // Average over the parallelogram of undistorted sensor points centred on x with these sides
+    // (columns). `range` as for LensAverage::at.
+    double over(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides, const CellRange& range);
+
+private:
+    int cut_box(int axis, int first, int last, const Eigen::Vector2d& x, const SensorPoint& point,
+                const Eigen::Matrix2d& sides, const Eigen::Vector2d& l,
+                std::vector<SquareCut>& cuts) const;
+
+    const MarkerView& view_;
+    std::vector<LensPoint> points_;
+    std::vector<SquareCut> column_cuts_, row_cuts_;
 };
 
 }  // namespace etalon

@@ -2,49 +2,31 @@
 
 #include <fmt/format.h>
 
+#include <array>
+
+#include "sim/tiles/tile_map.h"
+
 namespace etalon {
 namespace {
 
-const char* name_of(RenderMethod method) {
-    switch (method) {
-        case RenderMethod::exact_lens:
-            return "exact lens averages";
-        case RenderMethod::exact_area:
-            return "exact areas";
-        case RenderMethod::edge_table:
-            return "a table of edges";
-        case RenderMethod::wedge_table:
-            return "a table of edges and corners";
-        case RenderMethod::reference:
-            return "reference integrator";
-        case RenderMethod::wave:
-            return "wave-optical point spread";
-        case RenderMethod::automatic:
-            break;
-    }
-    return "automatic";
-}
+// In the order of RenderMethod and of NeglectedEffect.
+constexpr std::array method_names{"automatic",
+                                  "exact lens averages",
+                                  "exact areas",
+                                  "a table of edges",
+                                  "a table of edges and corners",
+                                  "reference integrator",
+                                  "wave-optical point spread"};
+constexpr std::array effect_names{"lens", "diffraction", "tail", "distortion", "uniform tiles"};
 
 }  // namespace
 
 const char* name_of(NeglectedEffect omission) {
-    switch (omission) {
-        case NeglectedEffect::lens:
-            return "lens";
-        case NeglectedEffect::diffraction:
-            return "diffraction";
-        case NeglectedEffect::tail:
-            return "tail";
-        case NeglectedEffect::distortion:
-            return "distortion";
-        case NeglectedEffect::uniform_tiles:
-            break;
-    }
-    return "uniform tiles";
+    return effect_names.at(static_cast<std::size_t>(omission));
 }
 
 std::string RenderPlan::describe() const {
-    std::string text = name_of(method);
+    std::string text = method_names.at(static_cast<std::size_t>(method));
     if (method == RenderMethod::exact_lens || method == RenderMethod::exact_area)
         text += fmt::format(", {} x {} samples/px (within {:.2g} gray)", points_per_pixel_side,
                             points_per_pixel_side, sampling_gray);
@@ -60,6 +42,15 @@ std::string RenderPlan::describe() const {
         if (left.what != NeglectedEffect::uniform_tiles && left.what != NeglectedEffect::tail)
             text += fmt::format(", no {}", name_of(left.what));
     return text;
+}
+
+Radiance RenderedPart::within(const cv::Rect& other) const {
+    Radiance result(other.size(), CV_32FC1);
+    const cv::Rect both = region & other;
+    set_outside(both, other, static_cast<float>(background), result);
+    if (!both.empty())
+        radiance(both - region.tl()).copyTo(result(both - other.tl()));
+    return result;
 }
 
 }  // namespace etalon

@@ -2,15 +2,64 @@
 // pixels away, a few grays beside an edge and tenths of a gray far from it. Rings of radii, each
 // twice as wide as the one before, are filtered on averages over squares twice as large; the sums
 // are interpolated (6-point Lagrange) from each grid to the next finer one, down to the pixels.
+//
+// A grid is named by the binary logarithm of its step in px, its "shift"; square (i, j) holds the
+// pixels from 2^shift (i, j) on.
 #pragma once
 
+#include <array>
 #include <functional>
+#include <memory>
+#include <mutex>
 #include <optional>
+#include <vector>
 
+#include "calib/camera/projector.h"
+#include "sim/scene/marker_view.h"
+#include "sim/tiles/core_filter.h"
 #include "sim/tiles/image_filter.h"
-#include "sim/tiles/tail_sources.h"
+#include "sim/tiles/tile_samples.h"
 
 namespace etalon {
+
+// Undistorted points at the corners of squares, one per camera; those of the pixels that were named
+// and a margin are computed on first use, 16 x 16 at once (0.5 us each), others each time. Safe
+// from every thread.
+class SquareCorners {
+public:
+    static constexpr int max_shift = 20;
+
+    using Corners = std::array<Eigen::Vector2d, 4>;  // left to right, then down
+
+    // The projector must outlive it.
+    SquareCorners(const Projector& projector, const cv::Rect& pixels)
+        : projector_(projector), pixels_(pixels) {}
+
+    const Projector& projector() const { return projector_; }
+
+    // Of a square; nothing where a corner has no ray.
+    std::optional<Corners> of(int shift, int i, int j) const;
+
+private:
+    static constexpr int part_side = 16;
+    struct Part {
+        std::once_flag once;
+        std::vector<Eigen::Vector2d> points;  // NaN: no ray
+    };
+    struct Table {
+        std::once_flag once;
+        cv::Rect parts;
+        std::unique_ptr<Part[]> of_parts;
+    };
+
+    Eigen::Vector2d compute(int shift, const cv::Point& node) const;
+    Eigen::Vector2d point_at(int shift, const cv::Point& node) const;
+    const Table& table(int shift) const;
+
+    const Projector& projector_;
+    cv::Rect pixels_;
+    mutable std::array<Table, max_shift + 1> tables_;
+};
 
 // What several markers add to a region's pixels far from themselves: sums over the squares of a
 // smooth grid, which are put into the pixels once, and not once for each marker.

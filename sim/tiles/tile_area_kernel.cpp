@@ -17,7 +17,7 @@ namespace {
 // ---- C: a part of the tile, the square [-1/2, 1/2]^2 of its own coordinates
 
 // A line on the square for each point of a vector: the part offset + gradient . s >= 0. See
-// sim/tiles/cell_coverage.h.
+// sim/tiles/lens_average.h.
 struct BoxCut {
     HWY_ALIGN float gradient_x[block], gradient_y[block], offset[block], area[block];
     bool crosses;  // some point's square; else only `area` is there, 0 or 1

@@ -8,16 +8,17 @@
 #include <vector>
 
 #include "sim/psf/deconvolved_psf.h"
-#include "sim/tiles/cell_coverage.h"
+#include "sim/scene/marker_view.h"
 #include "sim/tiles/lens_average.h"
 #include "sim/tiles/render_plan.h"
 #include "sim/tiles/sampling.h"
-#include "sim/tiles/tile_geometry.h"
 #include "sim/tiles/tile_interpolation.h"
+#include "sim/tiles/tile_kernel.h"
+#include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
 
-// The rings and spokes of lens points (sim/tiles/cell_coverage.h) that exact areas need at this
+// The rings and spokes of lens points (sim/tiles/lens_average.h) that exact areas need at this
 // blur.
 struct LensRule {
     int rings, spokes;  // 1, 0: the lens centre alone

@@ -1,7 +1,7 @@
 // Methods E and C for the points of one tile at a time, in single precision with the widest vector
 // instructions that the machine has (Google Highway chooses at run time).
 //
-// The same sums as sim/tiles/lens_average.h and sim/tiles/cell_coverage.h, which are in double
+// The same sums as sim/tiles/lens_average.h and sim/tiles/lens_average.h, which are in double
 // precision and the truth in the tests: every instruction set is within 2e-3 gray of them for edges
 // blurred by more than 0.05 px (and for sharper ones within the step that 1e-6 px make), and within
 // 1e-3 gray of every other. docs/rendering.md has the formulas.

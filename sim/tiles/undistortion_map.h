@@ -1,22 +1,17 @@
 // Where every point of the sensor looks: undistorted normalised coordinates, fast and with bounds.
 //
 // The sensor is divided into square tiles. Newton's inverse (calib/camera/projector.h) is evaluated
-// at their corners; inside a tile, the bicubic Lagrange polynomial through 4 x 4 corners replaces
-// it (error below 1e-4 px, mostly below 1e-5 px; a test measures it). Where that bends too much, as
-// far from the axis of a wide-angle lens, a tile has a cubic of its own through 4 x 4 points within
-// it, which errs 46 times less. The Bezier control points bound a tile's part of the scene
-// rigorously. Tiles at the border of the valid region, and those that bend too much even so, have
-// Newton's method, or cubics of smaller squares (cubic_within()). Groups of 4 x 4 tiles, of 4 x 4
-// groups and so on have bounds as well: a search for a marker passes over most of the image in a
-// few steps.
+// at their corners; inside a tile the bicubic Lagrange polynomial through 4 x 4 corners replaces it
+// (error below 1e-4 px, mostly below 1e-5 px; tested). Where that bends too much (far from the axis
+// of a wide-angle lens), a tile has a cubic of its own through 4 x 4 points within it, which errs
+// 46 times less. Tiles at the border of the valid region, and those that bend too much even so,
+// have Newton's method, or cubics of smaller squares (cubic_within()). Bezier control points bound
+// what a tile sees; groups of 4 x 4 tiles, of 4 x 4 groups and so on have bounds as well.
 //
-// Tiles are made in blocks of 16 x 16 when one of a block is first asked for. A block's own bounds
-// come from one cubic through corners of blocks, with ten times its error around it; a block that
-// bends too much for that, or that may hold points without a ray, is made at once. What is asked
-// for does not depend on what was made before.
-//
-// Safe from every thread; construction takes some 1 us per block, tiles 0.3 us each when they are
-// made, 10 where they have a cubic of their own.
+// Blocks of 16 x 16 tiles are made when first asked for. A block's bounds come from one cubic
+// through corners of blocks, with ten times its error around it; a block for which that is too
+// coarse is made at once. Results do not depend on what was made before. Safe from every thread.
+// Construction takes 1 us per block, a tile 0.3 us, 10 us with a cubic of its own.
 #pragma once
 
 #include <Eigen/Core>

@@ -7,7 +7,7 @@
 #include "bench/bench_report.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "sim/scene/bench_poses.h"
+#include "sim/scene/pose_volume.h"
 #include "station/shell/command.h"
 #include "station/studies/commands.h"
 

@@ -10,7 +10,7 @@
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "sim/marker/stag_codes.h"
+#include "sim/marker/stag_pattern.h"
 #include "study/study_report.h"
 #include "study/study_run.h"
 #include "tests/error_text.h"

@@ -1,4 +1,4 @@
-// Our finder of STag markers (sim/marker/stag_codes.h): quadrilaterals, their codewords, and the
+// Our finder of STag markers (sim/marker/stag_pattern.h): quadrilaterals, their codewords, and the
 // corners from all edges. Method and figures: docs/stag.md. All functions are safe from every
 // thread.
 #pragma once
@@ -13,7 +13,7 @@
 
 #include "compare/detect/detector.h"
 #include "core/image/image.h"
-#include "sim/marker/stag_codes.h"
+#include "sim/marker/stag_pattern.h"
 
 namespace etalon {
 

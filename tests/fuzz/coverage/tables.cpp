@@ -3,7 +3,7 @@
 
 #include "calib/files/camera_file.h"
 #include "core/config/csv_file.h"
-#include "sim/marker/stag_codes.h"
+#include "sim/marker/stag_pattern.h"
 #include "sim/scene/pose_file.h"
 #include "station/register/stage_registration.h"
 #include "study/study_results.h"

@@ -1,13 +1,24 @@
+// Cells smaller than a pixel: several edges add their errors up, and the plan has to know.
+
+// A lens before rows and columns that do not meet at right angles: its blur against the reference
+// integrator, whose point spread leans in pixels as the columns do.
+
+// Pixels that the border of the distortion model's valid region cuts: beyond it nothing is seen.
+
 #include "sim/render/renderer.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <numbers>
 
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"
+#include "core/statistics/random.h"
+#include "sim/marker/marker.h"
+#include "sim/render/reference_integrator.h"
+#include "tests/calib/cameras.h"
+#include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
 
 namespace etalon {
@@ -375,6 +386,186 @@ TEST(Renderer, SaysWhatItDid) {
     EXPECT_NEAR(plan.max_blur_radius_px, 2.03, 0.01);
     EXPECT_GT(plan.tail_reach_px, 80.0);
     EXPECT_THAT(plan.describe(), testing::HasSubstr("exact lens averages"));
+}
+
+constexpr double depth_mm = 190.0;
+constexpr int cells = 16;
+
+// Square cells of this many px, turned by an angle: a checkerboard, stripes or random ones.
+Scene small_cells(const CameraModel& camera, double cell_px, double angle, int kind) {
+    RandomStream random(7, 3);
+    PlacedMarker marker;
+    marker.grid.cells.create(cells, cells, CV_32FC1);
+    for (int j = 0; j < cells; ++j)
+        for (int i = 0; i < cells; ++i)
+            marker.grid.cells.at<float>(j, i) = static_cast<float>(
+                kind == 0 ? (i + j) % 2 : (kind == 1 ? i % 2 : random.uniform() < 0.5));
+    const double per_px = depth_mm / camera.intrinsics.fx, side = cell_px * per_px;
+    marker.grid.cell_mm = {side, side};
+    marker.grid.corner_mm = Eigen::Vector2d::Constant(-0.5 * cells * side);
+    marker.camera_from_marker = {
+        Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ())),
+        {0.31 * per_px, -0.17 * per_px, depth_mm}};
+    return {{marker}, 1.0};
+}
+
+// Error of the automatic plan, which aims at 0.1 gray, against 24 exact lens averages a side.
+double error_gray(const Renderer& renderer, const Scene& scene) {
+    const std::vector<NeglectedEffect> keep{NeglectedEffect::lens, NeglectedEffect::diffraction,
+                                            NeglectedEffect::tail};
+    const cv::Rect middle(36, 24, 24, 24);
+    const RenderedImage planned = renderer.render(scene, {.region = middle, .keep = keep});
+    const RenderedImage exact = renderer.render(scene, {.method = RenderMethod::exact_lens,
+                                                        .tolerance_gray = 1e3,
+                                                        .samples_per_side = 24,
+                                                        .region = middle,
+                                                        .keep = keep});
+    return test::largest_difference(planned.radiance, exact.radiance) / gray;
+}
+
+TEST(SmallCells, AreWithinTheToleranceWhereverTheirEdgesLie) {
+    for (const PointSpread& spread : {PointSpread{PointSpread::Kind::gaussian, 0.11},
+                                      PointSpread{PointSpread::Kind::ideal, 0.0}}) {
+        CameraModel camera = test::small_camera(spread);
+        camera.lens->focus_distance_mm = 197.0;  // blurred by some 0.3 px
+        const Renderer renderer(camera);
+        for (const double cell_px : {0.21, 0.61})
+            for (int kind = 0; kind < 3; ++kind)
+                EXPECT_LT(error_gray(renderer, small_cells(camera, cell_px, 0.37, kind)), 0.15)
+                    << cell_px << " px, kind " << kind;
+    }
+}
+
+// Disks of confusion of up to 2 px on both sides of the focus, the largest skew that a lens takes.
+CameraModel skewed_camera(double f_number) {
+    CameraModel camera = test::camera_with(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2});
+    camera.intrinsics.skew = -max_skew_of_a_lens * camera.intrinsics.fx;
+    camera.sensor.emplace();
+    camera.sensor->pixel_pitch_um = 17.0;
+    camera.lens.emplace();
+    camera.lens->f_number = f_number;
+    camera.lens->focus_distance_mm = 300.0;
+    camera.lens->wavelength_nm = 550.0;
+    return camera;
+}
+
+// Turned by 45 degrees, at which a pattern that leans shows most.
+PlacedMarker tilted_marker() {
+    PlacedMarker marker;
+    marker.grid.cells = (cv::Mat_<float>(2, 3) << 0, 1, 0, 1, 0, 1);
+    marker.grid.cell_mm = {7.0, 9.0};
+    marker.grid.corner_mm = {-10.5, -9.0};
+    marker.camera_from_marker = {rotation_from_vector({0.3, -0.7, 0.8}), {1.0, -0.5, 300.0}};
+    return marker;
+}
+
+TEST(SkewedLens, IsBlurredAsItsRaysMeetTheMarker) {
+    const Scene scene{{tilted_marker()}, 0.5};
+    ReferenceOptions options;
+    options.samples_per_scramble = 2048;
+    std::vector<cv::Point> pixels;
+    for (int y = 22; y < 80; y += 7)
+        for (int x = 27; x < 90; x += 6)
+            pixels.emplace_back(x, y);
+    for (const double f_number : {1.4, 8.0}) {
+        const CameraModel camera = skewed_camera(f_number);
+        const RenderedImage image = Renderer(camera).render(scene);
+        const auto truth = integrate_reference(camera, scene, pixels, options);
+        for (std::size_t i = 0; i < pixels.size(); ++i)
+            EXPECT_NEAR(image.radiance.at<float>(pixels[i]), truth[i].mean,
+                        0.1 * gray + 4.0 * truth[i].standard_error)
+                << "f/" << f_number << " " << pixels[i];
+    }
+}
+
+TEST(SkewedLens, IsRefusedWhereItsPointSpreadWouldLean) {
+    CameraModel camera = skewed_camera(1.4);
+    camera.intrinsics.skew *= 1.01;
+    EXPECT_THROW(Renderer{camera}, NumericalError);
+}
+
+// Barrel distortion folds over where r (1 + k1 r^2) is largest: r = 1 / sqrt(-3 k1), image radius
+// 2/3 of that.
+constexpr double k1 = -0.3, focal_px = 4000.0;
+const double fold = 1.0 / std::sqrt(-3.0 * k1), fold_px = focal_px * 2.0 / 3.0 * fold;
+
+// A sharp camera whose fold, hardly curved within the image, passes through `at`, its outward
+// direction turned by `angle` from x.
+CameraModel camera_with_fold(const Eigen::Vector2d& at, double angle) {
+    CameraModel camera;
+    camera.width = 24;
+    camera.height = 16;
+    const Eigen::Vector2d centre = at - fold_px * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+    camera.intrinsics = {focal_px, focal_px, centre.x(), centre.y()};
+    camera.distortion.k1 = k1;
+    return camera;
+}
+
+// Black wherever the camera sees anything, before a white background.
+Scene black_scene(double angle) {
+    PlacedMarker marker;
+    marker.grid.cells = cv::Mat(1, 1, CV_32FC1, cv::Scalar(0.0));
+    marker.grid.cell_mm = {400.0, 400.0};
+    marker.grid.corner_mm = {-200.0, -200.0};
+    const double place = 250.0 * fold;
+    marker.camera_from_marker.translation = {place * std::cos(angle), place * std::sin(angle),
+                                             250.0};
+    return {{marker}, 1.0};
+}
+
+// Of the pixel's area, by the midpoint rule on 1000 rows with the border's exact x in each.
+double share_beyond_fold(const CameraModel& camera, int x, int y) {
+    double share = 0.0;
+    for (int i = 0; i < 1000; ++i) {
+        const double dy = y - 0.5 + (i + 0.5) / 1000.0 - camera.intrinsics.cy;
+        const double border = camera.intrinsics.cx + std::sqrt(fold_px * fold_px - dy * dy);
+        share += std::clamp(x + 0.5 - border, 0.0, 1.0) / 1000.0;
+    }
+    return share;
+}
+
+TEST(FoldBorder, CutsAPixelToTheToleranceWhicheverWayItRuns) {
+    for (const double angle : {0.0, 0.61})
+        for (const double x : {15.27, 15.49, 15.508, 16.53, 17.06, 17.13, 17.29, 17.41}) {
+            const CameraModel camera = camera_with_fold({x, 7.0}, angle);
+            const RenderedImage image =
+                Renderer(camera).render(black_scene(angle), {.region = {12, 4, 8, 4}});
+            for (int column = 14; column <= 19; ++column) {
+                if (image.valid.at<uchar>(7, column) == 0)
+                    continue;
+                EXPECT_NEAR(255.0 * image.radiance.at<float>(7, column),
+                            255.0 * share_beyond_fold(camera, column, 7), 0.13)
+                    << "angle " << angle << ", border at " << x << ", column " << column;
+            }
+        }
+}
+
+// Blurred, a pixel beside the border is off by what the plan states: 0.45 gray.
+TEST(FoldBorder, IsWithinWhatThePlanStatesUnderALens) {
+    CameraModel camera;
+    camera.width = 640;
+    camera.height = 480;
+    camera.intrinsics = {616.6, 616.6, 319.5, 239.5};
+    camera.distortion.k1 = -0.38;
+    camera.sensor = Sensor{.pixel_pitch_um = 4.8};
+    camera.lens = Lens{2.8, 150.0, 600.0, {}};
+    const Marker marker = parse_marker("apriltag:36h11:5@60mm", "marker");
+    const Rigid pose{rotation_from_vector({0.26494, 0.01620, 0.57263}), {272.0, 204.0, 400.0}};
+    const Scene scene{{{marker.grid, pose}}, 1.0};
+    const cv::Rect region(636, 456, 3, 3);
+    const RenderedImage image = Renderer(camera).render(scene, {.region = region});
+    const ReferenceImage reference =
+        integrate_reference(camera, scene, region, {.scrambles = 16, .samples_per_scramble = 4096});
+    EXPECT_LT(image.plan.border_gray, 0.5);
+    EXPECT_LT(image.plan.sampling_gray, 0.1);
+    for (int y = 0; y < region.height; ++y)
+        for (int x = 0; x < region.width; ++x)
+            if (image.valid.at<uchar>(region.y + y, region.x + x) != 0) {
+                EXPECT_NEAR(255.0 * image.radiance.at<float>(region.y + y, region.x + x),
+                            255.0 * reference.mean.at<float>(y, x),
+                            0.1 + image.plan.border_gray +
+                                4.0 * 255.0 * reference.standard_error.at<float>(y, x));
+            }
 }
 
 }  // namespace

@@ -13,7 +13,6 @@
 #include <random>
 
 #include "core/program/errors.h"
-#include "sim/tiles/cell_coverage.h"
 #include "sim/tiles/lens_average.h"
 #include "tests/gray.h"
 

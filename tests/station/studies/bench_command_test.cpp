@@ -11,7 +11,7 @@
 #include "calib/camera/projector.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "sim/scene/bench_poses.h"
+#include "sim/scene/pose_volume.h"
 #include "station/studies/commands.h"
 #include "tests/error_text.h"
 #include "tests/temporary_folder.h"

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "core/config/strict_reader.h"
-#include "core/file/file_sync.h"
+#include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"

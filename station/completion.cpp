@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "calib/files/camera_formats.h"
+#include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "compare/make_detector.h"
 #include "report/json_text.h"

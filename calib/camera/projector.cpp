@@ -6,7 +6,7 @@
 #include <Eigen/LU>
 
 #include "core/geometry/rigid.h"
-#include "core/optimize/damped_newton.h"
+#include "core/optimize/root_search.h"
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -1,6 +1,6 @@
 #include "calib/camera/lens_projection.h"
 #include "calib/camera/valid_region.h"
-#include "core/optimize/damped_newton.h"
+#include "core/optimize/root_search.h"
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -1,38 +1,40 @@
-#include "calib/files/foreign_camera.h"
+// Calibrations as BoofCV writes them (YAML of its CalibrationIO): model, pinhole {width, height,
+// fx, fy, skew, cx, cy} and radial_tangential {radial: [...], t1, t2}.
+//
+// Read and written are pinhole and pinhole_radial_tangential, whose radial, t1 and t2 are k1 k2 k3,
+// p1 and p2 of OpenCV, omnidirectional_universal with the same, and kannala_brandt without its
+// asymmetric terms: symmetric has the coefficients of theta, theta^3 to theta^9. Asymmetric terms
+// (radial with radial_trig, tangent with tangent_trig) and stereo files are refused by name.
+//
+// Not written are coefficients beyond k1 k2 p1 p2 k3, of an equidistant camera k1 k2 k3 k7.
+#include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
 
-#include "calib/files/foreign_value.h"
 #include "core/file/text.h"
 
 namespace etalon {
 namespace {
 
-Distortion boofcv_distortion(const ForeignValue& value) {
-    Distortion distortion;
+void read_radial_tangential(const Value& value, CameraModel& camera) {
     if (const auto radial = value.find("radial")) {
-        const std::vector<double> k = radial->numbers();
+        const std::vector<double> k = radial->numbers(0, any_number);
         if (k.size() > 3)
             radial->fail(fmt::format("must have at most 3 coefficients, not {}", k.size()));
-        distortion.k1 = k.size() > 0 ? k[0] : 0.0;
-        distortion.k2 = k.size() > 1 ? k[1] : 0.0;
-        distortion.k3 = k.size() > 2 ? k[2] : 0.0;
+        set_parameters(camera, {"k1", "k2", "k3"}, k);
     }
-    if (const auto t1 = value.find("t1"))
-        distortion.p1 = t1->number();
-    if (const auto t2 = value.find("t2"))
-        distortion.p2 = t2->number();
-    return distortion;
+    camera.distortion.p1 = value.number_or_zero("t1", any_number);
+    camera.distortion.p2 = value.number_or_zero("t2", any_number);
 }
 
-bool is_all_zero(const ForeignValue& list) {
-    const std::vector<double> values = list.numbers();
+bool is_all_zero(const Value& list) {
+    const std::vector<double> values = list.numbers(0, any_number);
     return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
 }
 
 // BoofCV's asymmetric terms are a polynomial of the angle times a polynomial of the azimuth's sines
 // and cosines: nothing when one of the two is zero.
-void refuse_asymmetric_terms(const ForeignValue& root) {
+void refuse_asymmetric_terms(const Value& root) {
     for (const char* name : {"radial", "tangent"}) {
         const auto of_angle = root.find(name), of_azimuth = root.find(std::string(name) + "_trig");
         if (of_angle && of_azimuth && !is_all_zero(*of_angle) && !is_all_zero(*of_azimuth))
@@ -41,9 +43,9 @@ void refuse_asymmetric_terms(const ForeignValue& root) {
 }
 
 // The first coefficient, of theta itself, goes into the focal lengths: here it is 1.
-void read_kannala_brandt(const ForeignValue& root, CameraModel& camera) {
-    const ForeignValue symmetric = root.at("symmetric");
-    const std::vector<double> k = symmetric.numbers();
+void read_kannala_brandt(const Value& root, CameraModel& camera) {
+    const Value symmetric = root.at("symmetric");
+    const std::vector<double> k = symmetric.numbers(0, any_number);
     if (k.empty() || k.size() > 5)
         symmetric.fail(fmt::format("must have 1 to 5 coefficients, not {}", k.size()));
     if (!(k[0] > 0.0))
@@ -57,14 +59,14 @@ void read_kannala_brandt(const ForeignValue& root, CameraModel& camera) {
         relative.push_back(k[n] / k[0]);
     if (std::any_of(relative.begin(), relative.end(), [](double x) { return !std::isfinite(x); }))
         symmetric.fail("has coefficients that are too large beside the first");
-    camera.distortion = kannala_brandt(relative);
+    set_parameters(camera, kannala_brandt, relative);
 }
 
 std::string boofcv_lines(const CameraModel& camera) {
     const Distortion& d = camera.distortion;
     if (camera.projection.kind == Projection::equidistant) {
         std::string lines = "symmetric:\n- 1.0\n";
-        for (const double k : kannala_brandt_coefficients(d))
+        for (const double k : parameters_of(camera, kannala_brandt))
             lines += "- " + yaml_real(k) + "\n";
         return lines + "radial: []\nradial_trig: []\ntangent: []\ntangent_trig: []\n";
     }
@@ -79,8 +81,8 @@ std::string boofcv_lines(const CameraModel& camera) {
 }  // namespace
 
 CameraModel read_boofcv_camera(const std::filesystem::path& path) {
-    const ForeignValue root = ForeignValue::parse(read_text(path), path.string());
-    const ForeignValue model = root.at("model");
+    const Value root = foreign_root(read_text(path), path.string());
+    const Value model = root.at("model");
     const std::string name = model.text();
     if (name != "pinhole" && name != "pinhole_radial_tangential" &&
         name != "omnidirectional_universal" && name != "kannala_brandt")
@@ -88,24 +90,22 @@ CameraModel read_boofcv_camera(const std::filesystem::path& path) {
             "must be pinhole, pinhole_radial_tangential, omnidirectional_universal or "
             "kannala_brandt, not '" +
             name + "'");
-    const ForeignValue pinhole = root.at("pinhole");
-    const auto number = [&](const char* key) { return pinhole.at(key).number(); };
-    const auto skew = pinhole.find("skew");
+    const Value pinhole = root.at("pinhole");
+    const auto number = [&](const char* key) { return pinhole.at(key).number(any_number); };
     CameraModel camera;
-    camera.width = checked_image_side(number("width"), pinhole.at("width").place());
-    camera.height = checked_image_side(number("height"), pinhole.at("height").place());
+    camera.width = image_side(pinhole.at("width"));
+    camera.height = image_side(pinhole.at("height"));
     camera.intrinsics =
-        from_pixels_of(CalibrationTool::boofcv,
-                       checked_intrinsics(number("fx"), number("fy"), number("cx"), number("cy"),
-                                          pinhole.place(), skew ? skew->number() : 0.0));
+        checked_intrinsics(number("fx"), number("fy"), number("cx"), number("cy"), pinhole.place(),
+                           pinhole.number_or_zero("skew", any_number));
     if (name == "kannala_brandt")
         read_kannala_brandt(root, camera);
     else if (name != "pinhole")
-        camera.distortion = boofcv_distortion(root.at("radial_tangential"));
+        read_radial_tangential(root.at("radial_tangential"), camera);
     if (name == "omnidirectional_universal") {
-        const ForeignValue offset = root.at("mirror_offset");
+        const Value offset = root.at("mirror_offset");
         camera.projection =
-            checked_projection({Projection::unified, offset.number()}, offset.place());
+            checked_projection({Projection::unified, offset.number(any_number)}, offset.place());
     }
     return camera;
 }
@@ -116,10 +116,10 @@ void write_boofcv_camera(const std::filesystem::path& path, const CameraModel& c
     require_foreign_camera(camera, path, format,
                            {Projection::perspective, Projection::unified, Projection::equidistant});
     if (kind == Projection::equidistant)
-        require_only(camera, {"k1", "k2", "k3", "k7"}, path, format);
+        require_only(camera, kannala_brandt, path, format);
     else
         shortest_distortion(camera, {5}, path, format);
-    const Intrinsics i = to_pixels_of(CalibrationTool::boofcv, camera.intrinsics);
+    const Intrinsics& i = camera.intrinsics;
     const char* model = kind == Projection::equidistant ? "kannala_brandt"
                         : kind == Projection::unified   ? "omnidirectional_universal"
                                                         : "pinhole_radial_tangential";

@@ -9,8 +9,8 @@
 
 #include "calib/camera/camera_model.h"
 #include "calib/camera/lens_projection.h"
-#include "calib/files/camera_formats.h"
 #include "calib/files/foreign_camera.h"
+#include "calib/files/foreign_file.h"
 #include "core/config/csv_file.h"
 #include "core/config/strict_reader.h"
 #include "core/file/text.h"

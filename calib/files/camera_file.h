@@ -1,5 +1,5 @@
 // A camera from a file and back. Our own camera.yml (`etalon: camera/1`) carries everything that
-// CameraModel has; calibrations of other tools (calib/files/camera_formats.h) are read as cameras
+// CameraModel has; calibrations of other tools (calib/files/foreign_camera.h) are read as cameras
 // without lens and sensor sections.
 //
 //     etalon: camera/1

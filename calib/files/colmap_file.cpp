@@ -1,13 +1,21 @@
-#include "calib/files/foreign_camera.h"
+// Calibrations as COLMAP keeps them (cameras.txt): a line `CAMERA_ID MODEL WIDTH HEIGHT PARAMS...`
+// for every camera, lines that begin with # apart. Layout: COLMAP's "Output Format" and "Camera
+// Models"; orders of parameters: its sensor/models.h.
+//
+// Read are SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV, FOV,
+// SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE and THIN_PRISM_FISHEYE.
+//
+// Written is one camera with the id 1, as the first model with two focal lengths that holds it.
+// Throws ConfigError for coefficients that COLMAP does not have there, and for a skew.
+#include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
-#include <string_view>
+#include <iterator>
+#include <sstream>
 
-#include "calib/camera/camera_model.h"
 #include "core/file/text.h"
 
 namespace etalon {
@@ -19,7 +27,7 @@ struct Model {
     const char* name;
     bool one_focal_length;
     Projection projection;
-    std::vector<std::string_view> parameters;
+    ParameterNames parameters;
 };
 const std::vector<Model>& models() {
     using enum Projection;
@@ -41,31 +49,14 @@ const std::vector<Model>& models() {
     return all;
 }
 
-double& parameter(CameraModel& camera, std::array<double, Distortion::count>& coefficients,
-                  std::string_view name) {
-    if (name == "omega")
-        return camera.projection.a;
-    const auto at = std::find(distortion_names.begin(), distortion_names.end(), name);
-    return coefficients[static_cast<std::size_t>(at - distortion_names.begin())];
-}
-
 struct Line {
     SourcePlace place;
     std::vector<std::string> words;
 };
 
 std::vector<std::string> words_of(std::string_view line) {
-    std::vector<std::string> words;
-    std::string word;
-    for (const char c : std::string(line) + " ") {
-        if (c != ' ' && c != '\t' && c != '\r') {
-            word += c;
-        } else if (!word.empty()) {
-            words.push_back(word);
-            word.clear();
-        }
-    }
-    return words;
+    std::istringstream stream{std::string(line)};
+    return {std::istream_iterator<std::string>(stream), {}};
 }
 
 std::vector<Line> camera_lines(const std::filesystem::path& path) {
@@ -150,14 +141,10 @@ CameraModel read_colmap_camera(const std::filesystem::path& path, const std::str
     for (std::size_t i = 0; i < count; ++i)
         p.push_back(number(line, first + i, "PARAMS"));
     const std::size_t centre = focal_lengths;
-    camera.intrinsics = from_pixels_of(
-        CalibrationTool::colmap,
-        checked_intrinsics(p[0], p[focal_lengths - 1], p[centre], p[centre + 1], line.place));
+    camera.intrinsics =
+        checked_intrinsics(p[0], p[focal_lengths - 1], p[centre], p[centre + 1], line.place);
     camera.projection.kind = model.projection;
-    std::array<double, Distortion::count> coefficients{};
-    for (std::size_t i = 0; i < model.parameters.size(); ++i)
-        parameter(camera, coefficients, model.parameters[i]) = p[centre + 2 + i];
-    camera.distortion = Distortion::of(coefficients);
+    set_parameters(camera, model.parameters, {p.begin() + focal_lengths + 2, p.end()});
     checked_projection(camera.projection, line.place);
     return camera;
 }
@@ -168,12 +155,10 @@ void write_colmap_camera(const std::filesystem::path& path, const CameraModel& c
         {Projection::perspective, Projection::equidistant, Projection::field_of_view});
     require_no_skew(camera, path, "COLMAP");
     const Model& model = model_for(camera, path);
-    const Intrinsics i = to_pixels_of(CalibrationTool::colmap, camera.intrinsics);
+    const Intrinsics& i = camera.intrinsics;
     std::vector<std::string> parameters{exact(i.fx), exact(i.fy), exact(i.cx), exact(i.cy)};
-    CameraModel written = camera;
-    auto coefficients = camera.distortion.coefficients();
-    for (const std::string_view name : model.parameters)
-        parameters.push_back(exact(parameter(written, coefficients, name)));
+    for (const double number : parameters_of(camera, model.parameters))
+        parameters.push_back(exact(number));
     write_text(path,
                fmt::format("# Camera list with one line of data per camera:\n"
                            "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"

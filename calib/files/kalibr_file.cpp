@@ -1,17 +1,24 @@
-#include "calib/files/foreign_camera.h"
+// Calibrations as Kalibr writes them (camchain.yaml): for every camera cam0, cam1, ... its
+// camera_model, intrinsics [fu, fv, pu, pv], distortion_model, distortion_coeffs and resolution
+// [width, height]. Layout: the wiki of Kalibr, "yaml formats".
+//
+// Read and written are camera_model pinhole with the distortion radtan (k1 k2 p1 p2, OpenCV's
+// order), equidistant, fov or none, omni with radtan or none, eucm and ds. Poses between cameras
+// and the IMU are not read.
+//
+// Written is one camera, cam0. Throws ConfigError for coefficients beyond k1 k2 p1 p2 (equidistant
+// k1 k2 k3 k7), and for a skew.
+#include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <array>
-
-#include "calib/files/foreign_value.h"
 #include "core/file/text.h"
 
 namespace etalon {
 namespace {
 
-ForeignValue choose_camera(const ForeignValue& root, const std::string& name) {
+Value choose_camera(const Value& root, const std::string& name) {
     if (!name.empty())
         return root.at(name);
     std::vector<std::string> cameras;
@@ -26,127 +33,115 @@ ForeignValue choose_camera(const ForeignValue& root, const std::string& name) {
     return root.at(cameras.front());
 }
 
-// Kalibr's names of what precedes the focal lengths among the intrinsics, in its order.
+// What precedes the focal lengths among the intrinsics, in Kalibr's order, and the words for the
+// distortions that the model may have.
 struct KalibrModel {
     const char* name;
     Projection projection;
-    std::size_t parameters;
-    bool has_radtan;
+    std::vector<double LensProjection::*> parameters;
+    const char* distortions;
 };
-constexpr std::array kalibr_models{KalibrModel{"pinhole", Projection::perspective, 0, true},
-                                   KalibrModel{"omni", Projection::unified, 1, true},
-                                   KalibrModel{"eucm", Projection::extended_unified, 2, false},
-                                   KalibrModel{"ds", Projection::double_sphere, 2, false}};
+const std::vector<KalibrModel>& kalibr_models() {
+    using P = LensProjection;
+    static const std::vector<KalibrModel> all{
+        {"pinhole", Projection::perspective, {}, "radtan, equidistant, fov or none"},
+        {"omni", Projection::unified, {&P::a}, "radtan or none"},
+        {"eucm", Projection::extended_unified, {&P::b, &P::a}, "none"},
+        {"ds", Projection::double_sphere, {&P::a, &P::b}, "none"}};
+    return all;
+}
 
-const KalibrModel& kalibr_model(const ForeignValue& value) {
-    for (const KalibrModel& model : kalibr_models)
+// A pinhole's distortion may be another projection.
+struct KalibrDistortion {
+    const char* name;
+    Projection projection;  // of a pinhole with it
+    ParameterNames parameters;
+};
+const std::vector<KalibrDistortion>& kalibr_distortions() {
+    static const std::vector<KalibrDistortion> all{
+        {"radtan", Projection::perspective, {"k1", "k2", "p1", "p2"}},
+        {"equidistant", Projection::equidistant, kannala_brandt},
+        {"fov", Projection::field_of_view, {"omega"}},
+        {"none", Projection::perspective, {}}};
+    return all;
+}
+
+const KalibrModel& kalibr_model(const Value& value) {
+    for (const KalibrModel& model : kalibr_models())
         if (value.text() == model.name)
             return model;
     value.fail("must be pinhole, omni, eucm or ds, not '" + value.text() + "'");
 }
 
-// eucm has alpha first, ds xi.
-LensProjection kalibr_projection(const KalibrModel& model, const std::vector<double>& numbers) {
-    LensProjection projection{model.projection};
-    if (model.parameters == 1)
-        projection.a = numbers[0];
-    else if (model.projection == Projection::extended_unified)
-        projection = {model.projection, numbers[1], numbers[0]};
-    else if (model.parameters == 2)
-        projection = {model.projection, numbers[0], numbers[1]};
-    return projection;
-}
-
-// A pinhole's distortion may be another projection.
-void read_kalibr_distortion(const ForeignValue& values, const KalibrModel& model,
-                            CameraModel& camera) {
-    const ForeignValue word = values.at("distortion_model");
+void read_kalibr_distortion(const Value& values, const KalibrModel& model, CameraModel& camera) {
+    const Value word = values.at("distortion_model");
     const std::string name = word.text();
-    const bool is_pinhole = model.projection == Projection::perspective;
     if (name == "none")
         return;
-    const ForeignValue coefficients = values.at("distortion_coeffs");
-    if (name == "radtan" && model.has_radtan) {
-        const auto c = coefficients.numbers(4);
-        camera.distortion = {.k1 = c[0], .k2 = c[1], .p1 = c[2], .p2 = c[3]};
-    } else if (name == "equidistant" && is_pinhole) {
-        camera.projection.kind = Projection::equidistant;
-        camera.distortion = kannala_brandt(coefficients.numbers(4));
-    } else if (name == "fov" && is_pinhole) {
-        camera.projection = checked_projection(
-            {Projection::field_of_view, coefficients.numbers(1).front()}, coefficients.place());
-    } else {
-        word.fail(fmt::format("of {} must be {}, not '{}'", model.name,
-                              is_pinhole         ? "radtan, equidistant, fov or none"
-                              : model.has_radtan ? "radtan or none"
-                                                 : "none",
-                              name));
+    const Value coefficients = values.at("distortion_coeffs");
+    for (const KalibrDistortion& known : kalibr_distortions()) {
+        if (name != known.name ||
+            std::string_view(model.distortions).find(name) == std::string_view::npos)
+            continue;
+        if (known.projection != Projection::perspective)
+            camera.projection.kind = known.projection;
+        const std::size_t count = known.parameters.size();
+        set_parameters(camera, known.parameters, coefficients.numbers(count, any_number));
+        checked_projection(camera.projection, coefficients.place());
+        return;
     }
+    word.fail(fmt::format("of {} must be {}, not '{}'", model.name, model.distortions, name));
+}
+
+// The distortion, and the model, that a camera's projection has in Kalibr's words.
+const KalibrModel& model_of(Projection projection) {
+    for (const KalibrModel& model : kalibr_models())
+        if (model.projection == projection)
+            return model;
+    return kalibr_models().front();
+}
+const KalibrDistortion& distortion_of(Projection projection) {
+    const bool is_unified = projection == Projection::unified;
+    for (const KalibrDistortion& known : kalibr_distortions())
+        if (known.projection == (is_unified ? Projection::perspective : projection))
+            return known;
+    return kalibr_distortions().back();
 }
 
 }  // namespace
 
-CameraModel read_kalibr_camera(const std::filesystem::path& path, const std::string& name) {
-    const ForeignValue chosen =
-        choose_camera(ForeignValue::parse(read_text(path), path.string()), name);
+CameraModel read_kalibr_camera(const std::filesystem::path& path, const std::string& select) {
+    const Value chosen = choose_camera(foreign_root(read_text(path), path.string()), select);
     const KalibrModel& model = kalibr_model(chosen.at("camera_model"));
-    const ForeignValue intrinsics = chosen.at("intrinsics"), size = chosen.at("resolution");
-    const auto i = intrinsics.numbers(model.parameters + 4), sides = size.numbers(2);
-    const double* focal = i.data() + model.parameters;
+    const Value intrinsics = chosen.at("intrinsics");
+    const auto i = intrinsics.numbers(model.parameters.size() + 4, any_number);
     CameraModel camera;
-    camera.projection = checked_projection(kalibr_projection(model, i), intrinsics.place());
-    camera.intrinsics = from_pixels_of(
-        CalibrationTool::kalibr,
-        checked_intrinsics(focal[0], focal[1], focal[2], focal[3], intrinsics.place()));
+    camera.projection.kind = model.projection;
+    auto next = i.begin();
+    for (double LensProjection::*parameter : model.parameters)
+        camera.projection.*parameter = *next++;
+    checked_projection(camera.projection, intrinsics.place());
+    camera.intrinsics = checked_intrinsics(next[0], next[1], next[2], next[3], intrinsics.place());
     read_kalibr_distortion(chosen, model, camera);
-    camera.width = checked_image_side(sides[0], size.place());
-    camera.height = checked_image_side(sides[1], size.place());
+    std::tie(camera.width, camera.height) = image_sides(chosen.at("resolution"));
     return camera;
 }
 
 void write_kalibr_camera(const std::filesystem::path& path, const CameraModel& camera) {
     constexpr const char* format = "a Kalibr camchain";
-    const LensProjection& p = camera.projection;
     require_foreign_camera(
         camera, path, format,
         {Projection::perspective, Projection::equidistant, Projection::field_of_view,
          Projection::unified, Projection::extended_unified, Projection::double_sphere});
     require_no_skew(camera, path, format);
-    const Intrinsics i = to_pixels_of(CalibrationTool::kalibr, camera.intrinsics);
-    const Distortion& d = camera.distortion;
-    std::vector<double> intrinsics{i.fx, i.fy, i.cx, i.cy}, coefficients;
-    const char *model = "pinhole", *distortion = "none";
-    if (p.kind == Projection::equidistant) {
-        require_only(camera, {"k1", "k2", "k3", "k7"}, path, format);
-        distortion = "equidistant";
-        const auto k = kannala_brandt_coefficients(d);
-        coefficients.assign(k.begin(), k.end());
-    } else if (p.kind == Projection::perspective || p.kind == Projection::unified) {
-        require_only(camera, {"k1", "k2", "p1", "p2"}, path, format);
-        distortion = "radtan";
-        coefficients = {d.k1, d.k2, d.p1, d.p2};
-    } else {
-        require_only(camera, {}, path, format);
-    }
-    if (p.kind == Projection::field_of_view) {
-        distortion = "fov";
-        coefficients = {p.a};
-    } else if (p.kind == Projection::unified) {
-        model = "omni";
-        intrinsics.insert(intrinsics.begin(), p.a);
-    } else if (p.kind == Projection::extended_unified) {
-        model = "eucm";
-        intrinsics.insert(intrinsics.begin(), {p.b, p.a});
-    } else if (p.kind == Projection::double_sphere) {
-        model = "ds";
-        intrinsics.insert(intrinsics.begin(), {p.a, p.b});
-    }
-    const auto listed = [](const std::vector<double>& numbers) {
-        std::string text;
-        for (const double number : numbers)
-            text += (text.empty() ? "" : ", ") + yaml_real(number);
-        return text;
-    };
+    const KalibrModel& model = model_of(camera.projection.kind);
+    const KalibrDistortion& distortion = distortion_of(camera.projection.kind);
+    require_only(camera, distortion.parameters, path, format);
+    std::vector<double> intrinsics;
+    for (double LensProjection::*parameter : model.parameters)
+        intrinsics.push_back(camera.projection.*parameter);
+    const Intrinsics& i = camera.intrinsics;
+    intrinsics.insert(intrinsics.end(), {i.fx, i.fy, i.cx, i.cy});
     write_text(path, fmt::format("cam0:\n"
                                  "  camera_model: {}\n"
                                  "  intrinsics: [{}]\n"
@@ -154,7 +149,8 @@ void write_kalibr_camera(const std::filesystem::path& path, const CameraModel& c
                                  "  distortion_coeffs: [{}]\n"
                                  "  resolution: [{}, {}]\n"
                                  "  rostopic: /cam0/image_raw\n",
-                                 model, listed(intrinsics), distortion, listed(coefficients),
+                                 model.name, yaml_reals(intrinsics), distortion.name,
+                                 yaml_reals(parameters_of(camera, distortion.parameters)),
                                  camera.width, camera.height));
 }
 

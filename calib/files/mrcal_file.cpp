@@ -1,4 +1,17 @@
-#include "calib/files/foreign_camera.h"
+// Calibrations as mrcal writes them (.cameramodel): a Python dictionary with lensmodel (once
+// lens_model), intrinsics [fx, fy, cx, cy, distortion...], imagersize [width, height] and the
+// camera's pose. Layout: mrcal's documentation "Camera model representation in memory and on disk"
+// and its cameramodel.py.
+//
+// Read and written are LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12, whose coefficients are
+// OpenCV's in OpenCV's order, LENSMODEL_STEREOGRAPHIC, _SPLINED_STEREOGRAPHIC and _CAHVOR, and
+// _CAHVORE as far as its entrance pupil stays where it is (its last three numbers are 0). The pose
+// and optimization_inputs are not read.
+//
+// Written is the first of these models that holds the camera, at the reference frame's origin.
+// Throws ConfigError for tau_x and tau_y, a skew, distortion coefficients of other than OpenCV
+// models, and a splined field of view that is no whole number of degrees.
+#include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -6,7 +19,6 @@
 #include <span>
 
 #include "calib/camera/lens_projection.h"
-#include "calib/files/foreign_value.h"
 #include "core/file/text.h"
 
 namespace etalon {
@@ -40,8 +52,7 @@ struct ModelName {
     std::string family;
     std::vector<double> configuration;
 };
-ModelName parsed(const ForeignValue& model, std::string name,
-                 std::initializer_list<const char*> keys) {
+ModelName parsed(const Value& model, std::string name, std::initializer_list<const char*> keys) {
     ModelName result;
     for (const char* key : keys) {
         const std::string separator = fmt::format("_{}=", key);
@@ -61,18 +72,18 @@ ModelName parsed(const ForeignValue& model, std::string name,
 
 using Numbers = std::span<const double>;  // what follows fx fy cx cy
 
-void require_count(const ForeignValue& intrinsics, Numbers numbers, std::size_t count) {
+void require_count(const Value& intrinsics, Numbers numbers, std::size_t count) {
     if (numbers.size() != count)
         intrinsics.fail(fmt::format("must have {} numbers, not {}", count + 4, numbers.size() + 4));
 }
 
-int whole(const ForeignValue& model, double number) {
+int whole(const Value& model, double number) {
     if (!(number >= 1.0 && number <= 1000.0) || number != std::floor(number))
         model.fail(fmt::format("must have whole numbers of 1 to 1000, not {}", number));
     return static_cast<int>(number);
 }
 
-LensProjection splined(const ForeignValue& model, const ForeignValue& intrinsics, Numbers numbers) {
+LensProjection splined(const Value& model, const Value& intrinsics, Numbers numbers) {
     const ModelName name = parsed(model, model.text(), {"order", "Nx", "Ny", "fov_x_deg"});
     const int columns = whole(model, name.configuration[1]);
     const int rows = whole(model, name.configuration[2]);
@@ -83,13 +94,13 @@ LensProjection splined(const ForeignValue& model, const ForeignValue& intrinsics
     });
 }
 
-LensProjection cahvor(const ForeignValue& intrinsics, Numbers n, double linearity) {
+LensProjection cahvor(const Value& intrinsics, Numbers n, double linearity) {
     return projection_at(intrinsics.place(), [&] {
         return cahvor_projection(n[0], n[1], n[2], n[3], n[4], linearity);
     });
 }
 
-LensProjection cahvore(const ForeignValue& model, const ForeignValue& intrinsics, Numbers numbers) {
+LensProjection cahvore(const Value& model, const Value& intrinsics, Numbers numbers) {
     require_count(intrinsics, numbers, 8);
     for (const double e : numbers.last(3))
         if (e != 0.0)
@@ -100,8 +111,7 @@ LensProjection cahvore(const ForeignValue& model, const ForeignValue& intrinsics
     return cahvor(intrinsics, numbers, parsed(model, model.text(), {"linearity"}).configuration[0]);
 }
 
-void read_model(const ForeignValue& model, const ForeignValue& intrinsics, Numbers numbers,
-                CameraModel& camera) {
+void read_model(const Value& model, const Value& intrinsics, Numbers numbers, CameraModel& camera) {
     const std::string name = model.text();
     for (const int count : {0, 4, 5, 8, 12})
         if (name == (count == 0 ? "LENSMODEL_PINHOLE" : fmt::format("LENSMODEL_OPENCV{}", count))) {
@@ -129,7 +139,7 @@ void read_model(const ForeignValue& model, const ForeignValue& intrinsics, Numbe
     }
 }
 
-ForeignValue lens_model(const ForeignValue& root) {
+Value lens_model(const Value& root) {
     if (const auto old = root.find("lens_model"))
         return *old;
     return root.at("lensmodel");
@@ -181,18 +191,15 @@ Written written(const CameraModel& camera, const std::filesystem::path& path) {
 }  // namespace
 
 CameraModel read_mrcal_camera(const std::filesystem::path& path) {
-    const ForeignValue root =
-        ForeignValue::parse(without_bytes_prefix(read_text(path)), path.string());
-    const ForeignValue intrinsics = root.at("intrinsics"), size = root.at("imagersize");
-    const auto i = intrinsics.numbers(), sides = size.numbers(2);
+    const Value root = foreign_root(without_bytes_prefix(read_text(path)), path.string());
+    const Value intrinsics = root.at("intrinsics");
+    const std::vector<double> i = intrinsics.numbers(0, any_number);
     if (i.size() < 4)
         intrinsics.fail("must have at least 4 numbers");
     CameraModel camera;
-    camera.intrinsics = from_pixels_of(
-        CalibrationTool::mrcal, checked_intrinsics(i[0], i[1], i[2], i[3], intrinsics.place()));
+    camera.intrinsics = checked_intrinsics(i[0], i[1], i[2], i[3], intrinsics.place());
     read_model(lens_model(root), intrinsics, Numbers(i).subspan(4), camera);
-    camera.width = checked_image_side(sides[0], size.place());
-    camera.height = checked_image_side(sides[1], size.place());
+    std::tie(camera.width, camera.height) = image_sides(root.at("imagersize"));
     return camera;
 }
 
@@ -203,7 +210,7 @@ void write_mrcal_camera(const std::filesystem::path& path, const CameraModel& ca
                            {perspective, stereographic, cahvor, splined_stereographic});
     require_no_skew(camera, path, format);
     const Written model = written(camera, path);
-    const Intrinsics i = to_pixels_of(CalibrationTool::mrcal, camera.intrinsics);
+    const Intrinsics& i = camera.intrinsics;
     std::vector<std::string> numbers{exact(i.fx), exact(i.fy), exact(i.cx), exact(i.cy)};
     for (const double number : model.numbers)
         numbers.push_back(exact(number));

@@ -1,4 +1,26 @@
-#include "calib/files/foreign_camera.h"
+// Calibrations as OpenCV's programs write them: YAML, XML or JSON of cv::FileStorage.
+//
+//   camera_matrix | cameraMatrix | Camera_Matrix                     3x3, [fx skew cx; 0 fy cy; 0 0
+//   1] distortion_coefficients | dist_coeffs | distCoeffs | Distortion_Coefficients
+//                                               4, 5, 8, 12 or 14, as a row or a column
+//   image_width, image_height | image_Width, image_Height | cameraResolution    optional
+//   cameraMatrix_std_dev | camera_matrix_std_dev, dist_coeffs_std_dev |
+//   distortion_coefficients_std_dev             optional: a covariance without correlations
+//
+//   fisheye_model, not 0                        the four coefficients are cv::fisheye's
+//   xi                                          cv::omnidir's, a number or a 1x1 matrix
+//
+// Of perspective cameras OpenCV's functions leave the skew out, so that none is written.
+//
+// Pixel (0, 0) is the centre of the top-left pixel there too. Four coefficients without one of
+// these two keys, which OpenCV's sample programs write, are k1 k2 p1 p2.
+//
+// Written is OpenCV YAML, or XML or JSON for a path that ends so, with the shortest list of
+// coefficients that holds all that are not 0 or have a standard deviation (at least 5); numbers
+// read back as the same doubles. Of a covariance the standard deviations are written as
+// cameraMatrix_std_dev and dist_coeffs_std_dev (0: not known), whose squares read back within
+// rounding; correlations, serial, lens and sensor have no place in it.
+#include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +29,6 @@
 #include <opencv2/core.hpp>
 #include <span>
 
-#include "calib/camera/camera_model.h"
 #include "core/file/text.h"
 
 namespace etalon {
@@ -177,11 +198,7 @@ ForeignMatrix read_matrix(const OpenedFile& opened, const NamedNode& named) {
         const double rows = number(node["rows"], matrix.place);
         const double cols = number(node["cols"], matrix.place);
         append_numbers(node["data"], matrix);
-        if (rows < 1 || cols < 1 || rows * cols != static_cast<double>(matrix.values.size()))
-            throw ConfigError(matrix.place, fmt::format("says {}x{} but has {} numbers", rows, cols,
-                                                        matrix.values.size()));
-        matrix.rows = static_cast<int>(rows);
-        matrix.cols = static_cast<int>(cols);
+        set_size(matrix, rows, cols);
     } else if (node.isSeq() && node.size() > 0 && (*node.begin()).isSeq()) {
         read_nested_lists(node, matrix);
     } else if (node.isSeq()) {
@@ -294,7 +311,8 @@ void read_wide_projection(const OpenedFile& opened, const ForeignMatrix& distort
                           "coefficients, of one of the two");
     if (is_fisheye) {
         camera.projection.kind = Projection::equidistant;
-        camera.distortion = kannala_brandt(distortion.values);
+        camera.distortion = {};
+        set_parameters(camera, kannala_brandt, distortion.values);
     } else {
         const SourcePlace place = opened.place("xi");
         const double offset =
@@ -309,7 +327,6 @@ CameraModel read_camera_from(const OpenedFile& opened) {
     const ForeignMatrix distortion = read_matrix(opened, require(opened, distortion_keys));
     CameraModel camera = camera_from_matrices(camera_matrix, distortion);
     read_wide_projection(opened, distortion, camera);
-    camera.intrinsics = from_pixels_of(CalibrationTool::opencv, camera.intrinsics);
     camera.covariance = read_covariance(opened, camera.projection.kind);
     read_image_size(opened, camera);
     return camera;
@@ -360,15 +377,15 @@ void write_opencv_camera(const std::filesystem::path& path, const CameraModel& c
     if (projection == Projection::perspective)
         require_no_skew(camera, path, "OpenCV's perspective model");
     if (is_fisheye)
-        require_only(camera, {"k1", "k2", "k3", "k7"}, path, format);
+        require_only(camera, kannala_brandt, path, format);
     else
         shortest_distortion(camera, {projection == Projection::unified ? 4 : 14}, path, format);
-    const Intrinsics i = to_pixels_of(CalibrationTool::opencv, camera.intrinsics);
+    const Intrinsics& i = camera.intrinsics;
     const cv::Matx33d camera_matrix(i.fx, i.skew, i.cx, 0, i.fy, i.cy, 0, 0, 1);
     auto coefficients = camera.distortion.in_opencv_order();
     if (is_fisheye) {
         coefficients = {};
-        const auto k = kannala_brandt_coefficients(camera.distortion);
+        const std::vector<double> k = parameters_of(camera, kannala_brandt);
         std::copy(k.begin(), k.end(), coefficients.begin());
     }
     const auto deviations = deviations_of(camera, names_in_file(projection));

@@ -1,28 +1,31 @@
-#include "calib/files/foreign_camera.h"
+// Calibrations as ROS keeps them (camera_info YAML, as written by camera_calibration): image_width,
+// image_height, camera_matrix, distortion_model and distortion_coefficients. Models: plumb_bob (5
+// coefficients) and rational_polynomial (8), whose order is OpenCV's, and equidistant (4); others
+// are refused by name, and so is a skew.
+// Rectification and projection matrices describe a rectified image and are not read.
+//
+// Pixel (0, 0) is the centre of the top-left pixel there too.
+//
+// Written is plumb_bob if it holds the coefficients, else rational_polynomial; no rectification,
+// and the camera matrix as the projection. Throws ConfigError for s1..s4, tau_x and tau_y.
+#include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
-#include "calib/files/foreign_value.h"
 #include "core/file/text.h"
 
 namespace etalon {
 namespace {
 
-ForeignMatrix read_matrix(const ForeignValue& entry) {
+ForeignMatrix read_matrix(const Value& entry) {
     ForeignMatrix matrix{entry.place()};
-    const double rows = entry.at("rows").number(), cols = entry.at("cols").number();
-    matrix.values = entry.at("data").numbers();
-    if (!(rows >= 1 && cols >= 1 && rows * cols == static_cast<double>(matrix.values.size())))
-        throw ConfigError(matrix.place, fmt::format("says {}x{} but has {} numbers", rows, cols,
-                                                    matrix.values.size()));
-    matrix.rows = static_cast<int>(rows);
-    matrix.cols = static_cast<int>(cols);
+    matrix.values = entry.at("data").numbers(0, any_number);
+    set_size(matrix, entry.at("rows").number(any_number), entry.at("cols").number(any_number));
     return matrix;
 }
 
 // Of a model that is not `equidistant`, what camera_from_matrices() takes.
-void check_model(const ForeignValue& model, const ForeignMatrix& distortion) {
+void check_model(const Value& model, const ForeignMatrix& distortion) {
     const std::string name = model.text();
     if (name != "plumb_bob" && name != "rational_polynomial" && name != "equidistant")
         throw ConfigError(
@@ -37,23 +40,21 @@ void check_model(const ForeignValue& model, const ForeignMatrix& distortion) {
 }  // namespace
 
 CameraModel read_ros_camera(const std::filesystem::path& path) {
-    const std::string file = path.string();
-    const ForeignValue root = ForeignValue::parse(read_text(path), file);
-    const ForeignValue camera_matrix = root.at("camera_matrix");
+    const Value root = foreign_root(read_text(path), path.string());
+    const Value camera_matrix = root.at("camera_matrix");
     const ForeignMatrix distortion = read_matrix(root.at("distortion_coefficients"));
     check_model(root.at("distortion_model"), distortion);
     CameraModel camera = camera_from_matrices(read_matrix(camera_matrix), distortion);
     if (camera.intrinsics.skew != 0.0)
         camera_matrix.fail(
             fmt::format("has a skew of {}, which ROS's K does not have", camera.intrinsics.skew));
-    camera.intrinsics = from_pixels_of(CalibrationTool::ros, camera.intrinsics);
     if (root.at("distortion_model").text() == "equidistant") {
         camera.projection.kind = Projection::equidistant;
-        camera.distortion = kannala_brandt(distortion.values);
+        camera.distortion = {};
+        set_parameters(camera, kannala_brandt, distortion.values);
     }
-    const ForeignValue width = root.at("image_width"), height = root.at("image_height");
-    camera.width = checked_image_side(width.number(), width.place());
-    camera.height = checked_image_side(height.number(), height.place());
+    camera.width = image_side(root.at("image_width"));
+    camera.height = image_side(root.at("image_height"));
     return camera;
 }
 
@@ -62,17 +63,15 @@ void write_ros_camera(const std::filesystem::path& path, const CameraModel& came
     require_foreign_camera(camera, path, format,
                            {Projection::perspective, Projection::equidistant});
     require_no_skew(camera, path, format);
-    const Intrinsics i = to_pixels_of(CalibrationTool::ros, camera.intrinsics);
-    std::vector<std::string> listed;
+    const Intrinsics& i = camera.intrinsics;
+    std::vector<double> listed;
     if (camera.projection.kind == Projection::equidistant) {
-        require_only(camera, {"k1", "k2", "k3", "k7"}, path, format);
-        for (const double k : kannala_brandt_coefficients(camera.distortion))
-            listed.push_back(yaml_real(k));
+        require_only(camera, kannala_brandt, path, format);
+        listed = parameters_of(camera, kannala_brandt);
     } else {
         const int count = shortest_distortion(camera, {5, 8}, path, format);
         const auto coefficients = camera.distortion.in_opencv_order();
-        for (int k = 0; k < count; ++k)
-            listed.push_back(yaml_real(coefficients[static_cast<std::size_t>(k)]));
+        listed.assign(coefficients.begin(), coefficients.begin() + count);
     }
     const std::string fx = yaml_real(i.fx), fy = yaml_real(i.fy), cx = yaml_real(i.cx),
                       cy = yaml_real(i.cy);
@@ -90,7 +89,7 @@ void write_ros_camera(const std::filesystem::path& path, const CameraModel& came
                            listed.size() == 4   ? "equidistant"
                            : listed.size() == 5 ? "plumb_bob"
                                                 : "rational_polynomial",
-                           listed.size(), fmt::join(listed, ", "), fx, cx, fy, cy));
+                           listed.size(), yaml_reals(listed), fx, cx, fy, cy));
 }
 
 }  // namespace etalon

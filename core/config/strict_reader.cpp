@@ -44,6 +44,7 @@ struct Value::Shared {
     std::set<std::string> asked;                            // paths that were looked up
     std::map<std::string, std::vector<std::string>> known;  // per mapping: keys looked for
     std::shared_ptr<ReadTrace::File> trace;                 // empty: nobody wants to know
+    bool is_foreign = false;
 };
 
 namespace {
@@ -117,6 +118,11 @@ ReadTrace::~ReadTrace() {
 Value::Value(std::shared_ptr<YAML::Node> node, std::string path, std::shared_ptr<Shared> shared)
     : node_(std::move(node)), path_(std::move(path)), shared_(std::move(shared)) {}
 
+Value Value::of_foreign_file(const std::string& text, const std::string& file) {
+    return Value(std::make_shared<YAML::Node>(parse_yaml(text, file)), "",
+                 std::make_shared<Shared>(Shared{file, {}, {}, nullptr, true}));
+}
+
 Value Value::child(const YAML::Node& node, std::string path) const {
     return Value(std::make_shared<YAML::Node>(node), std::move(path), shared_);
 }
@@ -153,15 +159,20 @@ std::optional<Value> Value::look_up(std::string_view key) const {
         fail("must be a mapping (key: value)");
     const std::string word(key);
     shared_->known[path_].push_back(word);
+    const std::string path = join(path_, word);
+    std::optional<YAML::Node> found;
     // Walked by hand: looking up by operator[] would convert keys and could change the node.
     for (const auto& entry : *node_) {
-        if (entry.first.Scalar() == word) {
-            const std::string path = join(path_, word);
-            shared_->asked.insert(path);
-            return child(entry.second, path);
-        }
+        if (entry.first.Scalar() != word)
+            continue;
+        if (found)  // of a foreign file: ours are looked through when they are opened
+            throw ConfigError({shared_->file, line_of(entry.first), path}, "doubled key");
+        found.emplace(entry.second);
     }
-    return std::nullopt;
+    if (!found || (shared_->is_foreign && found->IsNull()))
+        return std::nullopt;
+    shared_->asked.insert(path);
+    return child(*found, path);
 }
 
 double Value::number_or_zero(std::string_view key, Range range) const {
@@ -197,7 +208,7 @@ double Value::number(Range range) const {
 
 double Value::finite_number(Range range) const {
     // yaml-cpp tags quoted scalars with "!", plain ones with "?".
-    if (!node_->IsScalar() || node_->Tag() == "!")
+    if (!node_->IsScalar() || (node_->Tag() == "!" && !shared_->is_foreign))
         fail("must be a number");
     const auto value = parse_number(node_->Scalar());
     if (!value)
@@ -291,7 +302,7 @@ StrictFile::StrictFile(const std::string& text, const std::filesystem::path& pat
     : path_(path),
       root_(std::make_shared<YAML::Node>(parse_yaml(text, path.string())), "",
             std::make_shared<Value::Shared>(
-                Value::Shared{path.string(), {}, {}, traced_file(kind)})) {
+                Value::Shared{path.string(), {}, {}, traced_file(kind), false})) {
     visit_mappings(*root_.node_, "", [&](const std::string& at, const YAML::Node& mapping) {
         require_sound_keys(mapping, at, path.string());
     });

@@ -7,7 +7,7 @@
 //     const double fx = intrinsics.at("fx").number(units::px.positive());
 //     file.finish();                       // throws if any key was never asked for
 //
-// Not for foreign files with keys of their own (OpenCV, ROS): see calib/. Not thread-safe.
+// Files of other tools are read with the same Value, see Value::of_foreign_file(). Not thread-safe.
 #pragma once
 
 #include <array>
@@ -92,6 +92,10 @@ struct ReadEvent;
 // One value of a file, with its place. Cheap to copy; outlives its file object.
 class Value {
 public:
+    // A YAML or JSON text of another program, named `file` in errors. Keys that nobody asks for are
+    // ignored, a null counts as absent, a quoted number as a number. Throws as parse_yaml().
+    static Value of_foreign_file(const std::string& text, const std::string& file);
+
     // Of a mapping: a required key, an optional one, all keys in file order.
     Value at(std::string_view key) const;
     std::optional<Value> find(std::string_view key) const;

@@ -1,7 +1,7 @@
 // YAML, and JSON as its subset, of people and programs that may mean harm: what a text would cost
 // is known before a tree of it is built. Aliases are followed, and count as often as they stand.
 //
-// For core/config/strict_reader.h (our files) and calib/files/foreign_value.h (other tools').
+// For core/config/strict_reader.h.
 #pragma once
 
 #include <cstddef>

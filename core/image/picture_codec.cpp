@@ -17,6 +17,7 @@
 
 #include "core/image/opencv_plugin.h"
 #include "core/program/errors.h"
+#include "core/program/plugin.h"
 
 // After <cstdio>, which it does not include.
 #include <jpeglib.h>
@@ -551,6 +552,15 @@ std::vector<unsigned char> encode_picture(const std::string& extension, const cv
     if (bytes.empty())
         throw Error("no such image format");
     return bytes;
+}
+
+const OpenCvPlugin& opencv_plugin() {
+    static const OpenCvPlugin& opencv = []() -> const OpenCvPlugin& {
+        // OpenCV's own limit, which it takes from there when its library is loaded.
+        setenv("OPENCV_IO_MAX_IMAGE_PIXELS", fmt::format("{}", most_picture_pixels).c_str(), 0);
+        return plugin<OpenCvPlugin>("opencv");
+    }();
+    return opencv;
 }
 
 }  // namespace etalon

@@ -106,7 +106,7 @@ Subprocess::Subprocess(const std::vector<std::string>& command, SubprocessOption
     });
     try {
         started.get();
-    } catch (...) {
+    } catch (const std::system_error&) {
         thread_.join();
         throw;
     }

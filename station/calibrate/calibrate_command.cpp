@@ -294,7 +294,7 @@ int run_calibrate(const CalibrateArguments& given) {
     if (!arguments.report.empty())
         write_report(run, arguments.report);
     if (!arguments.opencv_out.empty())  // last: not every wide lens has a place there
-        write_opencv_camera(arguments.opencv_out, run.camera());
+        write_foreign_camera(arguments.opencv_out, CalibrationTool::opencv, run.camera());
     if (arguments.json)
         std::puts(calibration_json(run).c_str());
     else

@@ -7,7 +7,7 @@
 
 #include "calib/camera/camera_model.h"
 #include "calib/files/camera_file.h"
-#include "calib/files/camera_formats.h"
+#include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/camera_check.h"
 #include "core/config/strict_reader.h"
 #include "core/program/errors.h"

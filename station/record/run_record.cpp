@@ -8,7 +8,7 @@
 
 #include <ctime>
 
-#include "core/file/file_sync.h"
+#include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"

@@ -10,7 +10,7 @@
 #include "compare/make_detector.h"
 #include "compare/qualification/limits_file.h"
 #include "core/config/strict_reader.h"
-#include "core/file/file_sync.h"
+#include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"

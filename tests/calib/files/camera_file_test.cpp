@@ -262,7 +262,8 @@ TEST(CameraFile, ReadsATelecentricCamera) {
     EXPECT_EQ(back.sensor->illumination.polynomial, camera.sensor->illumination.polynomial);
     EXPECT_EQ(back.sensor->mosaic, Mosaic::grbg);
     EXPECT_EQ(back.sensor->channel_response, camera.sensor->channel_response);
-    EXPECT_THROW(write_opencv_camera(temporary("opencv.yml"), camera), ConfigError);
+    EXPECT_THROW(write_foreign_camera(temporary("opencv.yml"), CalibrationTool::opencv, camera),
+                 ConfigError);
 }
 
 TEST(CameraFile, RefusesWhatATelecentricCameraCannotHave) {
@@ -403,7 +404,7 @@ TEST(CameraFile, RefusesIlluminationAndMosaicByLineAndKey) {
 TEST(OpenCvFile, WritesWhatReadsBackToTheLastBit) {
     for (CameraModel camera : {test::all_fourteen(), test::webcam(), test::wide_angle()}) {
         camera.intrinsics.fx = 2000.0 / 3;
-        write_opencv_camera(temporary("opencv.yml"), camera);
+        write_foreign_camera(temporary("opencv.yml"), CalibrationTool::opencv, camera);
         expect_same(read_camera(temporary("opencv.yml")), camera);
     }
 }
@@ -554,14 +555,14 @@ TEST(RosFile, NamesFileLineAndKeyOfWhatItRefuses) {
                 HasSubstr("case.yml:8: distortion_model: must be plumb_bob, rational_polynomial or "
                           "equidistant, not 'fisheye'"));
     EXPECT_THAT(with("plumb_bob", "equidistant"),
-                HasSubstr("case.yml:9: distortion_coefficients: equidistant has 4"));
+                HasSubstr("case.yml:10: distortion_coefficients: equidistant has 4"));
     EXPECT_THAT(with("plumb_bob", "rational_polynomial"),
-                HasSubstr("case.yml:9: distortion_coefficients: rational_polynomial has 8"));
+                HasSubstr("case.yml:10: distortion_coefficients: rational_polynomial has 8"));
     EXPECT_THAT(with("538, 0, 342.5", "538, 7, 342.5"),
-                HasSubstr("case.yml:4: camera_matrix: has a skew of 7"));
+                HasSubstr("case.yml:5: camera_matrix: has a skew of 7"));
     EXPECT_THAT(with("538, 0, 342.5", "538, 0, .nan"),
-                HasSubstr("case.yml:7: camera_matrix.data: must be a finite number"));
-    EXPECT_THAT(with("cols: 3\n", "cols: 4\n"), HasSubstr("case.yml:4: camera_matrix: says 3x4"));
+                HasSubstr("case.yml:7: camera_matrix.data[2]: must be a finite number"));
+    EXPECT_THAT(with("cols: 3\n", "cols: 4\n"), HasSubstr("case.yml:5: camera_matrix: says 3x4"));
     EXPECT_THAT(with("image_width: 640\n", ""), HasSubstr("case.yml:1: image_width: missing"));
     EXPECT_THAT(with("camera_name: head", "image_width: 7"),
                 HasSubstr("case.yml:3: image_width: doubled"));

@@ -9,7 +9,6 @@
 
 #include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
-#include "calib/files/camera_formats.h"
 #include "calib/files/foreign_camera.h"
 #include "core/program/errors.h"
 #include "tests/calib/cameras.h"
@@ -150,7 +149,7 @@ TEST(KalibrFile, NamesFileLineAndKeyOfWhatItRefuses) {
     EXPECT_THAT(with("pinhole", "omni"), HasSubstr("cam0.intrinsics: must have 5 numbers"));
     EXPECT_THAT(with("radtan", "fov"), HasSubstr("cam0.distortion_coeffs: must have 1"));
     EXPECT_THAT(with("461.5", "-461.5"), HasSubstr("case:6: cam0.intrinsics: fx and fy must be"));
-    EXPECT_THAT(with("461.5", ".nan"), HasSubstr("case:6: cam0.intrinsics: must be a finite"));
+    EXPECT_THAT(with("461.5", ".nan"), HasSubstr("case:6: cam0.intrinsics[0]: must be a finite"));
     EXPECT_THAT(with("461.5", "1e-300"), HasSubstr("case:6: cam0.intrinsics: 1e-300 must be"));
     EXPECT_THAT(with("362.75", "1e300"), HasSubstr("case:6: cam0.intrinsics: 1e+300 must be"));
     EXPECT_THAT(with("461.5, ", "&a [*a], "), HasSubstr("case:6: an alias of the value"));
@@ -226,7 +225,8 @@ TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
                           "_OPENCV5, _OPENCV8, _OPENCV12, _CAHVOR, _CAHVORE or "
                           "_SPLINED_STEREOGRAPHIC, not 'LENSMODEL_LATLON'"));
     EXPECT_THAT(with("OPENCV8", "OPENCV5"), HasSubstr("intrinsics: must have 9 numbers, not 12"));
-    EXPECT_THAT(with("1766.5", "None"), HasSubstr("case:6: intrinsics: must be a finite number"));
+    EXPECT_THAT(with("1766.5", "None"),
+                HasSubstr("case:6: intrinsics[0]: must be a finite number"));
     EXPECT_THAT(with("3840", "0"), HasSubstr("case:11: imagersize: must be a whole number"));
 }
 
@@ -262,7 +262,7 @@ TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
                 HasSubstr("case:1: DistortionCenter: missing"));
     EXPECT_THAT(with("-0.33,0.092,0.011", "-0.33"),
                 HasSubstr("RadialDistortion: must have 2 or 3 coefficients, not 1"));
-    EXPECT_THAT(with("715.25", "null"), HasSubstr("IntrinsicMatrix: must be a finite number"));
+    EXPECT_THAT(with("715.25", "null"), HasSubstr("IntrinsicMatrix[0][0]: must be a number"));
     EXPECT_THAT(with("\"WorldPoints\"",
                      "\"K\":[[715.25,0,565.75],[0,711.5,355.5],[0,0,1]],\"WorldPoints\""),
                 HasSubstr("IntrinsicMatrix: contradicts K"));
@@ -442,7 +442,7 @@ TEST(OpenCvFile, WritesXmlAndJsonByTheEnding) {
     for (const auto& [name, beginning] :
          {std::pair{"c.xml", "<?xml"}, std::pair{"c.json", "{"}, std::pair{"c.yml", "%YAML"}}) {
         const auto path = written("").replace_filename(name);
-        write_opencv_camera(path, camera);
+        write_foreign_camera(path, CalibrationTool::opencv, camera);
         std::ifstream file(path);
         std::string first;
         file >> first;
@@ -517,7 +517,7 @@ TEST(OpenCvFile, WritesStandardDeviationsThatReadBack) {
     camera.covariance->matrix(0, 1) = camera.covariance->matrix(1, 0) = 0.5;
     for (const char* name : {"c.xml", "c.json", "c.yml"}) {
         const auto path = written("").replace_filename(name);
-        write_opencv_camera(path, camera);
+        write_foreign_camera(path, CalibrationTool::opencv, camera);
         const CameraModel back = read_camera(path);
         EXPECT_EQ(back.distortion.in_opencv_order(), camera.distortion.in_opencv_order());
         ASSERT_TRUE(back.covariance) << name;

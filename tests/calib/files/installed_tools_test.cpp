@@ -59,7 +59,7 @@ TEST(InstalledTools, MrcalProjectsAsWeDo) {
     for (const CameraModel& camera : cameras) {
         SCOPED_TRACE(name_of(camera.projection.kind).name);
         const TemporaryFolder folder;
-        write_mrcal_camera(folder / "camera.cameramodel", camera);
+        write_foreign_camera(folder / "camera.cameramodel", CalibrationTool::mrcal, camera);
         const Projector projector(camera);
         std::vector<Eigen::Vector3d> rays;
         std::vector<Eigen::Vector2d> pixels;
@@ -155,7 +155,7 @@ TEST(InstalledTools, ColmapProjectsAsWeDo) {
         GTEST_SKIP() << "COLMAP is not installed (colmap)";
     for (const CameraModel& camera : cameras_of_colmap()) {
         const TemporaryFolder folder;
-        write_colmap_camera(folder / "cameras.txt", camera);
+        write_foreign_camera(folder / "cameras.txt", CalibrationTool::colmap, camera);
         SCOPED_TRACE(read_text(folder / "cameras.txt"));
         const Projector projector(camera);
         std::vector<Sighting> sightings;

@@ -5,7 +5,7 @@
 #include <fstream>
 
 #include "calib/files/camera_file.h"
-#include "calib/files/camera_formats.h"
+#include "calib/files/foreign_camera.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "tests/calib/cameras.h"

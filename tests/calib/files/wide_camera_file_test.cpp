@@ -6,7 +6,7 @@
 
 #include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
-#include "calib/files/camera_formats.h"
+#include "calib/files/foreign_camera.h"
 #include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/lens_tables.h"

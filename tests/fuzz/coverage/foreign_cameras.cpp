@@ -1,6 +1,6 @@
 // Calibrations of other tools: the tool is found by the content, as for users.
 #include "calib/files/camera_file.h"
-#include "calib/files/camera_formats.h"
+#include "calib/files/foreign_camera.h"
 #include "tests/fuzz/coverage/checked_camera.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,0 +1,106 @@
+// The formats of other tools, for calib/files/foreign_camera.cpp, and what their readers and
+// writers share. Principal points are in the tool's own pixels here (first_pixel_centre()).
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "core/config/strict_reader.h"
+
+namespace etalon {
+
+// The formats: at the top of each tool's file. `select` as of read_foreign_camera().
+CameraModel read_opencv_camera(const std::filesystem::path& path);
+CameraModel read_ros_camera(const std::filesystem::path& path);
+CameraModel read_kalibr_camera(const std::filesystem::path& path, const std::string& select);
+CameraModel read_mrcal_camera(const std::filesystem::path& path);
+CameraModel read_matlab_camera(const std::filesystem::path& path);
+CameraModel read_boofcv_camera(const std::filesystem::path& path);
+CameraModel read_colmap_camera(const std::filesystem::path& path, const std::string& select);
+
+void write_opencv_camera(const std::filesystem::path& path, const CameraModel& camera);
+void write_ros_camera(const std::filesystem::path& path, const CameraModel& camera);
+void write_kalibr_camera(const std::filesystem::path& path, const CameraModel& camera);
+void write_mrcal_camera(const std::filesystem::path& path, const CameraModel& camera);
+void write_matlab_camera(const std::filesystem::path& path, const CameraModel& camera);
+void write_boofcv_camera(const std::filesystem::path& path, const CameraModel& camera);
+void write_colmap_camera(const std::filesystem::path& path, const CameraModel& camera);
+
+// The mapping that a YAML or JSON text must be. Throws ConfigError otherwise.
+Value foreign_root(const std::string& text, const std::string& file);
+
+// A matrix of a file, row by row, with its place there.
+struct ForeignMatrix {
+    SourcePlace place;
+    int rows = 0, cols = 0;
+    std::vector<double> values;
+};
+
+// Throws ConfigError at a matrix that says another size than it has numbers.
+void set_size(ForeignMatrix& matrix, double rows, double cols);
+
+// The camera of a 3x3 matrix [fx skew cx; 0 fy cy; 0 0 1] and of 4, 5, 8, 12 or 14 coefficients in
+// OpenCV's order, as a row or a column. The image size is left 0.
+// Throws ConfigError at the matrix that is something else.
+CameraModel camera_from_matrices(const ForeignMatrix& camera_matrix,
+                                 const ForeignMatrix& distortion);
+
+// fx and fy positive, all finite. Throws ConfigError at `place` otherwise.
+Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const SourcePlace& place,
+                              double skew = 0.0);
+
+// A whole number of pixels, 1 to 100 000, and a list of two. Throw ConfigError otherwise.
+int checked_image_side(double value, const SourcePlace& place);
+int image_side(const Value& value);
+std::pair<int, int> image_sides(const Value& value);
+
+// Parameters by our names of distortion coefficients, or omega of the field-of-view model; numbers
+// that are missing at the end are 0.
+using ParameterNames = std::vector<std::string_view>;
+void set_parameters(CameraModel& camera, const ParameterNames& names,
+                    const std::vector<double>& numbers);
+std::vector<double> parameters_of(const CameraModel& camera, const ParameterNames& names);
+
+// Kannala and Brandt's coefficients of theta^3, ^5, ^7 and ^9, over the equidistant projection.
+inline const ParameterNames kannala_brandt{"k1", "k2", "k3", "k7"};
+
+// For writers. The number of coefficients, one of `counts` (ascending, in OpenCV's order), that
+// holds all which are not 0. Throws ConfigError at `path`, naming the first coefficient that
+// `format` has no place for.
+int shortest_distortion(const CameraModel& camera, std::initializer_list<int> counts,
+                        const std::filesystem::path& path, const char* format);
+
+// The same for a format that names its coefficients: those not in `names` must be 0. And whether
+// they are.
+bool holds_only(const Distortion& distortion, const ParameterNames& names);
+void require_only(const CameraModel& camera, const ParameterNames& names,
+                  const std::filesystem::path& path, const char* format);
+
+// What every writer of a foreign format requires: a projection that it has, an image size, finite
+// numbers. Throws ConfigError at `path`.
+void require_projection(const CameraModel& camera, const std::filesystem::path& path,
+                        const char* format, std::initializer_list<Projection> projections);
+void require_foreign_camera(const CameraModel& camera, const std::filesystem::path& path,
+                            const char* format, std::initializer_list<Projection> projections);
+
+// For formats that have no skew. Throws ConfigError at `path` where it is not 0.
+void require_no_skew(const CameraModel& camera, const std::filesystem::path& path,
+                     const char* format);
+
+// A projection with the parameters of a file. Throws ConfigError at `place` where none has them,
+// which `make` says by a NumericalError.
+LensProjection projection_at(const SourcePlace& place, const std::function<LensProjection()>& make);
+LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place);
+
+// A number that reads back as the same double, with a decimal point: YAML 1.1, of PyYAML and
+// SnakeYAML, takes 5 for an integer and 1e-05 for text. And several, with ", " between them.
+std::string yaml_real(double value);
+std::string yaml_reals(const std::vector<double>& values);
+
+}  // namespace etalon

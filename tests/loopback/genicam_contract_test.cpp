@@ -2,8 +2,8 @@
 // for a camera that is triggered by software and for one that runs freely, with and without a clock
 // that can be read, with and without chunks.
 #include "mocks/camera/gige_chunks.h"
-#include "tests/fakes/in_process_camera.h"
 #include "tests/capture/frame/camera_contract.h"
+#include "tests/fakes/in_process_camera.h"
 #include "tests/loopback/gige_rig.h"
 
 namespace etalon {

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/error_text.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {
@@ -253,13 +254,8 @@ TEST(Runner, TouchesNothingWhenThePlanLeavesTheSoftLimits) {
 TEST(Runner, RefusesACameraThatTheCalibrationDoesNotBelongTo) {
     StationOfMocks mocks;
     mocks.on_camera = [](FakeCamera& camera) { camera.identity_.serial = "CAM-8"; };
-    try {
-        mocks.run();
-        FAIL() << "accepted";
-    } catch (const ConfigError& error) {
-        EXPECT_THAT(error.what(),
-                    HasSubstr("camera.yml: serial: the calibration is of camera CAM-7"));
-    }
+    EXPECT_THAT(config_error_of([&] { mocks.run(); }),
+                HasSubstr("camera.yml: serial: the calibration is of camera CAM-7"));
     EXPECT_EQ(mocks.moves, 0);
     EXPECT_FALSE(std::filesystem::exists(mocks.folder / "record"));
 }

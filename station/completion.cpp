@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
-
 #include "calib/files/camera_formats.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "compare/make_detector.h"

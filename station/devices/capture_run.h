@@ -9,7 +9,6 @@
 #pragma once
 
 #include <functional>
-#include <optional>
 
 #include "capture/frame/camera.h"
 #include "station/devices/commands.h"

@@ -5,9 +5,6 @@
 //     report.html  the same as plots, with what it cannot tell
 #pragma once
 
-#include <functional>
-#include <string>
-
 #include "capture/frame/camera.h"
 #include "compare/drift/drift_monitor.h"
 #include "compare/drift/target_movement.h"

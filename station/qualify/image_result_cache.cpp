@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <limits>
-
 #include "core/config/json_entry.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"

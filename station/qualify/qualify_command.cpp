@@ -2,10 +2,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <ctime>
-#include <memory>
-#include <system_error>
 
 #include "core/file/file_lock.h"
 #include "core/process/subprocess.h"

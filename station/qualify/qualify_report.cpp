@@ -3,13 +3,6 @@
 #include <fmt/format.h>
 #include <opencv2/imgproc.hpp>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <functional>
-#include <map>
-#include <numbers>
-
 #include "calib/camera/projector.h"
 #include "compare/match/overlay.h"
 #include "compare/photometric/photometric_model.h"
@@ -18,7 +11,6 @@
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
-#include "report/html.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
 #include "station/qualify/run_analysis.h"

@@ -2,10 +2,6 @@
 // see, the bias over the volume, photographs against renders, the budget and the run itself.
 #pragma once
 
-#include <filesystem>
-
-#include "compare/qualification/qualification.h"
-#include "core/geometry/rigid.h"
 #include "report/html.h"
 #include "station/record/qualify_result.h"
 

@@ -4,13 +4,10 @@
 // build.
 #pragma once
 
-#include <stop_token>
-
 #include "compare/expect/expectation.h"
 #include "core/time/progress.h"
 #include "report/html.h"
 #include "station/qualify/photometric_poses.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 

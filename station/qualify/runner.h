@@ -10,18 +10,8 @@
 // Whatever happens after the first motion, the axes are stopped and what was measured is on disk.
 #pragma once
 
-#include <filesystem>
-#include <functional>
-#include <memory>
-#include <span>
-#include <stop_token>
-
 #include "compare/detect/detector.h"
-#include "core/time/clock.h"
-#include "core/time/progress.h"
 #include "station/qualify/recorded_run.h"
-#include "station/record/qualify_result.h"
-#include "station/setup/environment.h"
 
 namespace etalon {
 

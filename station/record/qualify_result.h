@@ -2,17 +2,8 @@
 // report.html are written from. Times are seconds since the run began, on the station's clock.
 #pragma once
 
-#include <Eigen/Core>
-#include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "capture/frame/camera.h"
-#include "compare/qualification/qualification.h"
 #include "report/software_versions.h"
 #include "station/setup/plan.h"
-#include "station/setup/station_file.h"
 
 namespace etalon {
 

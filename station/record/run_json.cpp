@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-#include <span>
-
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "report/result_table.h"

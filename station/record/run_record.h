@@ -20,14 +20,8 @@
 // from the log may be torn by a power cut, and `etalon report` writes it anew.
 #pragma once
 
-#include <condition_variable>
-#include <cstdint>
 #include <deque>
 #include <exception>
-#include <filesystem>
-#include <mutex>
-#include <optional>
-#include <string>
 #include <thread>
 
 #include "core/file/file_writing.h"

@@ -3,15 +3,6 @@
 // started anew sees what the one before saw.
 #pragma once
 
-#include <Eigen/Core>
-#include <cstdint>
-#include <filesystem>
-#include <memory>
-#include <mutex>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "calib/camera/projector.h"
 #include "compare/expect/expected_view.h"
 #include "core/config/json_entry.h"

@@ -2,14 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "calib/files/camera_file.h"
 #include "compare/expect/expected_view.h"
 #include "compare/make_detector.h"
-#include "compare/qualification/limits_file.h"
-#include "core/config/strict_reader.h"
 #include "core/file/file_sync.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"

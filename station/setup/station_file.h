@@ -34,13 +34,6 @@
 // required.
 #pragma once
 
-#include <chrono>
-#include <cstdint>
-#include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 #include "capture/frame/camera.h"
 #include "compare/qualification/limits_file.h"

@@ -6,8 +6,6 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <mutex>
-#include <string>
 #include <vector>
 
 #include "core/time/progress.h"

@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <glob.h>
 
-#include <system_error>
-
 #include "core/file/text.h"
 #include "core/image/image.h"
 #include "core/image/opencv_plugin.h"

@@ -69,7 +69,6 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
                                    Progress& progress, std::stop_token stop);
 
 // The sensor of a station's room (station/setup/environment.h) as a device.
-
 // Connects with the first reading, and reads as the stage is read (stage/link/modbus_link.h): each
 // quantity up to three times. What a room cannot have is an error like no answer. The clock must
 // outlive the function, which throws DeviceError. Throws ConfigError for a link that cannot be.

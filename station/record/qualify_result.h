@@ -7,13 +7,11 @@
 
 namespace etalon {
 
-// Time across programs. The monotonic clock ends with a program's machine and stands still while
-// that is suspended, and the system's clock may be set: how long the machine has been on does
-// neither.
-
+// Time across programs: how long the machine has been on, suspended or not. The monotonic clock
+// stands still while it is suspended, and the system's clock may be set.
 struct BootTime {
     std::string boot;      // since which start of the machine; empty: not known
-    double seconds = 0.0;  // that it was on, suspended or not
+    double seconds = 0.0;  // that it was on
 };
 
 BootTime boot_time();  // now

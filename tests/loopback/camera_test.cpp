@@ -21,11 +21,7 @@ using namespace std::chrono_literals;
 using Rig = GigeRig;
 
 GigeCameraOptions small(int bits = 8) {
-    GigeCameraOptions options;
-    options.width = 67;
-    options.height = 41;
-    options.bits = bits;
-    return options;
+    return {.width = 67, .height = 41, .bits = bits};
 }
 
 TEST(GenicamCamera, HandsOverThePixelsByteForByte) {
@@ -78,8 +74,7 @@ TEST(GenicamCamera, DoesNotTakeALateFrameForTheAnswerToTheNextTrigger) {
             released.wait_for(10s);  // not for ever: the camera may be gone by then
         return seen;
     });
-    CameraLink link;
-    link.frame_timeout = 100ms;
+    CameraLink link{.frame_timeout = 100ms};
     auto camera = open_camera("genicam:127.0.0.1", link, clock);
     camera->configure({});
     camera->arm();
@@ -167,8 +162,7 @@ TEST(GenicamCamera, TriggersAgainWhenPacketsAreLostAndHandsOnOnlyWholeFrames) {
     options.height = 80;
     options.packet_loss = 0.02;
     Rig rig(options);
-    CameraLink link;
-    link.frame_timeout = 300ms;
+    CameraLink link{.frame_timeout = 300ms};
     auto camera = rig.armed(link);
     // The chance that 60 frames of 11 packets lose none is 0.98^660 = 2e-6; that one of them fails
     // 13 times in a row, with a chance of 0.2 each, 60 * 8e-10.
@@ -186,8 +180,7 @@ TEST(GenicamCamera, ReturnsABadFrameWithItsStatusWhenTheRetriesAreUsedUp) {
     GigeCameraOptions options = small();
     options.packet_loss = 0.5;  // the 4 packets of a frame all arrive with a chance of 0.06
     Rig rig(options);
-    CameraLink link;
-    link.frame_timeout = 300ms;
+    CameraLink link{.frame_timeout = 300ms};
     auto camera = rig.open(link);
     camera->configure(rig.settings());
     Frame frame;

@@ -354,10 +354,7 @@ TEST(RecordedRun, TakesWhatTheSameProgramFoundInTheSamePixels) {
 // A run that ended early is reported again, not judged.
 TEST(RecordedRun, HasNoVerdictWhenPosesAreMissing) {
     StationOfMocks mocks;
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 4)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(4);
     mocks.run();
     mocks.stop = {};
     const auto before = files_of(mocks.record());

@@ -101,10 +101,7 @@ TEST(Runner, TakesUpACameraThatWasGoneForAWhile) {
 
 TEST(Runner, EndsAtOnceWhenStopIsRequested) {
     StationOfMocks mocks;
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 4)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(4);
     const QualifyResult result = mocks.run();
     EXPECT_EQ(result.outcome, RunOutcome::aborted);
     EXPECT_EQ(exit_code(result.outcome), 130);
@@ -265,10 +262,7 @@ TEST(Runner, GoesOnWithTheOtherFramesOfAPoseWhenOneIsBroken) {
     mocks.on_camera = [](FakeCamera& camera) {  // retries 3: one frame lost for good
         camera.script.assign(4, FrameStatus::corrupt);
     };
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 2)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(2);
     const QualifyResult result = mocks.run();
     ASSERT_EQ(result.poses.size(), 2u);
     EXPECT_EQ(result.poses[0].frames[0].status, FrameStatus::corrupt);
@@ -285,10 +279,7 @@ TEST(Runner, TakesTheFramesOfAPoseAgainWhenNoneIsComplete) {
         camera.script.assign(8 + 4, FrameStatus::corrupt);
         camera.missing_packets = 75;
     };
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 2)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(2);
     const QualifyResult result = mocks.run();
     ASSERT_EQ(result.poses.size(), 2u);
     EXPECT_EQ(result.poses[0].frames.size(), 2u);
@@ -310,10 +301,7 @@ TEST(Runner, EndsWhenNoFrameOfAPoseIsComplete) {
 
 TEST(Runner, TakesFramesOnlyAfterTheStageHasSettled) {
     StationOfMocks mocks;
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 3)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(3);
     const QualifyResult result = mocks.run();
     for (const Pose& pose : result.poses) {
         EXPECT_NEAR(*pose.settled_s - pose.move_start_s, 0.040, 1e-9);

@@ -3,7 +3,6 @@
 #include "station/calibrate/commands.h"
 #include "station/compare/commands.h"
 #include "station/devices/commands.h"
-#include "station/qualify/commands.h"
 #include "station/render/commands.h"
 #include "station/shell/commands.h"
 #include "station/studies/commands.h"

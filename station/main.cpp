@@ -4,9 +4,7 @@
 #include <malloc.h>
 
 #include <csignal>
-#include <cstdio>
 #include <limits>
-#include <string_view>
 
 #include "capture/frame/camera.h"
 #include "core/program/errors.h"

@@ -2,17 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <csignal>
-#include <system_error>
 
 #include "compare/uncertainty/uncertainty_budget.h"
-#include "core/config/strict_reader.h"
 #include "core/file/text.h"
 #include "core/process/subprocess.h"
 #include "core/statistics/distributions.h"
-#include "core/time/clock.h"
 #include "station/record/run_record.h"
 
 namespace etalon {

@@ -4,11 +4,6 @@
 // Every number is the record's. Text of files and devices is escaped.
 #pragma once
 
-#include <chrono>
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include "station/record/qualify_result.h"
 
 namespace etalon {

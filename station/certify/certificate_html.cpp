@@ -1,7 +1,5 @@
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "compare/qualification/judged_quantities.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"

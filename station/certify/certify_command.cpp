@@ -1,8 +1,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdio>
-
 #include "core/file/file_lock.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"

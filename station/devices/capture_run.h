@@ -9,7 +9,6 @@
 #pragma once
 
 #include <functional>
-#include <optional>
 
 #include "capture/frame/camera.h"
 #include "station/devices/commands.h"
@@ -45,8 +44,6 @@ CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Cloc
 
 // `etalon: capture/1`, indented, keys in a fixed order. Also what --json prints.
 std::string capture_json(const CaptureResult& result);
-
-// The camera of `etalon capture`, as its command line describes it.
 
 // Throws ConfigError for a --set that is no NAME=NUMBER.
 CaptureSettings capture_settings(const CaptureArguments& arguments);

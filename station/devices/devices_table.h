@@ -2,9 +2,6 @@
 // 79 columns (longer only where a single word is). For programs there is `etalon devices --json`.
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "capture/frame/camera.h"
 
 namespace etalon {

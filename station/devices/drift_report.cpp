@@ -4,8 +4,6 @@
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
 
 #include "capture/camera_recovery.h"

@@ -5,20 +5,14 @@
 //     report.html  the same as plots, with what it cannot tell
 #pragma once
 
-#include <functional>
-#include <string>
-
 #include "capture/frame/camera.h"
 #include "compare/drift/drift_monitor.h"
 
 namespace etalon {
 
-// Warm-up and stability check: watches a static target with a camera until its image drifts by less
-// than the limit, or the time is over. What `etalon capture --drift` does.
-//
-// What it cannot see: whether the camera or the target moves (both must stand on the same rigid
-// base, and the target must not warm up); whether a growth is one of the focal length or of the
-// distance; and what happens after it ended.
+// Warm-up and stability check. It cannot tell whether the camera or the target moves: both must
+// stand on one rigid base, and the target must not warm up. It cannot tell a change of focal length
+// from one of distance, nor what happens later.
 
 struct DriftRequest {
     CaptureSettings settings;

@@ -2,8 +2,6 @@
 // columns.
 #pragma once
 
-#include <string>
-
 #include "core/image/image.h"
 
 namespace etalon {

@@ -5,7 +5,6 @@
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
-#include <cstdio>
 #include <iostream>
 #include <set>
 
@@ -14,7 +13,6 @@
 #include "core/program/errors.h"
 #include "core/time/progress.h"
 #include "report/json_text.h"
-#include "stage/motion/motion_guard.h"
 #include "station/devices/commands.h"
 #include "station/setup/station_lock.h"
 #include "station/shell/command.h"

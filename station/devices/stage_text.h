@@ -2,11 +2,6 @@
 // and the positions that are typed. Lengths in mm, angles in degrees.
 #pragma once
 
-#include <span>
-#include <string>
-#include <vector>
-
-#include "stage/motion/stage.h"
 #include "stage/profile/profile.h"
 #include "station/setup/plan.h"
 

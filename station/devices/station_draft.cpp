@@ -4,7 +4,6 @@
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
 #include <iostream>
 
 #include "compare/qualification/judged_quantities.h"

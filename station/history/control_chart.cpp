@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-#include <vector>
-
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 

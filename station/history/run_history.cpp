@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "core/config/json_entry.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"

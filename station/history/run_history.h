@@ -3,10 +3,7 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
-#include <span>
 #include <string>
-#include <vector>
 
 #include "station/history/control_chart.h"
 

@@ -3,10 +3,7 @@
 // alone, brought up to date by their sizes and times of change, and can be deleted at any time.
 #pragma once
 
-#include <filesystem>
 #include <memory>
-#include <string>
-#include <vector>
 
 #include "station/history/run_history.h"
 

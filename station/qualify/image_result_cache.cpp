@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <limits>
-
 #include "core/config/json_entry.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
@@ -16,138 +14,146 @@ namespace {
 
 constexpr const char* pixels_file = "pixels.jsonl";
 
-// ---- as JSON: numbers are written so that they are read back to the bit
+// ---- what is kept of each type, for writing and for reading
 
-RecordJson kept_points(const std::vector<Eigen::Vector2d>& points) {
-    return json_list(points, [](const Eigen::Vector2d& point) { return numbers_json(point); });
+template <class Io>
+void describe(Io& io, Rigid& rigid) {
+    io("rotation", rigid.rotation.coeffs());
+    io("translation", rigid.translation);
 }
 
-RecordJson kept_rigid(const Rigid& rigid) {
-    return {{"rotation", numbers_json(rigid.rotation.coeffs())},
-            {"translation", numbers_json(rigid.translation)}};
+template <class Io>
+void describe(Io& io, PhotometricReading& reading) {
+    io("pose", reading.camera_from_marker);
+    io("covariance", reading.covariance);
 }
 
-template <class Type, class Function>
-RecordJson kept_optional(const std::optional<Type>& value, Function json_of) {
-    return value ? json_of(*value) : RecordJson();
+template <class Io>
+void describe(Io& io, PhotoFinding& finding) {
+    io("name", finding.name);
+    io("sentence", finding.sentence);
 }
 
-constexpr double PhotoEvidence::*pixel_numbers[] = {&PhotoEvidence::depth_mm,
-                                                    &PhotoEvidence::loss,
-                                                    &PhotoEvidence::residual_scale,
-                                                    &PhotoEvidence::squares,
-                                                    &PhotoEvidence::noise_gray,
-                                                    &PhotoEvidence::contrast_gray,
-                                                    &PhotoEvidence::background_by_tone_gray};
-constexpr std::optional<double> PhotoEvidence::*pixel_options[] = {
-    &PhotoEvidence::noise_ratio, &PhotoEvidence::black_gray, &PhotoEvidence::background_gray};
-
-RecordJson kept_photo(const PhotoEvidence& photo) {
-    RecordJson numbers = RecordJson::array(), options = RecordJson::array();
-    for (const auto number : pixel_numbers)
-        numbers.push_back(photo.*number);
-    for (const auto option : pixel_options)
-        options.push_back(optional_number(photo.*option));
-    return {{"information", numbers_json(photo.information)},
-            {"score", numbers_json(photo.score)},
-            {"score_by_log_noise", numbers_json(photo.score_by_log_noise)},
-            {"largest_change", numbers_json(photo.largest_change)},
-            {"shading", numbers_json(photo.shading)},
-            {"pixels", photo.pixels},
-            {"numbers", numbers},
-            {"options", options}};
+template <class Io>
+void describe(Io& io, PhotoEvidence& photo) {
+    io("depth_mm", photo.depth_mm);
+    io("information", photo.information);
+    io("score", photo.score);
+    io("score_by_log_noise", photo.score_by_log_noise);
+    io("largest_change", photo.largest_change);
+    io("loss", photo.loss);
+    io("residual_scale", photo.residual_scale);
+    io("pixels", photo.pixels);
+    io("squares", photo.squares);
+    io("noise_gray", photo.noise_gray);
+    io("noise_ratio", photo.noise_ratio);
+    io("contrast_gray", photo.contrast_gray);
+    io("black_gray", photo.black_gray);
+    io("shading", photo.shading);
+    io("background_gray", photo.background_gray);
+    io("background_by_tone_gray", photo.background_by_tone_gray);
 }
 
-RecordJson kept_finding(const PhotoFinding& finding) {
-    return {finding.name, finding.sentence};
+template <class Io>
+void describe(Io& io, ImageResultCache& pose) {
+    io("reading", pose.reading);
+    io("seen_at", pose.seen_at);
+    io("detector_bias_px", pose.detector_bias_px);
+    io("refusal", pose.refusal);
+    io("compared_at", pose.compared_at);
+    io("photo", pose.pixels);
+    io("findings", pose.findings);
 }
 
-RecordJson kept_pose_pixels(const ImageResultCache& pose) {
-    const auto reading_json = [](const PhotometricReading& reading) -> RecordJson {
-        return {{"pose", kept_rigid(reading.camera_from_marker)},
-                {"covariance", numbers_json(reading.covariance)}};
-    };
-    return {{"reading", kept_optional(pose.reading, reading_json)},
-            {"seen_at", kept_optional(pose.seen_at, kept_rigid)},
-            {"detector_bias_px", kept_points(pose.detector_bias_px)},
-            {"refusal", pose.refusal},
-            {"compared_at", kept_rigid(pose.compared_at)},
-            {"photo", kept_optional(pose.pixels, kept_photo)},
-            {"findings", json_list(pose.findings, kept_finding)}};
+template <class Io>
+void describe(Io& io, SeenFrame& frame) {
+    io("corners", frame.corners);
+    io("detection", frame.detection);
 }
 
-RecordJson kept_frame(const FrameRecord& frame) {
-    return {{"corners", kept_points(frame.corners)}, {"detection", frame.detection}};
+template <class Io>
+void describe(Io& io, KeptPose& pose) {
+    io("frames", pose.frames);
+    io("pixels", pose.pixels);
 }
 
-// ---- and back
-
-template <class Matrix>
-void read_kept(const JsonEntry& entry, Matrix& matrix) {
-    const std::vector<double> numbers = entry.numbers(static_cast<std::size_t>(matrix.size()));
-    std::ranges::copy(numbers, matrix.data());
-}
-
-std::vector<Eigen::Vector2d> read_kept_points(const JsonEntry& list) {
-    std::vector<Eigen::Vector2d> points;
-    for (const JsonEntry& item : list.items())
-        read_kept(item, points.emplace_back());
-    return points;
-}
-
-Rigid read_kept_rigid(const JsonEntry& entry) {
-    Rigid rigid;
-    read_kept(entry.at("rotation"), rigid.rotation.coeffs());
-    read_kept(entry.at("translation"), rigid.translation);
-    return rigid;
-}
-
-PhotometricReading read_kept_reading(const JsonEntry& entry) {
-    PhotometricReading reading;
-    reading.camera_from_marker = read_kept_rigid(entry.at("pose"));
-    read_kept(entry.at("covariance"), reading.covariance);
-    return reading;
-}
-
-PhotoEvidence read_kept_photo(const JsonEntry& entry) {
-    PhotoEvidence photo;
-    read_kept(entry.at("information"), photo.information);
-    read_kept(entry.at("score"), photo.score);
-    read_kept(entry.at("score_by_log_noise"), photo.score_by_log_noise);
-    read_kept(entry.at("largest_change"), photo.largest_change);
-    read_kept(entry.at("shading"), photo.shading);
-    photo.pixels = static_cast<int>(entry.at("pixels").integer(0, std::numeric_limits<int>::max()));
-    const auto numbers = entry.at("numbers").numbers(std::size(pixel_numbers));
-    for (std::size_t i = 0; i < numbers.size(); ++i)
-        photo.*pixel_numbers[i] = numbers[i];
-    const auto options = entry.at("options").items();
-    if (options.size() != std::size(pixel_options))
-        entry.fail("has other options");
-    for (std::size_t i = 0; i < options.size(); ++i)
-        if (!options[i].is_null())
-            photo.*pixel_options[i] = options[i].number();
-    return photo;
-}
-
-ImageResultCache read_kept_pose_pixels(const JsonEntry& entry) {
-    ImageResultCache pose;
-    if (const JsonEntry reading = entry.at("reading"); !reading.is_null())
-        pose.reading = read_kept_reading(reading);
-    if (const JsonEntry seen_at = entry.at("seen_at"); !seen_at.is_null())
-        pose.seen_at = read_kept_rigid(seen_at);
-    pose.detector_bias_px = read_kept_points(entry.at("detector_bias_px"));
-    pose.refusal = entry.at("refusal").text();
-    pose.compared_at = read_kept_rigid(entry.at("compared_at"));
-    if (const JsonEntry photo = entry.at("photo"); !photo.is_null())
-        pose.pixels = read_kept_photo(photo);
-    for (const JsonEntry& finding : entry.at("findings").items()) {
-        const std::vector<JsonEntry> words = finding.items();
-        if (words.size() != 2)
-            finding.fail("is no finding");
-        pose.findings.push_back({words[0].text(), words[1].text()});
+// To JSON, to the bit.
+class KeptWriter {
+public:
+    template <class Value>
+    void operator()(const char* key, Value& value) {
+        json_[key] = json_of(value);
     }
-    return pose;
-}
+    template <class Described>
+    static RecordJson json_of(Described& value) {
+        KeptWriter writer;
+        describe(writer, value);
+        return writer.json_;
+    }
+
+private:
+    static RecordJson json_of(int& number) { return number; }
+    static RecordJson json_of(double& number) { return number; }
+    static RecordJson json_of(std::string& text) { return text; }
+    template <int Rows, int Columns>
+    static RecordJson json_of(Eigen::Matrix<double, Rows, Columns>& matrix) {
+        return numbers_json(matrix);
+    }
+    template <class Value>
+    static RecordJson json_of(std::optional<Value>& value) {
+        return value ? json_of(*value) : RecordJson();
+    }
+    template <class Value>
+    static RecordJson json_of(std::vector<Value>& values) {
+        RecordJson list = RecordJson::array();
+        for (Value& value : values)
+            list.push_back(json_of(value));
+        return list;
+    }
+
+    RecordJson json_;
+};
+
+// And back.
+class KeptReader {
+public:
+    explicit KeptReader(const JsonEntry& entry) : entry_(entry) {}
+
+    template <class Value>
+    void operator()(const char* key, Value& value) {
+        read(entry_.at(key), value);
+    }
+    template <class Described>
+    static void read(const JsonEntry& entry, Described& value) {
+        KeptReader reader(entry);
+        describe(reader, value);
+    }
+
+private:
+    static void read(const JsonEntry& entry, int& number) {
+        number = static_cast<int>(entry.integer(0, std::numeric_limits<int>::max()));
+    }
+    static void read(const JsonEntry& entry, double& number) { number = entry.number(); }
+    static void read(const JsonEntry& entry, std::string& text) { text = entry.text(); }
+    template <int Rows, int Columns>
+    static void read(const JsonEntry& entry, Eigen::Matrix<double, Rows, Columns>& matrix) {
+        std::ranges::copy(entry.numbers(Rows * Columns), matrix.data());
+    }
+    template <class Value>
+    static void read(const JsonEntry& entry, std::optional<Value>& value) {
+        if (!entry.is_null())
+            read(entry, value.emplace());
+    }
+    template <class Value>
+    static void read(const JsonEntry& list, std::vector<Value>& values) {
+        for (const JsonEntry& item : list.items())
+            read(item, values.emplace_back());
+    }
+
+    const JsonEntry& entry_;
+};
+
+// ---- lines of the file
 
 // A line begins with what its content follows from and with that content's own hash: a disk that
 // forgets must not change a result.
@@ -160,16 +166,6 @@ void require_unharmed(const std::string& text, const JsonEntry& line) {
     const std::string start = line_start(line.at("made_from").text(), hash);
     if (!text.starts_with(start) || sha256(std::string_view(text).substr(start.size())) != hash)
         line.fail("is not as it was written");
-}
-
-KeptPose read_kept_pose(const JsonEntry& line) {
-    KeptPose pose;
-    for (const JsonEntry& frame : line.at("frames").items())
-        pose.frames.push_back(
-            {read_kept_points(frame.at("corners")), frame.at("detection").text()});
-    if (const JsonEntry pixels = line.at("pixels"); !pixels.is_null())
-        pose.pixels = read_kept_pose_pixels(pixels);
-    return pose;
 }
 
 // What a pose's pixels follow from.
@@ -205,7 +201,9 @@ KeptPixels::KeptPixels(const QualifyResult& run) : run_(run) {
         try {
             const JsonEntry line(text, {path.string(), ++number});
             require_unharmed(text, line);
-            poses_.insert_or_assign(line.at("made_from").text(), read_kept_pose(line));
+            KeptPose pose;
+            KeptReader::read(line, pose);
+            poses_.insert_or_assign(line.at("made_from").text(), std::move(pose));
         } catch (const ConfigError&) {
             // found again
         }
@@ -222,11 +220,12 @@ void KeptPixels::keep(const std::map<int, ImageResultCache>& by_index) const {
         return;
     std::string text;
     for (const Pose& pose : run_.poses) {
-        const auto pixels = by_index.find(pose.index);
-        const RecordJson content{
-            {"frames", json_list(pose.frames, kept_frame)},
-            {"pixels", pixels == by_index.end() ? RecordJson() : kept_pose_pixels(pixels->second)}};
-        const std::string rest = text_of(content, -1).substr(1);
+        KeptPose kept;
+        for (const FrameRecord& frame : pose.frames)
+            kept.frames.push_back({frame.corners, frame.detection});
+        if (const auto pixels = by_index.find(pose.index); pixels != by_index.end())
+            kept.pixels = pixels->second;
+        const std::string rest = text_of(KeptWriter::json_of(kept), -1).substr(1);
         text += line_start(key_of(pose, run_), sha256(rest)) + rest + "\n";
     }
     try {

@@ -5,12 +5,6 @@
 // gives the same bytes with it and without.
 #pragma once
 
-#include <Eigen/Core>
-#include <map>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "compare/diagnosis/pixel_evidence.h"
 #include "station/record/qualify_result.h"
 

@@ -3,8 +3,6 @@
 // error or skipped.
 #pragma once
 
-#include <string>
-
 #include "station/record/qualify_result.h"
 
 namespace etalon {

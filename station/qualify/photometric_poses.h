@@ -6,16 +6,10 @@
 
 #include <tbb/task_group.h>
 
-#include <map>
-#include <optional>
-#include <stop_token>
-#include <string>
-
 #include "compare/expect/expected_view.h"
 #include "compare/match/pixel_measurement.h"
 #include "compare/photometric/photometric_detector.h"
 #include "station/qualify/image_result_cache.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 

@@ -2,26 +2,32 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <ctime>
-#include <memory>
-#include <system_error>
 
 #include "core/file/file_lock.h"
 #include "core/process/subprocess.h"
 #include "core/program/errors.h"
-#include "station/qualify/commands.h"
 #include "station/qualify/runner.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
 #include "station/setup/station_file.h"
 #include "station/setup/station_lock.h"
 #include "station/shell/command.h"
+#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {
 namespace {
 
+struct QualifyArguments {
+    std::filesystem::path station, out;
+    std::filesystem::path calibration;  // in place of the one that the station names
+    std::filesystem::path resume;       // in place of out: the record to go on with
+    std::vector<std::string> twin;  // arguments of the etalon-twin to start for the run; or none
+    std::string operator_name;      // for the record
+    bool homed = false;             // the operator's word, Stage::take_for_homed()
+    bool json = false;
+};
 struct ReportArguments {
     std::filesystem::path record;
     bool json = false;
@@ -136,6 +142,26 @@ std::string ready_line(Subprocess& twin) {
     return line;
 }
 
+int run_qualify(const QualifyArguments& arguments) {
+    require_either(arguments);
+    std::unique_ptr<Subprocess> twin;
+    if (!arguments.twin.empty()) {
+        twin = started_twin(arguments.twin);
+        const std::string ready = ready_line(*twin);
+        if (ready.empty()) {  // it has said why
+            twin->wait_for(no_time_limit);
+            return twin->result().exit_code;
+        }
+        fmt::print(stderr, "{}", ready);
+    }
+    std::stop_source stop;
+    const StopOnSignals signals(stop);
+    SteadyClock clock;
+    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    const auto run = arguments.resume.empty() ? begin : resume;
+    return print_result(run(arguments, clock, progress, stop.get_token()), arguments.json);
+}
+
 int run_report(const ReportArguments& arguments) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
@@ -169,26 +195,6 @@ int run_demo(const DemoArguments& arguments) {
 }
 
 }  // namespace
-
-int run_qualify(const QualifyArguments& arguments) {
-    require_either(arguments);
-    std::unique_ptr<Subprocess> twin;
-    if (!arguments.twin.empty()) {
-        twin = started_twin(arguments.twin);
-        const std::string ready = ready_line(*twin);
-        if (ready.empty()) {  // it has said why
-            twin->wait_for(no_time_limit);
-            return twin->result().exit_code;
-        }
-        fmt::print(stderr, "{}", ready);
-    }
-    std::stop_source stop;
-    const StopOnSignals signals(stop);
-    SteadyClock clock;
-    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
-    const auto run = arguments.resume.empty() ? begin : resume;
-    return print_result(run(arguments, clock, progress, stop.get_token()), arguments.json);
-}
 
 void declare_qualify(Command& program) {
     auto [command, asked] = program.add(

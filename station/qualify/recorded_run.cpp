@@ -5,9 +5,6 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include <algorithm>
-#include <limits>
-
 #include "compare/make_detector.h"
 #include "core/program/errors.h"
 #include "station/qualify/image_result_cache.h"
@@ -15,7 +12,6 @@
 #include "station/qualify/runner.h"
 #include "station/record/run_events.h"
 #include "station/record/run_record.h"
-#include "station/setup/station_file.h"
 
 namespace etalon {
 namespace {

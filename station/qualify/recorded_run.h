@@ -7,12 +7,6 @@
 // last line without its end and frames without their pose are dropped, and it is said.
 #pragma once
 
-#include <cstdint>
-#include <filesystem>
-#include <stop_token>
-#include <string>
-#include <vector>
-
 #include "core/time/progress.h"
 #include "station/record/qualify_result.h"
 

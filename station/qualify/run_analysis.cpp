@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include <algorithm>
-#include <system_error>
-
 #include "compare/photometric/photo_match.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"

@@ -4,13 +4,10 @@
 // build.
 #pragma once
 
-#include <stop_token>
-
 #include "compare/expect/expectation.h"
 #include "core/time/progress.h"
 #include "report/html.h"
 #include "station/qualify/photometric_poses.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 
@@ -26,16 +23,12 @@ namespace etalon {
 void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress& progress,
                  const std::stop_token& stop);
 
-// The files that follow from a run's measurements and its analysis.
-
 // Replaces everything that follows from the measurements: poses.csv, convergence.csv, junit.xml,
 // report.html, and run.json with the hashes of all other files, which it sets in the result. Throws
 // ConfigError when one cannot be written.
 void write_results(QualifyResult& result);
 
-// What is to be expected of the camera, marker and detector of a run: `etalon expect` in short,
-// from renders and frames that the run has anyway.
-
+// What is to be expected of the camera, marker and detector of a run: `etalon expect` in short.
 // Bias: B1 of the hold-out poses, which were rendered where the registration puts them. Noise: the
 // scatter of the photographs' frames at each pose, vibration included. Nothing without an analysis.
 Expectation run_expectation(const QualifyResult& result);

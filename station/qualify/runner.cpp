@@ -2,11 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <memory>
-
 #include "capture/camera_recovery.h"
 #include "compare/make_detector.h"
 #include "compare/match/photo_findings.h"
@@ -15,11 +10,9 @@
 #include "core/program/version.h"
 #include "stage/axes/kinematics.h"
 #include "stage/link/modbus_link.h"
-#include "stage/motion/motion_guard.h"
 #include "station/qualify/run_analysis.h"
 #include "station/record/run_events.h"
 #include "station/record/run_record.h"
-#include "station/setup/station_file.h"
 
 namespace etalon {
 namespace {

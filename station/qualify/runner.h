@@ -10,18 +10,8 @@
 // Whatever happens after the first motion, the axes are stopped and what was measured is on disk.
 #pragma once
 
-#include <filesystem>
-#include <functional>
-#include <memory>
-#include <span>
-#include <stop_token>
-
 #include "compare/detect/detector.h"
-#include "core/time/clock.h"
-#include "core/time/progress.h"
 #include "station/qualify/recorded_run.h"
-#include "station/record/qualify_result.h"
-#include "station/setup/environment.h"
 
 namespace etalon {
 
@@ -79,7 +69,6 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
                                    Progress& progress, std::stop_token stop);
 
 // The sensor of a station's room (station/setup/environment.h) as a device.
-
 // Connects with the first reading, and reads as the stage is read (stage/link/modbus_link.h): each
 // quantity up to three times. What a room cannot have is an error like no answer. The clock must
 // outlive the function, which throws DeviceError. Throws ConfigError for a link that cannot be.

@@ -2,27 +2,16 @@
 // report.html are written from. Times are seconds since the run began, on the station's clock.
 #pragma once
 
-#include <Eigen/Core>
-#include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "capture/frame/camera.h"
-#include "compare/qualification/qualification.h"
 #include "report/software_versions.h"
 #include "station/setup/plan.h"
-#include "station/setup/station_file.h"
 
 namespace etalon {
 
-// Time across programs. The monotonic clock ends with a program's machine and stands still while
-// that is suspended, and the system's clock may be set: how long the machine has been on does
-// neither.
-
+// Time across programs: how long the machine has been on, suspended or not. The monotonic clock
+// stands still while it is suspended, and the system's clock may be set.
 struct BootTime {
     std::string boot;      // since which start of the machine; empty: not known
-    double seconds = 0.0;  // that it was on, suspended or not
+    double seconds = 0.0;  // that it was on
 };
 
 BootTime boot_time();  // now

@@ -3,9 +3,6 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
-#include <span>
-#include <string>
-#include <vector>
 
 #include "report/json_text.h"
 #include "station/record/qualify_result.h"

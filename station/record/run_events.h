@@ -16,8 +16,6 @@
 // numbers read back as the same double; what is not known is null.
 #pragma once
 
-#include <string>
-
 #include "station/record/qualify_result.h"
 
 namespace etalon {

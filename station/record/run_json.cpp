@@ -2,12 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "report/number_text.h"
-#include "station/record/analysis_json.h"
+#include "report/result_table.h"
 #include "station/record/record_json.h"
 
 namespace etalon {
@@ -39,12 +36,10 @@ Json optional_size(const std::optional<double>& size, double unit) {
 }
 
 Json error_map_json(const std::optional<ErrorMap>& map, double unit) {
-    if (!map)
-        return {};
-    Json rows = Json::array();
-    for (const ErrorMapPoint& point : map->points())
-        rows.push_back({point.position * unit, point.error * unit, point.uncertainty * unit});
-    return rows;
+    const auto point_json = [unit](const ErrorMapPoint& point) -> Json {
+        return {point.position * unit, point.error * unit, point.uncertainty * unit};
+    };
+    return map ? json_list(map->points(), point_json) : Json();
 }
 
 Json axis_json(const Axis& axis) {
@@ -98,16 +93,6 @@ Json link_json(const StageLink& link) {
     return json;
 }
 
-Json stage_json(const StationStage& stage) {
-    Json axes = Json::array();
-    for (const Axis& axis : stage.axes)
-        axes.push_back(axis_json(axis));
-    return {{"link", link_json(stage.link)},
-            {"profile", stage.profile},
-            {"axes", axes},
-            {"forbidden", forbidden_json(stage)}};
-}
-
 Json plan_json(const StationFile& station, const Plan& plan) {
     Json volume;
     for (std::size_t i = 0; i < station.stage.axes.size(); ++i) {
@@ -148,112 +133,342 @@ Json environment_json(const QualifyResult& result) {
             {"lost", result.environment.lost}};
 }
 
-Json references_json(const std::vector<TracedReference>& references) {
-    Json list = Json::array();
-    for (const TracedReference& each : references)
-        list.push_back({{"name", each.name},
-                        {"value", each.value},
-                        {"expanded_uncertainty", each.expanded_uncertainty},
-                        {"unit", each.unit},
-                        {"certificate", each.certificate},
-                        {"laboratory", each.laboratory},
-                        {"date", each.date},
-                        {"due", each.due}});
-    return list;
+const ColumnsOf<TracedReference>& reference_columns() {
+    static const ColumnsOf<TracedReference> columns = {
+        {"name", &TracedReference::name},
+        {"value", &TracedReference::value},
+        {"expanded_uncertainty", &TracedReference::expanded_uncertainty},
+        {"unit", &TracedReference::unit},
+        {"certificate", &TracedReference::certificate},
+        {"laboratory", &TracedReference::laboratory},
+        {"date", &TracedReference::date},
+        {"due", &TracedReference::due}};
+    return columns;
 }
 
-Json sessions_json(const std::vector<RunSession>& sessions) {
-    Json list = Json::array();
-    for (const RunSession& session : sessions)
-        list.push_back({{"started_utc", session.started_utc},
-                        {"start_s", session.start_s},
-                        {"version", session.version},
-                        {"operator", session.operator_name},
-                        {"poses_visited", session.poses}});
-    return list;
+const ColumnsOf<RunSession>& session_columns() {
+    static const ColumnsOf<RunSession> columns = {{"started_utc", &RunSession::started_utc},
+                                                  {"start_s", &RunSession::start_s},
+                                                  {"version", &RunSession::version},
+                                                  {"operator", &RunSession::operator_name},
+                                                  {"poses_visited", &RunSession::poses}};
+    return columns;
 }
 
-Json attachments_json(const std::vector<Attachment>& attachments) {
-    Json list = Json::array();
-    for (const Attachment& file : attachments)
-        list.push_back({{"path", file.path}, {"sha256", file.sha256}});
-    return list;
+const ColumnsOf<Attachment>& attachment_columns() {
+    static const ColumnsOf<Attachment> columns = {{"path", &Attachment::path},
+                                                  {"sha256", &Attachment::sha256}};
+    return columns;
 }
 
-// poses.csv, a group of columns at a time.
-using Row = std::vector<std::string>;
+// ---- poses.csv
 
-void add_six(Row& row, const std::optional<PoseEstimate>& estimate) {
-    const Vector6d vector =
-        estimate ? vector_from_rigid(estimate->camera_from_marker) : Vector6d::Zero();
-    for (int i = 0; i < 6; ++i)
-        row.push_back(estimate ? exact(vector[i]) : "");
+using PoseColumns = ColumnsOf<Pose>;
+
+// A column for each axis, in its unit where the numbers are positions.
+template <class Number>
+void add_axis_columns(PoseColumns& columns, const std::vector<Axis>& axes, const char* prefix,
+                      std::vector<Number> Pose::*numbers) {
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        constexpr bool is_position = std::is_same_v<Number, double>;
+        const double unit = is_position ? unit_of(axes[i]) : 1.0;
+        const char* suffix = axes[i].kind == Axis::Kind::rotary ? "_deg" : "_mm";
+        columns.push_back({prefix + axes[i].name + (is_position ? suffix : ""),
+                           [i, unit, numbers](const Pose& pose) -> TableCell {
+                               if constexpr (is_position)
+                                   return unit * (pose.*numbers)[i];
+                               else
+                                   return (pose.*numbers)[i];
+                           }});
+    }
 }
 
-void add_bias(Row& row, const std::optional<PoseError>& bias) {
-    for (int i = 0; i < 3; ++i)
-        row.push_back(bias ? exact(bias->translation_mm[i]) : "");
-    for (int i = 0; i < 3; ++i)
-        row.push_back(bias ? exact(bias->rotation_rad[i] * 1000.0) : "");
-}
-
-Row csv_header(const std::vector<Axis>& axes) {
-    Row header = {"pose", "split"};
-    for (const char* prefix : {"commanded_", "read_back_", "deviation_", "approach_"})
-        for (const Axis& axis : axes) {
-            const bool is_length = prefix != std::string("approach_");
-            const char* unit = axis.kind == Axis::Kind::rotary ? "_deg" : "_mm";
-            header.push_back(prefix + axis.name + (is_length ? unit : ""));
+// Before the analysis their cells are empty.
+void add_analysis_columns(PoseColumns& columns, bool is_analysed) {
+    const auto six = [&](const std::string& prefix, std::initializer_list<const char*> names,
+                         const std::function<std::optional<Vector6d>(const PoseBias&)>& numbers) {
+        for (int i = 0; const char* column : names) {
+            columns.push_back({prefix + column, [=](const Pose& pose) -> TableCell {
+                                   const auto all = is_analysed ? numbers(pose.bias) : std::nullopt;
+                                   return all ? TableCell((*all)[i]) : TableCell();
+                               }});
+            ++i;
         }
-    for (const char* column :
-         {"frames", "detections", "move_start_s", "settled_s", "done_s", "used"})
-        header.emplace_back(column);
-    for (const char* group : {"photo_", "render_", "predicted_"})
-        for (const char* column : {"rx", "ry", "rz", "tx", "ty", "tz"})
-            header.push_back(std::string(group) + column);
-    for (const char* group : {"b1_", "b2_", "b3_", "b4_"})
-        for (const char* column : {"x_mm", "y_mm", "z_mm", "rx_mrad", "ry_mrad", "rz_mrad"})
-            header.push_back(std::string(group) + column);
-    for (const char* column : {"residual_rms_gray", "residual_p99_gray", "psf_sigma_px"})
-        header.emplace_back(column);
-    return header;
+    };
+    const auto pose_of = [](std::optional<PoseEstimate> PoseBias::*estimate) {
+        return [estimate](const PoseBias& bias) {
+            const auto& found = bias.*estimate;
+            return found ? std::optional(vector_from_rigid(found->camera_from_marker))
+                         : std::nullopt;
+        };
+    };
+    columns.push_back({"used", [is_analysed](const Pose& pose) {
+                           return is_analysed ? TableCell(pose.used) : TableCell();
+                       }});
+    const auto of_pose = {"rx", "ry", "rz", "tx", "ty", "tz"};
+    six("photo_", of_pose, pose_of(&PoseBias::photo));
+    six("render_", of_pose, pose_of(&PoseBias::render));
+    six("predicted_", of_pose,
+        [](const PoseBias& bias) { return std::optional(vector_from_rigid(bias.predicted)); });
+    for (const auto& [prefix, part] :
+         {std::pair("b1_", &PoseBias::b1), std::pair("b2_", &PoseBias::b2),
+          std::pair("b3_", &PoseBias::b3), std::pair("b4_", &PoseBias::b4)})
+        six(prefix, {"x_mm", "y_mm", "z_mm", "rx_mrad", "ry_mrad", "rz_mrad"},
+            [part = part](const PoseBias& bias) -> std::optional<Vector6d> {
+                if (const auto& error = bias.*part)
+                    return (Vector6d() << error->translation_mm, error->rotation_rad * 1000.0)
+                        .finished();
+                return std::nullopt;
+            });
 }
 
-// Photograph minus render, of hold-out poses.
-void add_residual(Row& row, const std::optional<PhotoResidual>& residual) {
-    row.push_back(residual ? exact(residual->rms_gray) : "");
-    row.push_back(residual ? exact(residual->p99_gray) : "");
-    row.push_back(residual ? exact(residual->psf_sigma_px) : "");
+PoseColumns pose_columns(const std::vector<Axis>& axes, bool is_analysed) {
+    PoseColumns columns = {
+        {"pose", &Pose::index},
+        {"split", [](const Pose& pose) { return pose.hold_out ? "hold-out" : "training"; }}};
+    add_axis_columns(columns, axes, "commanded_", &Pose::target);
+    add_axis_columns(columns, axes, "read_back_", &Pose::read_back);
+    add_axis_columns(columns, axes, "deviation_", &Pose::read_back_deviation);
+    add_axis_columns(columns, axes, "approach_", &Pose::approach);
+    columns.push_back({"frames", [](const Pose& pose) { return pose.frames.size(); }});
+    columns.push_back({"detections", &Pose::detections});
+    const auto add_time = [&](const char* key, const std::function<double(const Pose&)>& seconds) {
+        columns.push_back(
+            {key, [=](const Pose& pose) { return fmt::format("{:.6f}", seconds(pose)); }});
+    };
+    add_time("move_start_s", &Pose::move_start_s);
+    add_time("settled_s", [](const Pose& pose) { return pose.settled_s.value_or(0.0); });
+    add_time("done_s", &Pose::done_s);
+    add_analysis_columns(columns, is_analysed);
+    const ColumnsOf<PhotoResidual> residual = {{"residual_rms_gray", &PhotoResidual::rms_gray},
+                                               {"residual_p99_gray", &PhotoResidual::p99_gray},
+                                               {"psf_sigma_px", &PhotoResidual::psf_sigma_px}};
+    add_columns(columns, residual, &Pose::residual);
+    return columns;
 }
 
-void add_analysis_columns(Row& row, const Pose& pose) {
-    row.emplace_back(pose.used ? "1" : "0");
-    add_six(row, pose.bias.photo);
-    add_six(row, pose.bias.render);
-    const Vector6d predicted = vector_from_rigid(pose.bias.predicted);
-    for (int i = 0; i < 6; ++i)
-        row.push_back(exact(predicted[i]));
-    for (const auto bias : {&PoseBias::b1, &PoseBias::b2, &PoseBias::b3, &PoseBias::b4})
-        add_bias(row, pose.bias.*bias);
+// ---- the analysis
+
+Json decision_risk_json(const std::optional<DecisionRisk>& risk) {
+    if (!risk)
+        return {};
+    return {{"conformance_probability", risk->conformance},
+            {"global_consumer", risk->consumer},
+            {"global_producer", risk->producer},
+            {"global_of", risk->has_prior ? "prior" : "any prior, at most"},
+            {"passes_95", optional_number(risk->passes_95)},
+            {"passes_50", optional_number(risk->passes_50)},
+            {"passes_5", optional_number(risk->passes_5)}};
 }
 
-Row csv_row(const Pose& pose, const std::vector<Axis>& axes, bool is_analysed) {
-    Row row = {std::to_string(pose.index), pose.hold_out ? "hold-out" : "training"};
-    for (const auto* positions : {&pose.target, &pose.read_back, &pose.read_back_deviation})
-        for (std::size_t i = 0; i < axes.size(); ++i)
-            row.push_back(exact((*positions)[i] * unit_of(axes[i])));
-    for (std::size_t i = 0; i < axes.size(); ++i)
-        row.push_back(std::to_string(pose.approach[i]));
-    row.push_back(std::to_string(pose.frames.size()));
-    row.push_back(std::to_string(pose.detections));
-    for (const double time_s : {pose.move_start_s, pose.settled_s.value_or(0.0), pose.done_s})
-        row.push_back(fmt::format("{:.6f}", time_s));
-    if (is_analysed)
-        add_analysis_columns(row, pose);
-    else
-        row.resize(row.size() + 1 + 3 * 6 + 4 * 6);
-    add_residual(row, pose.residual);
-    return row;
+// Of a reported quantity limit and outcome are null: nobody asked for a judgement. Infinite degrees
+// of freedom are written as null.
+Json measurement_json(const JudgedQuantity& q, bool judged) {
+    const auto figure = [&](double value) { return q.measured ? Json(value) : Json(); };
+    return {{"name", q.name},
+            {"unit", q.unit},
+            {"value", figure(q.value)},
+            {"expanded_uncertainty", figure(q.expanded_uncertainty)},
+            {"coverage_factor", figure(q.coverage_factor)},
+            {"degrees_of_freedom", figure(q.degrees_of_freedom)},
+            {"monte_carlo_uncertainty", optional_number(q.monte_carlo_uncertainty)},
+            {"limit", judged ? Json(q.limit) : Json()},
+            {"outcome", judged ? Json(name(q.outcome)) : Json()},
+            {"reason", q.reason},
+            {"risk", decision_risk_json(q.risk)}};
+}
+
+// Deviations as `etalon register` gives them: the corners' noise is that of the residuals.
+Json weak_json(const Registration& registration) {
+    return json_list(registration.weak, [&](const PoorlyConstrainedDirection& weak) -> Json {
+        return {{"name", weak.name},
+                {"direction", numbers_json(weak.direction)},
+                {"deviation", std::sqrt(registration.reduced_squares) * weak.deviation},
+                {"unit", weak.is_shift() ? "mm" : "rad"},
+                {"worth_photographs", weak.worth_poses}};
+    });
+}
+
+Json registration_json(const BiasCorrectedRegistration& corrected) {
+    const Registration& registration = corrected.registration;
+    const auto freedom_json = [](const GaugeFreedom& freedom) -> Json {
+        return {{"name", freedom.name}, {"direction", numbers_json(freedom.direction)}};
+    };
+    return {{"motion", registration.motion},
+            {"camera_from_base", pose_numbers(registration.camera_from_base)},
+            {"carriage_from_marker", pose_numbers(registration.carriage_from_marker)},
+            {"residual_rms_px", registration.residual_rms_px},
+            {"poses_used", corrected.used.size()},
+            {"down_weighted_points", registration.down_weighted_points},
+            {"rounds", corrected.rounds},
+            {"last_change_px", corrected.last_change_px},
+            {"rank", registration.rank},
+            {"condition_number", registration.condition_number},
+            {"freedoms", json_list(registration.freedoms, freedom_json)},
+            {"badly_determined", weak_json(registration)}};
+}
+
+Json field_json(const BiasField& field, const FieldSummary& summary) {
+    return {{"coefficients", numbers_json(field.coefficients)},
+            {"samples", field.samples},
+            {"degrees_of_freedom", field.degrees_of_freedom},
+            {"down_weighted", field.down_weighted},
+            {"centre_mm", numbers_json(field.centre_mm)},
+            {"residual_along", field.residual_along},
+            {"residual_across", field.residual_across},
+            {"rms", summary.rms},
+            {"rms_uncertainty", summary.rms_uncertainty},
+            {"noise_rms", summary.noise_rms},
+            {"max", summary.max},
+            {"max_uncertainty", summary.max_uncertainty},
+            {"max_position_mm", numbers_json(summary.max_position_mm)}};
+}
+
+Json condition_json(const AcceptanceCondition& each) {
+    const bool checked = each.is_compared();
+    return {{"name", each.name},
+            {"state", name(each.state)},
+            {"value", checked ? Json(each.value) : Json()},
+            {"limit", checked ? Json(each.limit) : Json()},
+            {"unit", each.unit},
+            {"text", each.text}};
+}
+
+Json rest_json(const LackOfFit& rest) {
+    return {{"rms", rest.rms},
+            {"rms_uncertainty", rest.rms_uncertainty},
+            {"noise_rms", rest.noise_rms},
+            {"chi_square_ratio", rest.chi_square_ratio},
+            {"degrees_of_freedom", rest.degrees_of_freedom},
+            {"chi_square_limit", rest.chi_square_limit}};
+}
+
+Json lengths_json(const LengthErrors& lengths) {
+    return {{"pairs", lengths.pairs},
+            {"longest_mm", lengths.longest_mm},
+            {"measured_rms_mm", lengths.measured_rms_mm},
+            {"measured_max_mm", lengths.measured_max_mm},
+            {"field_max_mm", lengths.field_max_mm},
+            {"field_max_length_mm", lengths.field_max_length_mm},
+            {"field_max_uncertainty_mm", lengths.field_max_uncertainty_mm}};
+}
+
+Json budget_row_json(const BudgetRow& row) {
+    Json contributions = Json::object();
+    for (const auto& [quantity, sensitivity] : row.sensitivity)
+        if (row.standard_uncertainty)
+            contributions[quantity] = row.contribution(quantity);
+    return {{"source", row.source},
+            {"standard_uncertainty", optional_number(row.standard_uncertainty)},
+            {"unit", row.unit},
+            {"distribution", name(row.distribution)},
+            {"degrees_of_freedom", row.degrees_of_freedom},
+            {"in_uncertainty", row.counted},
+            {"widest", optional_number(row.widest)},
+            {"sensitivity", row.sensitivity},
+            {"contribution", contributions},
+            {"basis", row.basis}};
+}
+
+Json signature_json(const ErrorSignature& s) {
+    return {{"name", s.name},
+            {"unit", s.unit},
+            {"size", s.size},
+            {"before_rms_mm", s.before_rms_mm},
+            {"before_max_mm", s.before_max_mm},
+            {"after_rms_mm", s.after_rms_mm},
+            {"after_max_mm", s.after_max_mm},
+            {"detectable_size", s.detectable_size},
+            {"observable", s.observable},
+            {"reason", s.reason},
+            {"confounded_with", s.confounded_with}};
+}
+
+Json figure_json(const std::optional<PixelFigure>& figure, const char* unit) {
+    if (!figure)
+        return {};
+    return {{"value", figure->value},
+            {"expanded_uncertainty", figure->expanded_uncertainty},
+            {"unit", unit}};
+}
+
+// Signed: photographs less renders.
+Json pixels_json(const ImageAgreement& match) {
+    return {{"photographs", match.photos},
+            {"residual", figure_json(match.residual_gray, "gray")},
+            {"blur", figure_json(match.blur_px, "px")},
+            {"tone", figure_json(match.tone_gray, "gray")},
+            {"shading", figure_json(match.shading_percent, "%")},
+            {"noise", figure_json(match.noise_ratio, "1")},
+            {"edge", figure_json(match.edge_px, "px")},
+            {"background", figure_json(match.background_gray, "gray")},
+            {"black", figure_json(match.black_gray, "gray")},
+            {"overexposed", match.is_overexposed},
+            {"findings", match.findings}};
+}
+
+Json causing_error_json(const CausingError& error) {
+    return {{"names", error.names},
+            {"size", error.size},
+            {"expanded_uncertainty", error.expanded_uncertainty},
+            {"unit", error.unit},
+            {"remedies", error.remedies}};
+}
+
+Json causes_json(const Causes& causes) {
+    const auto cause_json = [](const Cause& cause) -> Json {
+        return {{"text", cause.text()},
+                {"probability", cause.probability},
+                {"errors", json_list(cause.errors, causing_error_json)},
+                {"instead", cause.instead}};
+    };
+    return {{"ranked", json_list(causes.ranked, cause_json)},
+            {"no_error", causes.no_error},
+            {"none_of_these", causes.none_of_these},
+            {"corner_scatter_px", causes.corner_scatter_px},
+            {"scatter", causes.scatter}};
+}
+
+void add_analysis(Json& run, const Qualification& analysis) {
+    run["measurements"] = json_list(analysis.quantities, [](const JudgedQuantity& each) {
+        return measurement_json(each, true);
+    });
+    run["reported"] = json_list(analysis.reported, [](const JudgedQuantity& each) {
+        return measurement_json(each, false);
+    });
+    run["decision_rule"] = {{"name", analysis.rule.name()},
+                            {"guard_factor", analysis.rule.guard_factor}};
+    run["risk"] = {{"judged", analysis.risk.judged},
+                   {"each", analysis.risk.each},
+                   {"wrong_pass", analysis.risk.false_acceptance},
+                   {"wrong_fail", analysis.risk.false_rejection}};
+    run["conditions"] = json_list(analysis.conditions, condition_json);
+    run["reasons"] = analysis.reasons;
+    if (analysis.pixels)
+        run["pixels"] = pixels_json(*analysis.pixels);
+    if (analysis.causes)
+        run["causes"] = causes_json(*analysis.causes);
+    run["detection"] = {{"training", analysis.detection.training},
+                        {"training_detected", analysis.detection.training_detected},
+                        {"hold_out", analysis.detection.hold_out},
+                        {"hold_out_detected", analysis.detection.hold_out_detected},
+                        {"rate", analysis.detection.rate()}};
+    if (analysis.registration)
+        run["registration"] = registration_json(*analysis.registration);
+    if (analysis.position_field)
+        run["position_field_mm"] = field_json(*analysis.position_field, analysis.position_summary);
+    if (analysis.rotation_field)
+        run["rotation_field_rad"] = field_json(*analysis.rotation_field, analysis.rotation_summary);
+    if (analysis.position_lack_of_fit)
+        run["position_rest_mm"] = rest_json(*analysis.position_lack_of_fit);
+    if (analysis.lengths)
+        run["lengths"] = lengths_json(*analysis.lengths);
+    if (analysis.photometric)
+        run["photometric_position_field_mm"] = field_json(analysis.photometric->position_field,
+                                                          analysis.photometric->position_summary);
+    run["budget_complete"] = analysis.budget_complete;
+    run["budget"] = json_list(analysis.budget, budget_row_json);
+    run["gauge_report"] = json_list(analysis.signatures, signature_json);
 }
 
 }  // namespace
@@ -266,7 +481,7 @@ std::string run_json(const QualifyResult& result) {
         {"reason", result.reason},
         {"started_utc", result.started_utc},
         {"duration_s", result.duration_s},
-        {"sessions", sessions_json(result.sessions)},
+        {"sessions", json_rows(table_of(session_columns(), result.sessions))},
         {"station", station.id},
         {"marker", station.marker.spec},
         {"detector", station.detector},
@@ -276,30 +491,30 @@ std::string run_json(const QualifyResult& result) {
         {"marker_size_uncertainty", optional_number(station.marker_size_uncertainty)},
         {"marker_flatness_mm", optional_number(station.marker_flatness_mm)},
         {"environment", environment_json(result)},
-        {"references", references_json(station.references)},
+        {"references", json_rows(table_of(reference_columns(), station.references))},
         {"limits", station.limits.id},
         {"due_after_days",
          station.limits.due_after_days ? Json(*station.limits.due_after_days) : Json()},
         {"inputs", inputs_json(station.inputs)},
         {"camera", camera_json(result)},
-        {"stage", stage_json(station.stage)},
+        {"stage",
+         {{"link", link_json(station.stage.link)},
+          {"profile", station.stage.profile},
+          {"axes", json_list(station.stage.axes, axis_json)},
+          {"forbidden", forbidden_json(station.stage)}}},
         {"plan", plan_json(station, result.plan)},
         {"poses_visited", result.poses.size()}};
     if (result.analysis)
         add_analysis(run, *result.analysis);
     run["mean_residual_gray"] = optional_number(mean_residual_gray(result));
     run["software"] = software_json(result.software);
-    run["attachments"] = attachments_json(result.attachments);
+    run["attachments"] = json_rows(table_of(attachment_columns(), result.attachments));
     return text_of(run, 2) + "\n";
 }
 
 std::string poses_csv(const QualifyResult& result) {
-    const std::vector<Axis>& axes = result.station.stage.axes;
-    std::string csv = fmt::format("{}\n", fmt::join(csv_header(axes), ","));
-    for (const Pose& pose : result.poses)
-        csv +=
-            fmt::format("{}\n", fmt::join(csv_row(pose, axes, result.analysis.has_value()), ","));
-    return csv;
+    return csv_of(table_of(pose_columns(result.station.stage.axes, result.analysis.has_value()),
+                           result.poses));
 }
 
 std::string convergence_csv(const QualifyResult& result) {

@@ -5,8 +5,6 @@
 // measured is null in JSON and empty in CSV. Bytes that are not UTF-8 are replaced.
 #pragma once
 
-#include <string>
-
 #include "station/record/qualify_result.h"
 
 namespace etalon {

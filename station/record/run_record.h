@@ -20,14 +20,8 @@
 // from the log may be torn by a power cut, and `etalon report` writes it anew.
 #pragma once
 
-#include <condition_variable>
-#include <cstdint>
 #include <deque>
 #include <exception>
-#include <filesystem>
-#include <mutex>
-#include <optional>
-#include <string>
 #include <thread>
 
 #include "core/file/file_writing.h"
@@ -37,7 +31,6 @@
 namespace etalon {
 
 // Writes images on a thread of its own, so that a device is not kept waiting for a disk.
-
 // The queue is bounded: write() waits when the disk cannot follow. Used from one thread.
 class ImageWriter {
 public:
@@ -116,7 +109,6 @@ private:
 // Which program this is, to the bit: its own file, the libraries that it was loaded with and what
 // the processor can do, as code is chosen by it. Two processes with the same fingerprint compute
 // the same from the same input; a version number does not promise that.
-
 // 64 lower-case hexadecimal digits. Some 15 ms the first time, then none. Throws ConfigError where
 // the program's own file cannot be read. Safe from every thread.
 const std::string& program_fingerprint();

@@ -8,7 +8,6 @@
 #include <array>
 #include <cerrno>
 #include <nlohmann/json.hpp>
-#include <system_error>
 
 #include "core/file/text.h"
 #include "report/json_text.h"

@@ -14,7 +14,6 @@
 
 #include "core/program/errors.h"
 #include "core/time/clock.h"
-#include "station/serve/access.h"
 
 namespace etalon {
 namespace {

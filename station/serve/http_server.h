@@ -4,9 +4,7 @@
 
 #include <chrono>
 #include <cstddef>
-#include <functional>
 #include <memory>
-#include <string>
 
 #include "station/serve/access.h"
 

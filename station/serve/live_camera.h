@@ -4,12 +4,6 @@
 #pragma once
 
 #include <atomic>
-#include <chrono>
-#include <condition_variable>
-#include <memory>
-#include <mutex>
-#include <optional>
-#include <string>
 #include <thread>
 
 #include "station/devices/live_view.h"

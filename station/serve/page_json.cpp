@@ -4,7 +4,6 @@
 
 #include "compare/qualification/judged_quantities.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
 #include "report/result_table.h"

@@ -3,8 +3,6 @@
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
-#include <string>
-#include <vector>
 
 #include "station/history/run_history.h"
 #include "station/serve/station_control.h"

@@ -2,8 +2,6 @@
 // once; a path that is not in the table does not exist.
 #pragma once
 
-#include <atomic>
-
 #include "station/history/run_index.h"
 #include "station/serve/access.h"
 #include "station/serve/station_control.h"

@@ -2,8 +2,6 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include <algorithm>
-#include <cmath>
 #include <fstream>
 
 #include "capture/frame/frame_log.h"
@@ -11,7 +9,6 @@
 #include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 #include "station/record/qualify_result.h"
-#include "station/setup/station_file.h"
 
 namespace etalon {
 namespace {

@@ -3,15 +3,6 @@
 // started anew sees what the one before saw.
 #pragma once
 
-#include <Eigen/Core>
-#include <cstdint>
-#include <filesystem>
-#include <memory>
-#include <mutex>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "calib/camera/projector.h"
 #include "compare/expect/expected_view.h"
 #include "core/config/json_entry.h"
@@ -85,9 +76,8 @@ private:
     std::vector<std::string> remarks_;
 };
 
-// A pose's photograph beside what the calibration says it should look like, small enough to watch:
-// JPEG, at most 640 px wide.
-
+// A pose's photograph beside what the calibration says it should look like: JPEG, at most 640 px
+// wide.
 struct PosePictures {
     int pose = -1;
     std::string photo, render;  // JPEG; empty: there is none

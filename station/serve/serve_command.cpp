@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <array>
-#include <cstdio>
-
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "station/serve/http_server.h"

@@ -4,17 +4,13 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
 #include <csignal>
 #include <future>
 #include <set>
-#include <vector>
 
 #include "calib/files/camera_file.h"
 #include "capture/frame/frame_log.h"
-#include "core/config/strict_reader.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "station/record/run_record.h"
 
 namespace etalon {

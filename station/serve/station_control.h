@@ -9,16 +9,6 @@
 // Safe from every thread.
 #pragma once
 
-#include <condition_variable>
-#include <filesystem>
-#include <map>
-#include <memory>
-#include <mutex>
-#include <optional>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include "core/process/subprocess.h"
 #include "core/program/errors.h"
 #include "station/serve/live_camera.h"

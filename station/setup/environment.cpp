@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "compare/qualification/qualification.h"
 #include "station/setup/station_file.h"
 

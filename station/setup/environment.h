@@ -14,11 +14,6 @@
 // may be left out.) What it makes of the uncertainty: docs/metrology.md, Temperature.
 #pragma once
 
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
-
 #include "core/config/strict_reader.h"
 #include "stage/link/register_numbers.h"
 #include "stage/link/stage_link.h"

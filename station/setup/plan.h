@@ -9,16 +9,8 @@
 // poses are visited again, last first: most axes then come from the other side than before.
 #pragma once
 
-#include <chrono>
-#include <functional>
-#include <optional>
-#include <span>
-#include <vector>
-
 #include "compare/pose/pose.h"
 #include "core/time/clock.h"
-#include "stage/axes/axes.h"
-#include "stage/motion/motion_guard.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {

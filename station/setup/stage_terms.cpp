@@ -1,10 +1,5 @@
 #include "station/setup/stage_terms.h"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <functional>
-
 #include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
 

@@ -3,11 +3,6 @@
 // Of the poses only the positions read back count, with their standard uncertainties.
 #pragma once
 
-#include <span>
-#include <vector>
-
-#include "compare/qualification/qualification.h"
-#include "stage/axes/axes.h"
 #include "station/setup/plan.h"
 
 namespace etalon {

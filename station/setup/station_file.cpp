@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "calib/files/camera_file.h"
 #include "compare/expect/expected_view.h"
 #include "compare/make_detector.h"
@@ -324,6 +321,19 @@ void require_recorded_bytes(const Path& record, const InputFile& input) {
         throw ConfigError({(record / copy).string()}, difference(input, found));
 }
 
+// Station, calibration and limits, then what these name: the camera's point spread and transfer
+// table, the stage's profile and those that it extends. `profile` may be a built-in one's name.
+std::vector<InputFile> station_inputs(const Path& station, const Path& calibration,
+                                      const Path& limits, const std::string& profile) {
+    std::vector<InputFile> inputs = {identify("station", station),
+                                     identify("calibration", calibration),
+                                     identify("limits", limits)};
+    add_camera_parts(inputs, calibration);
+    if (profile.ends_with(".yaml"))
+        add_profiles(inputs, profile);
+    return inputs;
+}
+
 }  // namespace
 
 ExpectedScene expected_scene(const StationFile& station) {
@@ -385,17 +395,6 @@ const TracedReference* reference_named(const std::vector<TracedReference>& refer
                                        const std::string& name) {
     const auto found = std::ranges::find(references, name, &TracedReference::name);
     return found == references.end() ? nullptr : &*found;
-}
-
-std::vector<InputFile> station_inputs(const Path& station, const Path& calibration,
-                                      const Path& limits, const std::string& profile) {
-    std::vector<InputFile> inputs = {identify("station", station),
-                                     identify("calibration", calibration),
-                                     identify("limits", limits)};
-    add_camera_parts(inputs, calibration);
-    if (profile.ends_with(".yaml"))
-        add_profiles(inputs, profile);
-    return inputs;
 }
 
 void copy_inputs(std::vector<InputFile>& inputs, const Path& record) {

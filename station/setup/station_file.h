@@ -34,13 +34,6 @@
 // required.
 #pragma once
 
-#include <chrono>
-#include <cstdint>
-#include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 #include "capture/frame/camera.h"
 #include "compare/qualification/limits_file.h"
@@ -168,16 +161,8 @@ StationStage read_station_stage(const std::filesystem::path& path);
 // with its absolute path is copied too, but it is the original that reading back opens: it must
 // still be the same.
 
-// Station, calibration and limits, then what these name: the camera's point spread and transfer
-// table, the stage's profile and those that it extends. `profile` may be a built-in one's name.
-// Throws ConfigError when one cannot be read.
-std::vector<InputFile> station_inputs(const std::filesystem::path& station,
-                                      const std::filesystem::path& calibration,
-                                      const std::filesystem::path& limits,
-                                      const std::string& profile);
-
-// Copies them into `record`/inputs and sets their `copy`. Throws ConfigError when one cannot be
-// copied or is not any more what was read.
+// Copies the inputs into `record`/inputs and sets their `copy`. Throws ConfigError when one cannot
+// be copied or is not any more what was read.
 void copy_inputs(std::vector<InputFile>& inputs, const std::filesystem::path& record);
 
 // The station from these copies, with the inputs as given. Throws ConfigError for a copy outside of

@@ -9,13 +9,10 @@
 #include <sys/sysmacros.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstdlib>
 #include <ctime>
-#include <filesystem>
 #include <set>
-#include <system_error>
 
 #include "core/file/sha256.h"
 #include "core/program/errors.h"

@@ -9,9 +9,6 @@
 // nobody is kept off who does not ask: docs/stage.md says what protects then.
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "station/setup/station_file.h"
 
 namespace etalon {

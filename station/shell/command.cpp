@@ -5,10 +5,6 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
-#include <cstdint>
-#include <cstdio>
-#include <filesystem>
-#include <optional>
 
 #include "core/file/text.h"
 #include "core/program/errors.h"

@@ -6,8 +6,6 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <mutex>
-#include <string>
 #include <vector>
 
 #include "core/time/progress.h"
@@ -122,8 +120,6 @@ int fail(int exit_code, const std::string& message);
 // Help on what several commands ask for.
 extern const std::string marker_help, pose_help, homed_help;
 
-// What commands print alike: the line that names a report, and progress on stderr.
-
 // "report FOLDER/report.html" on stdout; nothing without a folder.
 void print_report(const std::filesystem::path& folder);
 
@@ -139,10 +135,8 @@ private:
     std::mutex mutex_;
 };
 
-// Files that come with the program, found from where the program lies: no path is compiled in, so
-// that it can be installed anywhere.
-
-// The folder of the program that runs.
+// The folder of the program that runs: no path is compiled in, so that it can be installed
+// anywhere.
 std::filesystem::path program_folder();
 
 // `name` below share/etalon, for instance "examples/demo/station.yaml": of the prefix that the

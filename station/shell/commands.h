@@ -1,4 +1,5 @@
-// `etalon certify`.
+// Commands that declare themselves and have nothing else to share; the others are declared in
+// commands.h of their module.
 #pragma once
 
 namespace etalon {
@@ -6,31 +7,14 @@ namespace etalon {
 class Command;
 
 void declare_certify(Command& program);
-
-// `etalon history`.
-
-class Command;
-
-void declare_history(Command& program);
-
-// `etalon expect`, `plan` and `oc`.
-
-class Command;
-
+void declare_demo(Command& program);
 void declare_expect(Command& program);
-void declare_plan(Command& program);
+void declare_history(Command& program);
 void declare_oc(Command& program);
-
-// `etalon register`.
-
-class Command;
-
+void declare_plan(Command& program);
+void declare_qualify(Command& program);
 void declare_register(Command& program);
-
-// `etalon serve`.
-
-class Command;
-
+void declare_report(Command& program);
 void declare_serve(Command& program);
 
 }  // namespace etalon

@@ -1,7 +1,5 @@
 #include "station/shell/signals.h"
 
-#include <csignal>
-
 namespace etalon {
 
 namespace {

@@ -15,11 +15,7 @@ namespace {
 using testing::HasSubstr;
 
 GigeCameraOptions options_of_12_bits() {
-    GigeCameraOptions options;
-    options.width = 68;
-    options.height = 41;
-    options.bits = 12;
-    return options;
+    return {.width = 68, .height = 41, .bits = 12};
 }
 
 TEST(CaptureCommand, RecordsFramesOfACameraWithItsSettings) {
@@ -87,8 +83,7 @@ protected:
     std::array<int, 2> pictures_in_the_record() const {
         SteadyClock clock;
         const auto replay = open_camera("files:" + out_, {}, clock);
-        CaptureSettings as_recorded;
-        as_recorded.bits = PoweredCamera::bits;
+        CaptureSettings as_recorded{.bits = PoweredCamera::bits};
         replay->configure(as_recorded);
         replay->arm();
         std::array<int, 2> found{};

@@ -18,8 +18,7 @@ std::string printed(bool json) {
 }
 
 TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {
-    GigeCameraOptions options;
-    options.serial = "SN-75";
+    GigeCameraOptions options{.serial = "SN-75"};
     const GigeCamera camera(options, [](const CaptureSettings&) { return CodeImage{}; });
     const std::string table = printed(false);
     for (const char* words :
@@ -36,8 +35,7 @@ TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {
 }
 
 TEST(DevicesCommand, PrintsTheSameAsJson) {
-    GigeCameraOptions options;
-    options.serial = "SN-75";
+    GigeCameraOptions options{.serial = "SN-75"};
     const GigeCamera camera(options, [](const CaptureSettings&) { return CodeImage{}; });
     const nlohmann::json json = nlohmann::json::parse(printed(true));
     EXPECT_EQ(json.at("etalon"), "devices/1");

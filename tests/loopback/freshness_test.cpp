@@ -34,9 +34,7 @@ public:
     int stale_frames_of(int moves) {
         auto stage = stage_.connect_and_home();
         auto camera = open_camera("genicam:127.0.0.1", {}, stage_.clock);
-        CaptureSettings wanted;
-        wanted.trigger = "none";
-        wanted.exposure = 2000us;
+        CaptureSettings wanted{.exposure = 2000us, .trigger = "none"};
         wanted.controls["AcquisitionFrameRate"] = 100.0;
         camera->configure(wanted);
         camera->arm();
@@ -55,11 +53,7 @@ public:
 
 private:
     static GigeCameraOptions options(bool latches) {
-        GigeCameraOptions options;
-        options.width = 68;
-        options.height = 24;
-        options.latches = latches;
-        return options;
+        return {.width = 68, .height = 24, .latches = latches};
     }
     static bool shows_another_place(const Frame& frame, double target) {
         Stamp stamp{-1.0, 1.0};

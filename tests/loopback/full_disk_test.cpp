@@ -49,9 +49,7 @@ protected:
 
 // A camera of 60 kB a frame.
 TEST_F(FullDisk, EndsACaptureWith4AndKeepsTheFramesThatFitted) {
-    GigeCameraOptions options;
-    options.width = 300;
-    options.height = 200;
+    GigeCameraOptions options{.width = 300, .height = 200};
     GigeRig rig(options);
     const int code = run(
         {"capture", "--camera", "genicam:127.0.0.1", "--frames", "500", "--out", out_, "--live"});

@@ -21,11 +21,7 @@ using testing::Not;
 constexpr int width = 68, height = 41;
 
 GigeCameraOptions sensor(std::uint16_t payload_type) {
-    GigeCameraOptions options;
-    options.width = width;
-    options.height = height;
-    options.chunk_payload_type = payload_type;
-    return options;
+    return {.width = width, .height = height, .chunk_payload_type = payload_type};
 }
 
 using Payload = std::vector<std::uint8_t>;

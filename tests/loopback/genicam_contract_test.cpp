@@ -36,9 +36,7 @@ public:
 
     Clock& clock() override { return rig_.clock_; }
     std::unique_ptr<Camera> open() override {
-        CameraLink link;
-        link.packet_size = 576;
-        link.frame_timeout = 400ms;
+        CameraLink link{.frame_timeout = 400ms, .packet_size = 576};
         return rig_.open(link);
     }
     CaptureSettings settings() const override {
@@ -107,14 +105,12 @@ public:
         return open_camera(InProcessCamera::uri, {}, clock_);
     }
     CaptureSettings settings() const override {
-        CaptureSettings settings;
-        settings.width = 150;
-        settings.height = 80;
-        settings.bits = bits_;
-        settings.trigger = trigger_;
-        settings.exposure = 7000us;
-        settings.gain_db = 3.0;
-        return settings;
+        return {.width = 150,
+                .height = 80,
+                .bits = bits_,
+                .exposure = 7000us,
+                .gain_db = 3.0,
+                .trigger = trigger_};
     }
     std::vector<Refusal> refusals() const override {
         CaptureSettings wide = settings(), long_exposure = wide, loud = wide, unknown = wide,

@@ -1,12 +1,13 @@
 // What the GenICam backend does beyond the contract of all cameras: pixel formats, triggers, the
 // device's clock, statistics, and faults with their time bounds.
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <set>
 #include <thread>
 
 #include "capture/camera_recovery.h"
 #include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"
 
@@ -67,26 +68,21 @@ TEST_F(GenicamFeatures, ChoosesThePlainestMonochromeFormatThatHoldsTheBits) {
     GigeRig rig(sensor());
     auto camera = rig.open(link_);
     const auto chosen = [&](int bits) {
-        CaptureSettings wanted;
-        wanted.bits = bits;
+        CaptureSettings wanted{.bits = bits};
         return camera->configure(wanted).format;
     };
     EXPECT_EQ(chosen(7), "Mono8");
     EXPECT_EQ(chosen(10), "Mono10");
     EXPECT_EQ(chosen(11), "Mono12");
     EXPECT_EQ(chosen(14), "Mono16");
-    CaptureSettings shallow;
-    shallow.format = "Mono12p";
-    shallow.bits = 8;
+    CaptureSettings shallow{.bits = 8, .format = "Mono12p"};
     EXPECT_THROW(camera->configure(shallow), DeviceError);
 }
 
 TEST_F(GenicamFeatures, PutsBlackLevelGainAndFeaturesByNameInForce) {
     GigeRig rig(sensor());
     auto camera = rig.open(link_);
-    CaptureSettings wanted;
-    wanted.black_level = 17.0;
-    wanted.gain_db = 3.0;
+    CaptureSettings wanted{.gain_db = 3.0, .black_level = 17.0};
     wanted.controls["AcquisitionFrameRate"] = 40.0;
     const CaptureSettings actual = camera->configure(wanted);
     EXPECT_EQ(actual.black_level, 17.0);
@@ -141,8 +137,7 @@ TEST_F(GenicamFeatures, WaitsForTheLineThatTriggersIt) {
     options.latches = true;
     GigeRig rig(options);
     link_.frame_timeout = 400ms;
-    CaptureSettings wanted;
-    wanted.trigger = "Line1";
+    CaptureSettings wanted{.trigger = "Line1"};
     auto camera = armed(rig, wanted);
     EXPECT_EQ(camera->frame_after(rig.clock_.now(), 0, {}).status, FrameStatus::timed_out);
     const Instant t = rig.clock_.now();
@@ -164,8 +159,7 @@ TEST_F(GenicamFeatures, DatesAFrameByTheDevicesClockWhereThereIsOne) {
         GigeCameraOptions options = sensor();
         options.latches = latches;
         GigeRig rig(options);
-        CaptureSettings wanted;
-        wanted.exposure = 2000us;
+        CaptureSettings wanted{.exposure = 2000us};
         auto camera = armed(rig, wanted);
         const Instant before = rig.clock_.now();
         const Frame frame = camera->frame_after(before, 5, {});
@@ -182,8 +176,7 @@ TEST_F(GenicamFeatures, RefusesFramesWhoseClockJumpedAndRecovers) {
         GigeCameraOptions options = sensor();
         options.latches = true;
         GigeRig rig(options);
-        CaptureSettings wanted;
-        wanted.trigger = "none";
+        CaptureSettings wanted{.trigger = "none"};
         wanted.controls["AcquisitionFrameRate"] = 50.0;
         auto camera = armed(rig, wanted);
         ASSERT_EQ(camera->frame_after(rig.clock_.now(), 0, {}).status, FrameStatus::complete);
@@ -234,8 +227,7 @@ TEST_F(GenicamFeatures, CountsUnderrunsAndSkippedFrames) {
     GigeCameraOptions options = sensor();
     options.latches = true;
     GigeRig rig(options);
-    CaptureSettings wanted;
-    wanted.trigger = "none";
+    CaptureSettings wanted{.trigger = "none"};
     wanted.controls["AcquisitionFrameRate"] = 100.0;
     auto camera = armed(rig, wanted);
     rig.clock_.wait_for(400ms, {});
@@ -246,9 +238,7 @@ TEST_F(GenicamFeatures, CountsUnderrunsAndSkippedFrames) {
 
 TEST_F(GenicamFeatures, SaysThatAFrozenCameraIsGoneAndTakesItUpAgain) {
     GigeRig rig(sensor());
-    CaptureSettings wanted;
-    wanted.exposure = 7000us;
-    wanted.gain_db = 5.0;
+    CaptureSettings wanted{.exposure = 7000us, .gain_db = 5.0};
     auto camera = armed(rig, wanted);
     rig.device_->freeze();
     const Instant frozen = rig.clock_.now();
@@ -294,12 +284,8 @@ TEST_F(GenicamFeatures, DoesNotTakeAnotherCameraForTheOneThatWasLost) {
     EXPECT_THROW(camera->frame_after(rig.clock_.now(), 0, {}), DeviceError);
     rig.options_.serial = "OTHER";
     rig.restart();
-    try {
-        camera->reconnect(rig.clock_.now() + 10s, {});
-        FAIL() << "another camera was accepted";
-    } catch (const DeviceError& error) {
-        EXPECT_NE(std::string(error.what()).find("OTHER"), std::string::npos) << error.what();
-    }
+    EXPECT_THAT(device_error_of([&] { camera->reconnect(rig.clock_.now() + 10s, {}); }),
+                testing::HasSubstr("OTHER"));
     EXPECT_THROW(camera->frame_after(rig.clock_.now(), 0, {}), DeviceError);
 }
 

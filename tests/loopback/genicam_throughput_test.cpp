@@ -41,12 +41,7 @@ struct NumberedCamera {
                           return CodeImage{pictures.of(++shown), 8};
                       }};
 
-    static GigeCameraOptions options() {
-        GigeCameraOptions options;
-        options.width = large_width;
-        options.height = large_height;
-        return options;
-    }
+    static GigeCameraOptions options() { return {.width = large_width, .height = large_height}; }
 };
 
 bool same_bytes(const cv::Mat& a, const cv::Mat& b) {
@@ -69,9 +64,7 @@ TEST(GenicamThroughput, DeliversAThousandFramesOf1280x1024At50HzByteForByteWitho
                      << receive_buffer_bytes << " (net.core.rmem_max)";
     NumberedCamera rig;
     auto camera = open_camera("genicam:127.0.0.1", {}, rig.clock);
-    CaptureSettings wanted;
-    wanted.exposure = 1000us;
-    wanted.trigger = "Software";
+    CaptureSettings wanted{.exposure = 1000us, .trigger = "Software"};
     camera->configure(wanted);
     camera->arm();
     // The frame that warms the stream up may have been lost, and is not one of the thousand.

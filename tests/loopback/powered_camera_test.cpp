@@ -19,15 +19,14 @@ using namespace std::chrono_literals;
 class PoweredCameraTest : public testing::TestWithParam<const char*> {
 protected:
     static CaptureSettings wanted() {
-        CaptureSettings settings;
-        settings.width = 150;
-        settings.height = 80;
-        settings.bits = 12;
-        settings.format = "Mono12p";
-        settings.exposure = 7000us;
-        settings.gain_db = 3.0;
-        settings.black_level = 5.0;
-        settings.trigger = GetParam();
+        CaptureSettings settings{.width = 150,
+                                 .height = 80,
+                                 .bits = 12,
+                                 .format = "Mono12p",
+                                 .exposure = 7000us,
+                                 .gain_db = 3.0,
+                                 .black_level = 5.0,
+                                 .trigger = GetParam()};
         settings.controls["AcquisitionFrameRate"] = 40.0;
         return settings;
     }

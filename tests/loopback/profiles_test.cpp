@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "tests/error_text.h"
 #include "tests/loopback/stage_rig.h"
 
 namespace etalon {
@@ -45,12 +46,7 @@ void expect_at(StageRig& rig, Stage& stage, const std::vector<double>& target) {
 }
 
 std::string failure_of_move(Stage& stage, const std::vector<double>& target) {
-    try {
-        stage.move(target, {});
-    } catch (const DeviceError& error) {
-        return error.what();
-    }
-    return "no error";
+    return device_error_of([&] { stage.move(target, {}); });
 }
 
 // Whether a request gives the command that starts a move.

@@ -1,13 +1,13 @@
 #include "station/qualify/runner.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
 #include "core/program/errors.h"
 #include "mocks/stage/room_sensor_server.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -28,12 +28,7 @@ RoomSensor sensor_at(int port) {
 }
 
 std::string failure(const std::function<ClimateReading()>& read) {
-    try {
-        read();
-    } catch (const DeviceError& error) {
-        return error.what();
-    }
-    return "";
+    return device_error_of([&] { read(); });
 }
 
 // A quarter of the period after the start the sine is at its top.

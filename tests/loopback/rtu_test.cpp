@@ -1,10 +1,11 @@
 // Modbus RTU through libmodbus and a pseudo-terminal: what a serial line adds to TCP.
 #include <fmt/format.h>
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 #include <time.h>
 
 #include "core/statistics/random.h"
 #include "stage/link/modbus_link.h"
+#include "tests/error_text.h"
 #include "tests/loopback/stage_rig.h"
 
 namespace etalon {
@@ -47,13 +48,10 @@ TEST(Rtu, StopsTheAxesWhenTheLineGoesSilentForAWhile) {
         ++lost;
         return ModbusReaction{.carry_out = false, .reply = false};
     });
-    try {
-        stage->move(std::vector{690.0, 1.0}, {});
-        ADD_FAILURE() << "a move without a line";
-    } catch (const DeviceError& error) {
-        EXPECT_NE(std::string(error.what()).find("the axes were stopped"), std::string::npos)
-            << error.what();
-    }
+    EXPECT_THAT(device_error_of([&] {
+                    stage->move(std::vector{690.0, 1.0}, {});
+                }),
+                testing::HasSubstr("the axes were stopped"));
     EXPECT_FALSE(rig.simulation.is_moving());
     EXPECT_LT(rig.simulation.true_positions()[0], 600.0);
 }
@@ -85,14 +83,9 @@ TEST(Rtu, ALineHasOneMaster) {
 TEST(Rtu, ALineThatIsNotThereIsADeviceErrorThatSaysSo) {
     SteadyClock clock;
     ModbusLink link({.address = SerialPort{.device = "/dev/etalon-no-such-line"}}, clock);
-    try {
-        link.read(1, RegisterSpace::holding_registers, 0, 1, 1);
-        ADD_FAILURE();
-    } catch (const DeviceError& error) {
-        EXPECT_STREQ(error.what(),
-                     "stage /dev/etalon-no-such-line unit 1: read register 0: cannot "
-                     "connect: No such file or directory");
-    }
+    EXPECT_EQ(device_error_of([&] { link.read(1, RegisterSpace::holding_registers, 0, 1, 1); }),
+              "stage /dev/etalon-no-such-line unit 1: read register 0: cannot "
+              "connect: No such file or directory");
 }
 
 TEST(Rtu, ALineWhoseOtherEndIsGoneIsAnErrorAtOnce) {

@@ -29,9 +29,7 @@ struct Station {
     }
 
     void prepare(std::chrono::microseconds exposure, double gain_db = 0.0) {
-        CaptureSettings settings;
-        settings.exposure = exposure;
-        settings.gain_db = gain_db;
+        CaptureSettings settings{.exposure = exposure, .gain_db = gain_db};
         camera->configure(settings);
         camera->arm();
     }

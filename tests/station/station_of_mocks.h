@@ -35,6 +35,12 @@ public:
         return resume_qualification(read(), openers(), clock, progress, stop.get_token());
     }
     std::filesystem::path record() const { return folder / "record"; }
+    void stop_before(std::size_t move) {
+        before_move = [this, move](std::size_t next) {
+            if (next == move)
+                stop.request_stop();
+        };
+    }
 
     static CodeImage gray() { return {cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8}; }
     // The station's marker in mid picture.

@@ -1,13 +1,15 @@
-#include "station/certify/certificate.h"
-
 #include <gmock/gmock.h>
 
 #include <cstdlib>
 #include <regex>
 
+#include "core/file/text.h"
 #include "report/number_text.h"
+#include "station/certify/certificate.h"
+#include "tests/error_text.h"
 #include "tests/paths.h"
 #include "tests/station/station_of_mocks.h"
+#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
@@ -239,5 +241,88 @@ TEST(Coverage, IsTwoSided) {
                 0.9545, 1e-4);
 }
 
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+const std::filesystem::path example =
+    std::filesystem::path(ETALON_SOURCE_DIR) / "examples/every-key/certificate.yaml";
+
+CertificateForm read(const std::string& text) {
+    const TemporaryFolder folder;
+    write_text(folder / "certificate.yaml", text);
+    return read_certificate_form(folder / "certificate.yaml");
+}
+
+std::string refusal(const std::string& text) {
+    return config_error_of([&] { read("etalon: certificate/1\n" + text); });
+}
+
+TEST(CertificateForm, GivesWhatTheExampleSays) {
+    const CertificateForm form = read_certificate_form(example);
+    EXPECT_EQ(form.number, "2026-0042");
+    EXPECT_EQ(form.customer.name, "A & B Robotics");
+    EXPECT_EQ(address_of(form.laboratory), "Main Road 1, 38116 Braunschweig, DE");
+    EXPECT_EQ(form.signer_role, "Head of the laboratory");
+    EXPECT_THAT(missing_keys(form), IsEmpty());
+}
+
+TEST(CertificateForm, ListsEveryKeyThatIsMissing) {
+    const CertificateForm form = read(
+        "etalon: certificate/1\nlaboratory: {name: A, street: B, city: C, country: DE}\n"
+        "customer: {name: A, street: B, postcode: C, city: D, country: AT}\n");
+    EXPECT_THAT(missing_keys(form),
+                ElementsAre("number", "laboratory.postcode", "signer.name", "signer.role"));
+}
+
+TEST(CertificateForm, RefusesWhatCannotBePrinted) {
+    EXPECT_THAT(refusal("numbers: 7\n"), HasSubstr("numbers"));
+    EXPECT_THAT(refusal("number: \"\"\n"), HasSubstr("number: must be a line of text"));
+    EXPECT_THAT(refusal("number: \"a\\nb\"\n"), HasSubstr("must be a line of text"));
+    EXPECT_THAT(refusal("customer: {country: Germany}\n"), HasSubstr("customer.country"));
+}
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+// In weasyprint's place other programs that are called with two files.
+class PdfFile : public testing::Test {
+protected:
+    PdfFile() {
+        write_text(folder_ / "page.html", "<p>7</p>");
+        write_text(folder_ / "page.pdf", "of before");
+    }
+    std::string written_by(const std::string& program, std::chrono::seconds patience = 60s) const {
+        return write_pdf(folder_ / "page.html", folder_ / "page.pdf", patience, program);
+    }
+    bool is_there() const { return std::filesystem::exists(folder_ / "page.pdf"); }
+
+    TemporaryFolder folder_;
+};
+
+TEST_F(PdfFile, IsWhatTheProgramMakes) {
+    EXPECT_EQ(written_by("cp"), "");
+    EXPECT_EQ(read_text(folder_ / "page.pdf"), "<p>7</p>");
+}
+
+TEST_F(PdfFile, IsNotThereWithoutTheProgram) {
+    EXPECT_EQ(written_by("no-such-weasyprint"), "no-such-weasyprint is not installed");
+    EXPECT_FALSE(is_there());
+}
+
+TEST_F(PdfFile, IsNotTheOneOfBeforeWhenTheProgramFails) {
+    EXPECT_THAT(written_by("false"), HasSubstr("false failed"));
+    EXPECT_THAT(written_by("true"), HasSubstr("true failed"));  // it makes none
+    EXPECT_FALSE(is_there());
+}
+
+// A pipe that nobody writes to is read for ever.
+TEST_F(PdfFile, IsNotWaitedForForEver) {
+    std::filesystem::remove(folder_ / "page.html");
+    ASSERT_EQ(std::system(("mkfifo " + (folder_ / "page.html").string()).c_str()), 0);
+    EXPECT_EQ(written_by("cp", 0s), "cp took longer than 0 s");
+}
+
 }  // namespace
+
 }  // namespace etalon

@@ -5,6 +5,7 @@
 #include "stage/link/stage_link.h"
 #include "station/devices/station_draft.h"
 #include "station/setup/station_file.h"
+#include "tests/error_text.h"
 #include "tests/station/built_program.h"
 #include "tests/station/stations.h"
 
@@ -31,12 +32,7 @@ TEST(StationTemplate, IsAStationThatIsRead) {
 
 TEST(StationTemplate, RefusesWhatCannotBeSaidInAFile) {
     const auto refused = [](StationTemplate draft, const char* option) {
-        try {
-            drafted_station(draft);
-            FAIL() << option;
-        } catch (const ConfigError& error) {
-            EXPECT_THAT(error.what(), HasSubstr(option));
-        }
+        EXPECT_THAT(config_error_of([&] { drafted_station(draft); }), HasSubstr(option));
     };
     refused({.camera = "genicam:\"x\""}, "--camera");
     refused({.stage = "host:70000"}, "--stage");

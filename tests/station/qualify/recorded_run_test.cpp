@@ -12,6 +12,7 @@
 #include "core/file/sha256.h"
 #include "core/statistics/random.h"
 #include "station/qualify/image_result_cache.h"
+#include "tests/error_text.h"
 #include "tests/pages.h"
 #include "tests/read_bytes.h"
 #include "tests/station/built_program.h"
@@ -31,16 +32,6 @@ std::map<std::string, std::string> files_of(const std::filesystem::path& folder)
     return files;
 }
 
-template <class Act>
-std::string refusal_of(Act act) {
-    try {
-        act();
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "accepted";
-}
-
 // A run that nobody saw the marker in: quick, as there is nothing to render.
 class RecordOfARun : public testing::Test {
 protected:
@@ -51,7 +42,7 @@ protected:
 
     void expect_refused(const std::string& broken_log, const std::string& why) {
         write_text(mocks.record() / "events.jsonl", broken_log);
-        EXPECT_THAT(refusal_of([&] { mocks.read(); }), HasSubstr(why));
+        EXPECT_THAT(config_error_of([&] { mocks.read(); }), HasSubstr(why));
         write_text(mocks.record() / "events.jsonl", log);
     }
     // The log up to the end of the line that has `text` for the n-th time, from 0.
@@ -103,7 +94,7 @@ TEST_F(RecordOfARun, DoesNotNeedTheFilesThatItWasMadeFrom) {
 
 TEST_F(RecordOfARun, IsRefusedWhenAFileIsNotWhatTheRunUsed) {
     std::ofstream(mocks.record() / "inputs/camera.yml", std::ios::app) << "\n";
-    EXPECT_THAT(refusal_of([&] { mocks.read(); }),
+    EXPECT_THAT(config_error_of([&] { mocks.read(); }),
                 HasSubstr("inputs/camera.yml: is not the calibration file"));
 }
 
@@ -111,10 +102,10 @@ TEST_F(RecordOfARun, IsRefusedWhenAFrameIsMissingOrChanged) {
     const auto frame = mocks.record() / "frames/0004_1.png";
     const std::string bytes = read_bytes(frame);
     write_text(frame, bytes + "x");
-    EXPECT_THAT(refusal_of([&] { mocks.read(); }),
+    EXPECT_THAT(config_error_of([&] { mocks.read(); }),
                 HasSubstr("0004_1.png: is not the frame that was taken"));
     std::filesystem::remove(frame);
-    EXPECT_THAT(refusal_of([&] { mocks.read(); }), HasSubstr("0004_1.png"));
+    EXPECT_THAT(config_error_of([&] { mocks.read(); }), HasSubstr("0004_1.png"));
 }
 
 TEST_F(RecordOfARun, IsRefusedWhenItsLogCannotBeWhatARunWrote) {
@@ -161,7 +152,7 @@ TEST_F(RecordOfARun, IsRefusedWhenItsLogCannotBeWhatARunWrote) {
 }
 
 TEST_F(RecordOfARun, IsRefusedWhenItCameToItsEnd) {
-    EXPECT_THAT(refusal_of([&] { mocks.resume(); }),
+    EXPECT_THAT(config_error_of([&] { mocks.resume(); }),
                 HasSubstr("came to its end with INCONCLUSIVE"));
     EXPECT_EQ(read_text(mocks.record() / "events.jsonl"), log);
 }
@@ -185,7 +176,7 @@ TEST_F(RecordOfARun, IsRefusedByAnotherCamera) {
     write_text(mocks.record() / "events.jsonl", log_until("\"event\":\"pose\"", 6));
     mocks.on_camera = [](FakeCamera& camera) { camera.identity_.serial = "CAM-8"; };
     mocks.moves = 0;
-    EXPECT_THAT(refusal_of([&] { mocks.resume(); }),
+    EXPECT_THAT(config_error_of([&] { mocks.resume(); }),
                 HasSubstr("begun with camera CAM-7, but fake: is camera CAM-8"));
     EXPECT_EQ(mocks.moves, 0);
 }
@@ -202,7 +193,8 @@ TEST_F(RecordOfARun, IsGoneOnWithByItsOwnPlanAndRefusedWhereTheAxesMayNotGo) {
     larger.insert(at, "e9");
     write_text(mocks.record() / "events.jsonl", larger);
     mocks.moves = 0;
-    EXPECT_THAT(refusal_of([&] { mocks.resume(); }), HasSubstr("events.jsonl:1: plan.poses[24]"));
+    EXPECT_THAT(config_error_of([&] { mocks.resume(); }),
+                HasSubstr("events.jsonl:1: plan.poses[24]"));
     EXPECT_EQ(mocks.moves, 0);
 }
 
@@ -362,10 +354,7 @@ TEST(RecordedRun, TakesWhatTheSameProgramFoundInTheSamePixels) {
 // A run that ended early is reported again, not judged.
 TEST(RecordedRun, HasNoVerdictWhenPosesAreMissing) {
     StationOfMocks mocks;
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 4)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(4);
     mocks.run();
     mocks.stop = {};
     const auto before = files_of(mocks.record());

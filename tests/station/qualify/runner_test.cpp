@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/error_text.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {
@@ -100,10 +101,7 @@ TEST(Runner, TakesUpACameraThatWasGoneForAWhile) {
 
 TEST(Runner, EndsAtOnceWhenStopIsRequested) {
     StationOfMocks mocks;
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 4)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(4);
     const QualifyResult result = mocks.run();
     EXPECT_EQ(result.outcome, RunOutcome::aborted);
     EXPECT_EQ(exit_code(result.outcome), 130);
@@ -253,13 +251,8 @@ TEST(Runner, TouchesNothingWhenThePlanLeavesTheSoftLimits) {
 TEST(Runner, RefusesACameraThatTheCalibrationDoesNotBelongTo) {
     StationOfMocks mocks;
     mocks.on_camera = [](FakeCamera& camera) { camera.identity_.serial = "CAM-8"; };
-    try {
-        mocks.run();
-        FAIL() << "accepted";
-    } catch (const ConfigError& error) {
-        EXPECT_THAT(error.what(),
-                    HasSubstr("camera.yml: serial: the calibration is of camera CAM-7"));
-    }
+    EXPECT_THAT(config_error_of([&] { mocks.run(); }),
+                HasSubstr("camera.yml: serial: the calibration is of camera CAM-7"));
     EXPECT_EQ(mocks.moves, 0);
     EXPECT_FALSE(std::filesystem::exists(mocks.folder / "record"));
 }
@@ -269,10 +262,7 @@ TEST(Runner, GoesOnWithTheOtherFramesOfAPoseWhenOneIsBroken) {
     mocks.on_camera = [](FakeCamera& camera) {  // retries 3: one frame lost for good
         camera.script.assign(4, FrameStatus::corrupt);
     };
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 2)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(2);
     const QualifyResult result = mocks.run();
     ASSERT_EQ(result.poses.size(), 2u);
     EXPECT_EQ(result.poses[0].frames[0].status, FrameStatus::corrupt);
@@ -289,10 +279,7 @@ TEST(Runner, TakesTheFramesOfAPoseAgainWhenNoneIsComplete) {
         camera.script.assign(8 + 4, FrameStatus::corrupt);
         camera.missing_packets = 75;
     };
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 2)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(2);
     const QualifyResult result = mocks.run();
     ASSERT_EQ(result.poses.size(), 2u);
     EXPECT_EQ(result.poses[0].frames.size(), 2u);
@@ -314,10 +301,7 @@ TEST(Runner, EndsWhenNoFrameOfAPoseIsComplete) {
 
 TEST(Runner, TakesFramesOnlyAfterTheStageHasSettled) {
     StationOfMocks mocks;
-    mocks.before_move = [&](std::size_t move) {
-        if (move == 3)
-            mocks.stop.request_stop();
-    };
+    mocks.stop_before(3);
     const QualifyResult result = mocks.run();
     for (const Pose& pose : result.poses) {
         EXPECT_NEAR(*pose.settled_s - pose.move_start_s, 0.040, 1e-9);

@@ -21,8 +21,8 @@ struct StageAxisMotion {
     bool is_linear = true;
     double step = 0.0;             // mm, or rad of a rotary axis
     std::vector<double> position;  // as read back, mm or rad
-    std::vector<int> approach;     // side that the axis came from, as in Pose; empty: not known
-    std::vector<Rigid> advanced;   // base_from_carriage
+    std::vector<int> approach;  // side that the axis came from, as in VisitedPose; empty: not known
+    std::vector<Rigid> advanced;  // base_from_carriage
     // Two ways across a linear axis, at `step`; empty for a rotary one.
     std::array<std::vector<Rigid>, 2> aside;
 };

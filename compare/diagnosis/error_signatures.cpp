@@ -187,7 +187,7 @@ ErrorSignature isotropic_scale(std::span<const ErrorSignature> stage,
 void require_usable(const SignatureChain& chain, std::span<const StageError> stage_errors,
                     std::span<const std::size_t> linear_scale, const HoldOutNoise& noise) {
     const auto hold_out =
-        static_cast<std::size_t>(std::ranges::count(chain.poses, true, &Pose::hold_out));
+        static_cast<std::size_t>(std::ranges::count(chain.poses, true, &AnalysedPose::hold_out));
     bool usable = hold_out > 0 && hold_out < chain.poses.size() &&
                   noise.along_mm.size() == hold_out && noise.across_mm.size() == hold_out &&
                   chain.points_mm.size() >= 3;

@@ -12,7 +12,7 @@ namespace {
 
 // Of the used poses, which are the chain's.
 template <class Value>
-std::vector<Value> of_used(const std::vector<Value>& values, const std::vector<Pose>& poses,
+std::vector<Value> of_used(const std::vector<Value>& values, const std::vector<AnalysedPose>& poses,
                            const std::string& whose) {
     if (values.size() != poses.size())
         throw NumericalError(fmt::format("qualification: '{}' has {} transforms for {} poses",
@@ -26,69 +26,71 @@ std::vector<Value> of_used(const std::vector<Value>& values, const std::vector<P
 
 }  // namespace
 
-std::vector<StageError> stage_errors_of(const QualificationInput& input) {
+std::vector<StageError> stage_errors_of(const DeclaredStation& station,
+                                        const std::vector<AnalysedPose>& poses) {
     std::vector<StageError> errors;
-    for (const auto& [error, is_linear_scale, in_budget, uncertainty] : input.stage_terms)
+    for (const auto& [error, is_linear_scale, in_budget, uncertainty] : station.stage_terms)
         errors.push_back({error.name, error.unit, error.size,
-                          of_used(error.base_from_carriage, input.poses, error.name)});
+                          of_used(error.base_from_carriage, poses, error.name)});
     return errors;
 }
 
-std::vector<StageAxisMotion> axis_motions_of(const QualificationInput& input) {
+std::vector<StageAxisMotion> axis_motions_of(const std::vector<StageAxisMotion>& all,
+                                             const std::vector<AnalysedPose>& poses) {
     std::vector<StageAxisMotion> motions;
-    for (StageAxisMotion axis : input.axis_motions) {
-        axis.position = of_used(axis.position, input.poses, axis.name);
-        axis.advanced = of_used(axis.advanced, input.poses, axis.name);
+    for (StageAxisMotion axis : all) {
+        axis.position = of_used(axis.position, poses, axis.name);
+        axis.advanced = of_used(axis.advanced, poses, axis.name);
         if (!axis.approach.empty())
-            axis.approach = of_used(axis.approach, input.poses, axis.name);
+            axis.approach = of_used(axis.approach, poses, axis.name);
         for (std::vector<Rigid>& aside : axis.aside)
             if (!aside.empty())
-                aside = of_used(aside, input.poses, axis.name);
+                aside = of_used(aside, poses, axis.name);
         motions.push_back(std::move(axis));
     }
     return motions;
 }
 
-double repeatability_mm2(const QualificationInput& input) {
+double repeatability_mm2(const DeclaredStation& station) {
     double sum = 0.0;
-    for (const DeclaredRepeatability& each : input.repeatability)
+    for (const DeclaredRepeatability& each : station.repeatability)
         sum += std::pow(each.marker_mm.value_or(0.0), 2);
     return sum / 3.0;
 }
 
-double error_maps_mm2(const QualificationInput& input) {
+double error_maps_mm2(const DeclaredStation& station) {
     double sum = 0.0;
-    for (const DeclaredErrorMap& each : input.error_maps)
+    for (const DeclaredErrorMap& each : station.error_maps)
         sum += std::pow(each.marker_rms_mm, 2);
     return sum / 3.0;
 }
 
-std::map<std::string, double> declared_uncertainties(const QualificationInput& input) {
+std::map<std::string, double> declared_uncertainties(const DeclaredStation& station) {
     std::map<std::string, double> declared;
-    const DeclaredTemperature temperature = input.temperature.value_or(DeclaredTemperature{});
+    const DeclaredTemperature temperature = station.temperature.value_or(DeclaredTemperature{});
     const auto warmed = [&](double own, double expansion_per_k) {
         return std::hypot(own, temperature.standard_uncertainty_k * expansion_per_k);
     };
-    for (const DeclaredStageTerm& term : input.stage_terms)
+    for (const DeclaredStageTerm& term : station.stage_terms)
         if (term.standard_uncertainty)
             declared[term.error.name] =
                 term.is_linear_scale
                     ? warmed(*term.standard_uncertainty, temperature.stage_expansion_per_k)
                     : *term.standard_uncertainty;
-    if (input.marker_size_uncertainty)
+    if (station.marker_size_uncertainty)
         declared["marker print size"] =
-            input.temperature
-                ? warmed(*input.marker_size_uncertainty, temperature.marker_expansion_per_k)
-                : std::hypot(*input.marker_size_uncertainty,
+            station.temperature
+                ? warmed(*station.marker_size_uncertainty, temperature.marker_expansion_per_k)
+                : std::hypot(*station.marker_size_uncertainty,
                              max_temperature_k * max_expansion_per_k);
-    if (input.marker_flatness_mm)
-        declared["marker twist"] = declared["marker bow"] = *input.marker_flatness_mm;
+    if (station.marker_flatness_mm)
+        declared["marker twist"] = declared["marker bow"] = *station.marker_flatness_mm;
     return declared;
 }
 
-Eigen::MatrixXd declared_fields(const QualificationInput& input,
+Eigen::MatrixXd declared_fields(const DeclaredStation& station,
                                 const std::vector<ErrorSignature>& signatures) {
-    const auto declared = declared_uncertainties(input);
+    const auto declared = declared_uncertainties(station);
     Eigen::MatrixXd columns;
     for (const ErrorSignature& signature : signatures) {
         const auto found = declared.find(signature.name);

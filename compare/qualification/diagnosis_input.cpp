@@ -13,7 +13,7 @@ namespace {
 
 // Of a corner's coordinate in the mean over the frames, and as much more as the render has; where
 // it is not known, what registration has left.
-double corner_variance_px2(const QualificationInput& input, const Pose& pose,
+double corner_variance_px2(const QualificationInput& input, const AnalysedPose& pose,
                            const Qualification& result) {
     const double left = result.registration->registration.residual_rms_px;
     const double seen = pose.noise ? pose.noise->variance_px2 : left * left;
@@ -50,7 +50,7 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows, rows);
     double freedom = 0.0;
     for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-        const Pose& pose = chain.poses[i];
+        const AnalysedPose& pose = chain.poses[i];
         if (!pose.corner_noise || pose.frames.empty())
             continue;
         const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
@@ -73,7 +73,7 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
 // square over the corners' noise; nothing where that is not known.
 std::optional<double> slip_square(const SignatureChain& chain, std::size_t i,
                                   const Eigen::MatrixXd& noise_px2) {
-    const Pose& pose = chain.poses[i];
+    const AnalysedPose& pose = chain.poses[i];
     if (!pose.seen_at)
         return std::nullopt;
     const auto expected = projected(chain.projector, chain.points_mm, *pose.seen_at);
@@ -116,7 +116,11 @@ bool covers_left_out(const Causes& of_all, const Causes& of_used, const Qualific
 
 DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureChain& chain,
                                const Qualification& result) {
-    DiagnosisInput evidence{{chain, stage_errors_of(input), axis_motions_of(input), {}, {}},
+    DiagnosisInput evidence{{chain,
+                             stage_errors_of(input, result.poses),
+                             axis_motions_of(input.axis_motions, result.poses),
+                             {},
+                             {}},
                             {},
                             {},
                             declared_uncertainties(input)};
@@ -128,7 +132,7 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
     const Eigen::MatrixXd correlation = corner_correlation(chain);
     const Eigen::MatrixXd modes = Eigen::LLT<Eigen::MatrixXd>(correlation).matrixL();
     for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-        const Pose& pose = chain.poses[i];
+        const AnalysedPose& pose = chain.poses[i];
         if (pose.settled_s)
             evidence.request.times_s.push_back(*pose.settled_s);
         const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
@@ -146,14 +150,14 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
     return evidence;
 }
 
-Causes causes_of_run(QualificationInput input, SignatureChain chain, const Qualification& result) {
+Causes causes_of_run(const QualificationInput& input, SignatureChain chain, Qualification result) {
     Causes causes = find_causes(diagnosis_input(input, chain, result));
     if (result.outlying.empty())
         return causes;
-    for (Pose& pose : input.poses)
+    for (AnalysedPose& pose : result.poses)
         pose.used = pose.used || (pose.outlying && !pose.bias.difference_px.empty());
     chain.poses.clear();
-    std::ranges::copy_if(input.poses, std::back_inserter(chain.poses), &Pose::used);
+    std::ranges::copy_if(result.poses, std::back_inserter(chain.poses), &AnalysedPose::used);
     const Causes of_all = find_causes(diagnosis_input(input, chain, result));
     if (covers_left_out(of_all, causes, result))
         return of_all;

@@ -17,6 +17,6 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
 // Of the used poses (`chain`), with a word on each that was left out; unless an error that explains
 // the used ones explains those, too, as a distortion that is far off does near the image's corners.
 // Throws as diagnosis_input(). Some 0.5 s, twice that where poses were left out.
-Causes causes_of_run(QualificationInput input, SignatureChain chain, const Qualification& result);
+Causes causes_of_run(const QualificationInput& input, SignatureChain chain, Qualification result);
 
 }  // namespace etalon

@@ -229,13 +229,13 @@ private:
             eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
         double shift = 0.0, turn = 0.0, largest_shift = 0.0, largest_turn = 0.0;
         std::vector<Eigen::Matrix<double, 3, 12>> hold_out;
-        for (const Pose& pose : input_.poses) {
+        for (const AnalysedPose& pose : result_.poses) {
             const Eigen::Matrix<double, 6, 12> ways =
                 moved_by_registration(pose.base_from_carriage) * factor;
             const double turned = ways.topRows<3>().squaredNorm();
             const double shifted = ways.bottomRows<3>().squaredNorm();
-            turn += turned / static_cast<double>(input_.poses.size());
-            shift += shifted / static_cast<double>(input_.poses.size());
+            turn += turned / static_cast<double>(result_.poses.size());
+            shift += shifted / static_cast<double>(result_.poses.size());
             largest_turn = std::max(largest_turn, turned);
             largest_shift = std::max(largest_shift, shifted);
             if (pose.is_judged())
@@ -257,7 +257,7 @@ private:
     void add_detector_bias() {
         double squares = 0.0;
         int count = 0;
-        for (const Pose& pose : input_.poses)
+        for (const AnalysedPose& pose : result_.poses)
             if (pose.hold_out && pose.bias.b1) {
                 squares += pose.bias.b1->translation_mm.squaredNorm();
                 ++count;

@@ -39,9 +39,9 @@ std::vector<JudgedQuantity> judged(const Qualification& result) {
 
 // What has a limit, and nothing else: that is what takes no longer than it must.
 Qualification judgement(QualificationInput input, const SharedByRuns& known) {
-    input.known_run = &known.told;
-    input.known_draws = &known.draws;
-    input.measure_reported = false;
+    input.options.known_run = &known.told;
+    input.options.known_draws = &known.draws;
+    input.options.measure_reported = false;
     return qualify(input);
 }
 

@@ -115,7 +115,7 @@ Json plan_json(const StationFile& station, const Plan& plan) {
         volume[station.stage.axes[i].name] = {station.plan.volume[i].low * unit,
                                               station.plan.volume[i].high * unit};
     }
-    const auto hold_out = std::ranges::count(plan.poses, true, &Pose::hold_out);
+    const auto hold_out = std::ranges::count(plan.poses, true, &PlannedPose::hold_out);
     return {{"volume", volume},
             {"poses", plan.poses.size()},
             {"hold_out", hold_out},
@@ -226,7 +226,7 @@ void add_residual(Row& row, const std::optional<PhotoResidual>& residual) {
     row.push_back(residual ? exact(residual->psf_sigma_px) : "");
 }
 
-void add_analysis_columns(Row& row, const Pose& pose) {
+void add_analysis_columns(Row& row, const AnalysedPose& pose) {
     row.emplace_back(pose.used ? "1" : "0");
     add_six(row, pose.bias.photo);
     add_six(row, pose.bias.render);
@@ -237,7 +237,7 @@ void add_analysis_columns(Row& row, const Pose& pose) {
         add_bias(row, pose.bias.*bias);
 }
 
-Row csv_row(const Pose& pose, const std::vector<Axis>& axes, bool is_analysed) {
+Row csv_row(const AnalysedPose& pose, const std::vector<Axis>& axes, bool is_analysed) {
     Row row = {std::to_string(pose.index), pose.hold_out ? "hold-out" : "training"};
     for (const auto* positions : {&pose.target, &pose.read_back, &pose.read_back_deviation})
         for (std::size_t i = 0; i < axes.size(); ++i)
@@ -296,7 +296,7 @@ std::string run_json(const QualifyResult& result) {
 std::string poses_csv(const QualifyResult& result) {
     const std::vector<Axis>& axes = result.station.stage.axes;
     std::string csv = fmt::format("{}\n", fmt::join(csv_header(axes), ","));
-    for (const Pose& pose : result.poses)
+    for (const AnalysedPose& pose : result.poses)
         csv +=
             fmt::format("{}\n", fmt::join(csv_row(pose, axes, result.analysis.has_value()), ","));
     return csv;

@@ -8,7 +8,7 @@
 #include <array>
 #include <cmath>
 
-#include "compare/qualification/declared.h"
+#include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/qualification.h"
 #include "compare/uncertainty/uncertainty_budget.h"
 #include "core/program/errors.h"

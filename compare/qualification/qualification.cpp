@@ -10,7 +10,6 @@
 #include "calib/registration/stage_motion.h"
 #include "compare/diagnosis/outlier_poses.h"
 #include "compare/pose/corner_noise.h"
-#include "compare/qualification/declared.h"
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
 #include "compare/qualification/limits_file.h"

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "compare/diagnosis/error_signatures.h"
-#include "compare/qualification/declared.h"
+#include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
 #include "compare/uncertainty/length_error.h"
 #include "core/program/errors.h"
@@ -116,16 +116,14 @@ public:
 
 private:
     const ErrorSignature& signature(const std::string& name) const {
-        const auto found =
-            std::find_if(result_.signatures.begin(), result_.signatures.end(),
-                         [&](const ErrorSignature& each) { return each.name == name; });
+        const auto found = std::ranges::find(result_.signatures, name, &ErrorSignature::name);
         if (found == result_.signatures.end())
             throw NumericalError(fmt::format("qualification: '{}' has no signature", name));
         return *found;
     }
     bool has_signature(const std::string& name) const {
-        return std::any_of(result_.signatures.begin(), result_.signatures.end(),
-                           [&](const ErrorSignature& each) { return each.name == name; });
+        return std::ranges::find(result_.signatures, name, &ErrorSignature::name) !=
+               result_.signatures.end();
     }
 
     // By which shifts, a column each, change a length at most; 0 where no lengths are measured.

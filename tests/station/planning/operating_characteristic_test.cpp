@@ -6,6 +6,7 @@
 #include <tbb/task_arena.h>
 
 #include <cmath>
+#include <numeric>
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
@@ -131,13 +132,24 @@ TEST(RunShare, HasWilsonsInterval) {
     EXPECT_THROW(run_share(8, 7), NumericalError);
 }
 
+OperatingCharacteristic of_one_process(const RunSimulator& simulator,
+                                       const CharacteristicRequest& request) {
+    const CharacteristicRuns runs(simulator, request);
+    OperatingCharacteristic result = runs.planned();
+    std::vector<std::size_t> all(static_cast<std::size_t>(request.runs));
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    runs.simulate(all,
+                  [&](std::size_t, std::span<const PointRun> points) { add_run(result, points); });
+    return result;
+}
+
 class Characteristic : public SimulatedRun {
 protected:
     OperatingCharacteristic study(const std::vector<std::string>& errors, int runs) const {
         CharacteristicRequest request;
         request.runs = runs;
         request.errors = errors;
-        return operating_characteristic(simulator_, request);
+        return of_one_process(simulator_, request);
     }
 };
 
@@ -241,7 +253,7 @@ void expect_same(const CharacteristicPoint& one, const CharacteristicPoint& othe
 }
 
 TEST_F(ShardedCharacteristic, MergedIsThatOfOneProcess) {
-    const OperatingCharacteristic whole = operating_characteristic(simulator_, request_);
+    const OperatingCharacteristic whole = of_one_process(simulator_, request_);
     const StationCharacteristic merged = merged_characteristic({two(), one()});
     EXPECT_EQ(merged.station, "test");
     EXPECT_EQ(merged.detector.seen, 23);

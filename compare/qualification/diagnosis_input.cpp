@@ -260,7 +260,7 @@ Causes causes_of_run(const QualificationInput& input, SignatureChain chain, Qual
     for (const RejectedPose& pose : result.outlying) {
         const CausingError error{
             {misplaced_pose_name(pose.index)}, 0.0, 0.0, "", {misplaced_pose_remedy(pose.text)}};
-        causes = blaming(error, 1.0, std::move(causes));
+        causes = with_error(error, 1.0, std::move(causes));
     }
     return causes;
 }

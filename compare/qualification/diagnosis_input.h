@@ -32,7 +32,7 @@ double error_maps_mm2(const DeclaredStation& station);
 // temperature is off, and by how much more than the stage the marker grows (aluminium: 23e-6).
 inline constexpr double max_temperature_k = 5.0, max_expansion_per_k = 25e-6;
 
-// Standard uncertainties by the names that signatures and error_candidates have, in their units.
+// Standard uncertainties by the names that signatures and candidates have, in their units.
 // Temperature changes the sizes of marker and stage, one that is not declared by the widest
 // plausible.
 std::map<std::string, double> declared_uncertainties(const DeclaredStation& station);

@@ -113,7 +113,7 @@ struct RunMeasurements {
     std::optional<ImageAgreement> pixels = {};
 };
 
-// Of the calculation; none but the seed changes a judged value.
+// Of the calculation.
 struct QualificationOptions {
     std::uint64_t seed = 1;  // of the simultaneous band's draws
     // Signatures and effects of errors from another run of the same plan, for studies of thousands
@@ -160,7 +160,7 @@ struct CornerFigures {
     FieldSummary camera_alone;
     std::optional<FieldSummary> edges_alone = {};
     ImageCoherence coherence;
-    double coherent_rms_mm = 0.0;  // what residuals that hang together make of the positions
+    double coherent_rms_mm = 0.0;  // what correlated residuals make of the positions
 };
 
 struct Qualification {

@@ -83,7 +83,7 @@ std::optional<double> mean_residual_gray(const QualifyResult& result) {
     return sum / count;
 }
 
-const FrameRecord* first_whole(const AnalysedPose& pose) {
+const FrameRecord* first_whole(const VisitedPose& pose) {
     const auto whole = std::ranges::find_if(
         pose.frames, [](const FrameRecord& frame) { return !frame.file.empty(); });
     return whole == pose.frames.end() ? nullptr : &*whole;

@@ -98,7 +98,7 @@ struct QualifyResult {
 std::optional<double> mean_residual_gray(const QualifyResult& result);
 
 // The pose's first whole photograph; null when there is none.
-const FrameRecord* first_whole(const AnalysedPose& pose);
+const FrameRecord* first_whole(const VisitedPose& pose);
 
 // Throws ConfigError when the frame's file cannot be read or is not the bytes that were taken.
 void require_recorded(const QualifyResult& result, const FrameRecord& frame);

@@ -108,7 +108,7 @@ QualifyResult result_of(const TemporaryFolder& folder) {
     result.plan = make_plan(result.station.plan, result.station.stage.axes, {});
     result.started_utc = "2026-03-07T14:05:09Z";
     result.software = software_versions();
-    VisitedPose pose{result.plan.poses.front()};
+    AnalysedPose pose{VisitedPose{result.plan.poses.front()}};
     pose.target = {7, -5, 3, 0.5};
     pose.read_back = {7.25, -5, 3, 0.5};
     pose.read_back_deviation = {0.125, 0, 0, 0};

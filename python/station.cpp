@@ -154,7 +154,7 @@ py::dict plan(const StationFile& station) {
     py::array_t<bool> hold_out(static_cast<py::ssize_t>(plan.poses.size()));
     double* target = targets.mutable_data();
     bool* held = hold_out.mutable_data();
-    for (const Pose& pose : plan.poses) {
+    for (const PlannedPose& pose : plan.poses) {
         target = std::copy(pose.target.begin(), pose.target.end(), target);
         *held++ = pose.hold_out;
     }

@@ -225,7 +225,8 @@ StabilityOutcome confounded(const CameraModel& camera, const Rigid& x, const Rig
     const std::vector<Rigid> poses = stage_poses(xyz, training + hold_out);
     SignatureChain chain{projector, tag, x, y, {}};
     for (const Rigid& pose : poses) {
-        chain.poses.push_back({.hold_out = chain.poses.size() >= training});
+        const bool is_hold_out = chain.poses.size() >= training;
+        chain.poses.emplace_back().hold_out = is_hold_out;
         chain.poses.back().base_from_carriage = pose;
     }
     const std::vector<StageError> scales = {scale_error(0, poses), scale_error(1, poses),

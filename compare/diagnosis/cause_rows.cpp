@@ -72,12 +72,12 @@ Eigen::MatrixXd NuisanceProjection::whitened(Eigen::MatrixXd columns) const {
     return columns;
 }
 
-Eigen::MatrixXd NuisanceProjection::columns_of(const ErrorCandidate& suspect) const {
-    const Eigen::Index rows = suspect.corners_px.rows();
-    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(absorbed_.rows(), suspect.corners_px.cols());
-    all.middleRows(suspect.only_pose.value_or(0) * rows, rows) = suspect.corners_px;
-    if (pixel_rows_ > 0 && suspect.pixels.rows() == pixel_rows_)
-        all.bottomRows(pixel_rows_) = suspect.pixels;
+Eigen::MatrixXd NuisanceProjection::columns_of(const ErrorCandidate& candidate) const {
+    const Eigen::Index rows = candidate.corners_px.rows();
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(absorbed_.rows(), candidate.corners_px.cols());
+    all.middleRows(candidate.only_pose.value_or(0) * rows, rows) = candidate.corners_px;
+    if (pixel_rows_ > 0 && candidate.pixels.rows() == pixel_rows_)
+        all.bottomRows(pixel_rows_) = candidate.pixels;
     return all;
 }
 
@@ -92,9 +92,9 @@ Eigen::MatrixXd NuisanceProjection::freed(const Eigen::MatrixXd& columns) const 
     return white - absorbed_ * (absorbed_.transpose() * white);
 }
 
-bool NuisanceProjection::leaves_a_trace(const ErrorCandidate& suspect,
+bool NuisanceProjection::leaves_a_trace(const ErrorCandidate& candidate,
                                         const Eigen::MatrixXd& freed) const {
-    return freed.norm() > no_trace * whitened(columns_of(suspect)).norm();
+    return freed.norm() > no_trace * whitened(columns_of(candidate)).norm();
 }
 
 double NuisanceProjection::log_determinant() const {
@@ -127,12 +127,12 @@ Eigen::VectorXd Metric::weighted(const Eigen::VectorXd& a) const {
 Eigen::MatrixXd declared_columns(const DiagnosisInput& evidence, const NuisanceProjection& rows,
                                  const std::vector<ErrorCandidate>& error_candidates) {
     Eigen::MatrixXd columns(observed(evidence).size(), 0);
-    for (const ErrorCandidate& suspect : error_candidates) {
-        const auto declared = evidence.declared.find(suspect.name);
-        if (declared == evidence.declared.end() || suspect.corners_px.cols() != 1)
+    for (const ErrorCandidate& candidate : error_candidates) {
+        const auto declared = evidence.declared.find(candidate.name);
+        if (declared == evidence.declared.end() || candidate.corners_px.cols() != 1)
             continue;
         columns.conservativeResize(Eigen::NoChange, columns.cols() + 1);
-        columns.rightCols<1>() = rows.freed(suspect) * (declared->second / suspect.size);
+        columns.rightCols<1>() = rows.freed(candidate) * (declared->second / candidate.size);
     }
     return columns;
 }

@@ -29,12 +29,12 @@ public:
     Eigen::VectorXd whitened_corners(const Eigen::VectorXd& column) const;
 
     Eigen::MatrixXd freed(const Eigen::MatrixXd& columns) const;
-    Eigen::MatrixXd freed(const ErrorCandidate& suspect) const {
-        return freed(columns_of(suspect));
+    Eigen::MatrixXd freed(const ErrorCandidate& candidate) const {
+        return freed(columns_of(candidate));
     }
 
-    // Whether anything of the suspect is left.
-    bool leaves_a_trace(const ErrorCandidate& suspect, const Eigen::MatrixXd& freed) const;
+    // Whether anything of the candidate is left.
+    bool leaves_a_trace(const ErrorCandidate& candidate, const Eigen::MatrixXd& freed) const;
 
     // An orthonormal basis of what X and Y absorb.
     const Eigen::MatrixXd& absorbed() const { return absorbed_; }
@@ -43,8 +43,8 @@ public:
     double log_determinant() const;
 
 private:
-    // A suspect's columns over all rows.
-    Eigen::MatrixXd columns_of(const ErrorCandidate& suspect) const;
+    // A candidate's columns over all rows.
+    Eigen::MatrixXd columns_of(const ErrorCandidate& candidate) const;
 
     std::vector<Eigen::LLT<Eigen::MatrixXd>> factors_;
     Eigen::LLT<Eigen::MatrixXd> pixel_factor_;
@@ -67,14 +67,14 @@ private:
     Eigen::LDLT<Eigen::MatrixXd> inverse_;
 };
 
-// Of the error_candidates that are declared as uncertain, freed; a column each.
+// Of the candidates that are declared as uncertain, freed; a column each.
 Eigen::MatrixXd declared_columns(const DiagnosisInput& evidence, const NuisanceProjection& rows,
                                  const std::vector<ErrorCandidate>& error_candidates);
 
 // What was observed, freed of X and Y, and what an explanation of it is held against. `metric` must
 // outlive it.
 struct Observation {
-    // `known`: how many error_candidates each is one of.
+    // `known`: how many candidates each is one of.
     Observation(const DiagnosisInput& evidence, const NuisanceProjection& rows,
                 const Metric& measure, std::size_t known)
         : metric(&measure),

@@ -5,21 +5,21 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <deque>
 #include <limits>
 #include <numbers>
 #include <numeric>
 #include <optional>
 
-#include "compare/diagnosis/axis_spectrum.h"
 #include "compare/diagnosis/hypothesis_set.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
 
-using Set = SuspectSet;
-using Scores = SuspectScores;
+using Set = CandidateSet;
+using Scores = CandidateScores;
 
 // -------------------------------------------------------------------------------- the ranking
 
@@ -39,10 +39,10 @@ CausingError described(const HypothesisSet& comparison, const Set& set, std::siz
     for (const std::size_t i : set) {
         if (i == member)
             break;
-        first += comparison.suspect(i).corners_px.cols();
+        first += comparison.candidate(i).corners_px.cols();
     }
-    const ErrorCandidate& suspect = comparison.suspect(member);
-    const Eigen::Index length = suspect.corners_px.cols();
+    const ErrorCandidate& candidate = comparison.candidate(member);
+    const Eigen::Index length = candidate.corners_px.cols();
     const Eigen::VectorXd numbers = fit->numbers.segment(first, length);
     const Eigen::MatrixXd covariance =
         comparison.covariance(set).block(first, first, length, length);
@@ -50,12 +50,12 @@ CausingError described(const HypothesisSet& comparison, const Set& set, std::siz
     const Eigen::VectorXd along =
         length == 1 ? Eigen::VectorXd::Ones(1) : Eigen::VectorXd(numbers.normalized());
     CausingError error;
-    error.names = {suspect.name};
-    error.size = size * suspect.size;
+    error.names = {candidate.name};
+    error.size = size * candidate.size;
     error.expanded_uncertainty =
-        2.0 * std::sqrt(along.dot(covariance * along)) * suspect.size * comparison.scatter(*fit);
-    error.unit = suspect.unit;
-    error.remedies = {suspect.remedy};
+        2.0 * std::sqrt(along.dot(covariance * along)) * candidate.size * comparison.scatter(*fit);
+    error.unit = candidate.unit;
+    error.remedies = {candidate.remedy};
     return error;
 }
 
@@ -97,7 +97,7 @@ void claim_instead(const HypothesisSet& comparison, const std::vector<Set>& thes
     for (const auto& [negative, set] : others) {
         std::vector<std::string>& names = cause.instead.emplace_back();
         for (const std::size_t i : set)
-            names.push_back(comparison.suspect(i).name);
+            names.push_back(comparison.candidate(i).name);
         cause.probability -= negative;
         left.erase(set);
     }
@@ -122,8 +122,8 @@ Cause claimed(const HypothesisSet& comparison, const Set& best, std::map<Set, do
         }
         std::ranges::sort(others);
         for (const auto& [negative, i] : others) {
-            error.names.push_back(comparison.suspect(i).name);
-            error.remedies.push_back(comparison.suspect(i).remedy);
+            error.names.push_back(comparison.candidate(i).name);
+            error.remedies.push_back(comparison.candidate(i).remedy);
             cause.probability -= negative;
             these.push_back(with(without(best, member), i));
             left.erase(these.back());
@@ -198,17 +198,17 @@ void require_usable(const DiagnosisInput& evidence) {
         throw NumericalError("causes: poses, corners, pixels and covariances do not agree");
 }
 
-// The best member beside what is blamed already.
+// The best member beside what is explained already.
 const ErrorCandidate* best_member(const std::vector<ErrorCandidate>& family,
                                   const NuisanceProjection& rows, const HypothesisSet& comparison,
                                   const Set& beside) {
     const ErrorCandidate* best = nullptr;
     double best_score = -std::numeric_limits<double>::infinity();
-    const HypothesisSet blamed = comparison.only(beside);
+    const HypothesisSet explained = comparison.only(beside);
     Set all(beside.size() + 1);
     std::iota(all.begin(), all.end(), std::size_t{0});
     for (const ErrorCandidate& member : family) {
-        HypothesisSet extended = blamed;
+        HypothesisSet extended = explained;
         extended.add(member, rows.freed(member));
         const double score = extended.score(all);
         if (score > best_score) {
@@ -219,7 +219,90 @@ const ErrorCandidate* best_member(const std::vector<ErrorCandidate>& family,
     return best;
 }
 
-// The best period of each axis that moves, beside what is blamed already.
+// -------------------------------------------------------------------------------- repeating errors
+
+// Least-squares spectrum (N. R. Lomb, Astrophys. Space Sci. 39, 1976) of one axis' error over its
+// positions, beside what is explained already: each pose's corners tell of its axis by one number.
+class AxisSpectrum {
+public:
+    // All whitened (compare/diagnosis/cause_rows.h): what a step of the axis does to the corners of
+    // every pose, what is left of the observed, and a basis of what X and Y absorb.
+    AxisSpectrum(const StageAxisMotion& axis, const Eigen::VectorXd& white_advance,
+                 const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed);
+
+    // The longest of the periods (mm or rad) that explain next to as much as the best, then the
+    // others; nothing where the axis hardly moves. `tried`: how many could be told apart.
+    std::vector<double> periods(double shortest, int& tried) const;
+
+private:
+    std::vector<double> powers(double first, double last, double step) const;
+    double power(const Eigen::ArrayXcd& phase) const;
+
+    Eigen::VectorXd positions_, told_, weight_;
+    Eigen::MatrixXd absorbed_;
+};
+
+AxisSpectrum::AxisSpectrum(const StageAxisMotion& axis, const Eigen::VectorXd& white_advance,
+                           const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed)
+    : positions_(
+          Eigen::Map<const Eigen::VectorXd>(axis.position.data(), std::ssize(axis.position))) {
+    const Eigen::Index poses = positions_.size(), rows = white_advance.size() / poses;
+    told_.resize(poses);
+    weight_.resize(poses);
+    absorbed_.resize(absorbed.cols(), poses);
+    for (Eigen::Index i = 0; i < poses; ++i) {
+        const auto advance = white_advance.segment(i * rows, rows);
+        told_[i] = advance.dot(residual.segment(i * rows, rows));
+        weight_[i] = advance.squaredNorm();
+        absorbed_.col(i) = absorbed.middleRows(i * rows, rows).transpose() * advance;
+    }
+}
+
+// How much of the residual's square sines and cosines explain, of each frequency from `first`
+// up to `last`: from one to the next every position's phase turns by its own constant.
+std::vector<double> AxisSpectrum::powers(double first, double last, double step) const {
+    using namespace std::complex_literals;
+    const Eigen::ArrayXcd turns = 2.0i * std::numbers::pi * positions_.array();
+    Eigen::ArrayXcd phase = (first * turns).exp();
+    const Eigen::ArrayXcd next = (step * turns).exp();
+    std::vector<double> all;
+    for (double frequency = first; frequency <= last; frequency += step, phase *= next)
+        all.push_back(power(phase));
+    return all;
+}
+
+std::vector<double> AxisSpectrum::periods(double shortest, int& tried) const {
+    constexpr int per_resolution = 8, most_periods = 4;
+    constexpr double as_good = 6.0, as_good_part = 0.03;
+    const double travel = positions_.maxCoeff() - positions_.minCoeff();
+    tried = static_cast<int>(2.0 * travel / shortest) - 1;
+    if (tried < 1)
+        return {};
+    const double step = 0.5 / travel / per_resolution;
+    const double first = (2 * per_resolution - 1) * step;
+    const std::vector<double> powers = this->powers(first, 1.0 / shortest + step, step);
+    const double highest = *std::ranges::max_element(powers);
+    const double least = highest - std::max(as_good, as_good_part * highest);
+    std::vector<double> found;
+    for (std::size_t k = 1; k + 1 < powers.size() && found.size() < most_periods; ++k)
+        if (powers[k] >= least && powers[k] >= powers[k - 1] && powers[k] > powers[k + 1])
+            found.push_back(1.0 / (first + step * static_cast<double>(k)));
+    return found;
+}
+
+double AxisSpectrum::power(const Eigen::ArrayXcd& phase) const {
+    Eigen::MatrixXd waves(phase.size(), 2);
+    waves << phase.imag(), phase.real();
+    const Eigen::Vector2d seen = waves.transpose() * told_;
+    const Eigen::MatrixXd lost = absorbed_ * waves;
+    const Eigen::Matrix2d information =
+        waves.transpose() * weight_.asDiagonal() * waves - lost.transpose() * lost;
+    if (!(information.determinant() > 1e-6 * std::pow(information.trace(), 2)))
+        return 0.0;  // one wave of the two is lost
+    return seen.dot(information.inverse() * seen);
+}
+
+// The best period of each axis that moves, beside what is explained already.
 std::vector<ErrorCandidate> best_periods(const DiagnosisInput& evidence,
                                          const NuisanceProjection& rows,
                                          const HypothesisSet& comparison, const Set& beside) {
@@ -238,7 +321,7 @@ std::vector<ErrorCandidate> best_periods(const DiagnosisInput& evidence,
     return best;
 }
 
-// The search under one covariance: all error_candidates, and of periods and misplaced poses the
+// The search under one covariance: all candidates, and of periods and misplaced poses the
 // best alone and the best beside the best explanation.
 class Search {
 public:
@@ -247,17 +330,17 @@ public:
           metric_(declared_columns(evidence, rows_, known)),
           comparison_(Observation(evidence, rows_, metric_,
                                   known.size() + evidence.request.axes.size() + 1)) {
-        for (const ErrorCandidate& suspect : known)
-            add(suspect);
+        for (const ErrorCandidate& candidate : known)
+            add(candidate);
         const std::vector<ErrorCandidate> poses = misplaced_poses(evidence.request);
         for (const bool alone : {true, false}) {
             const Set beside = alone ? Set{} : best(all_scores(comparison_));
             std::vector<ErrorCandidate> more = best_periods(evidence, rows_, comparison_, beside);
             more.push_back(*best_member(poses, rows_, comparison_, beside));
-            for (const ErrorCandidate& suspect : more)
-                if (std::ranges::find(chosen_, suspect.name, &ErrorCandidate::name) ==
+            for (const ErrorCandidate& candidate : more)
+                if (std::ranges::find(chosen_, candidate.name, &ErrorCandidate::name) ==
                     chosen_.end())
-                    add(chosen_.emplace_back(suspect));
+                    add(chosen_.emplace_back(candidate));
         }
         scores_ = all_scores(comparison_);
     }
@@ -272,10 +355,10 @@ public:
     const HypothesisSet& comparison() const { return comparison_; }
     const Scores& scores() const { return scores_; }
     double best_score() const { return scores_.at(best(scores_)); }
-    std::vector<ErrorCandidate> best_suspects() const {
+    std::vector<ErrorCandidate> best_candidates() const {
         std::vector<ErrorCandidate> all;
         for (const std::size_t i : best(scores_))
-            all.push_back(comparison_.suspect(i));
+            all.push_back(comparison_.candidate(i));
         return all;
     }
 
@@ -287,10 +370,10 @@ public:
     }
 
 private:
-    void add(const ErrorCandidate& suspect) {
-        const Eigen::MatrixXd freed = rows_.freed(suspect);
-        if (rows_.leaves_a_trace(suspect, freed))
-            comparison_.add(suspect, freed);
+    void add(const ErrorCandidate& candidate) {
+        const Eigen::MatrixXd freed = rows_.freed(candidate);
+        if (rows_.leaves_a_trace(candidate, freed))
+            comparison_.add(candidate, freed);
     }
 
     NuisanceProjection rows_;
@@ -339,24 +422,24 @@ struct Scattered {
     double gained = 0.0;
 };
 
-// The score of a few error_candidates under a covariance.
+// The score of a few candidates under a covariance.
 double score_with(const DiagnosisInput& evidence, const NuisanceProjection& rows,
                   const std::vector<ErrorCandidate>& error_candidates, std::size_t known) {
     const Metric metric(Eigen::MatrixXd(observed(evidence).size(), 0));
     HypothesisSet comparison(Observation(evidence, rows, metric, known));
     Set set;
-    for (const ErrorCandidate& suspect : error_candidates) {
-        comparison.add(suspect, rows.freed(suspect));
+    for (const ErrorCandidate& candidate : error_candidates) {
+        comparison.add(candidate, rows.freed(candidate));
         set.push_back(set.size());
     }
     return comparison.score(set);
 }
 
-DiagnosisInput with_scatter(DiagnosisInput evidence, const RandomErrorCandidate& suspect,
+DiagnosisInput with_scatter(DiagnosisInput evidence, const RandomErrorCandidate& candidate,
                             double size) {
     for (std::size_t i = 0; i < evidence.covariance_px2.size(); ++i)
         evidence.covariance_px2[i] +=
-            size * size * suspect.corners_px[i] * suspect.corners_px[i].transpose();
+            size * size * candidate.corners_px[i] * candidate.corners_px[i].transpose();
     return evidence;
 }
 
@@ -378,22 +461,22 @@ std::optional<Scattered> best_scatter(const DiagnosisInput& evidence,
     std::optional<Scattered> best;
     const Eigen::MatrixXd xy = registration_columns(evidence);
     const double without = score_with(evidence, NuisanceProjection(evidence, xy), beside, known);
-    for (const RandomErrorCandidate& suspect : error_candidates)
+    for (const RandomErrorCandidate& candidate : error_candidates)
         for (const double each : sizes) {
-            const double size = each * (suspect.unit == "rad" ? rad_per_mm : 1.0);
-            DiagnosisInput changed = with_scatter(evidence, suspect, size);
+            const double size = each * (candidate.unit == "rad" ? rad_per_mm : 1.0);
+            DiagnosisInput changed = with_scatter(evidence, candidate, size);
             const double gained =
                 score_with(changed, NuisanceProjection(changed, xy), beside, known) - without -
                 price(evidence, known);
             if (!(gained > (best ? best->gained : 0.0)))
                 continue;
-            const auto motions = static_cast<double>(suspect.corners_px.size()) *
-                                 static_cast<double>(suspect.corners_px.front().cols());
-            best.emplace(Scattered{{{suspect.name},
+            const auto motions = static_cast<double>(candidate.corners_px.size()) *
+                                 static_cast<double>(candidate.corners_px.front().cols());
+            best.emplace(Scattered{{{candidate.name},
                                     size,
                                     2.0 * size / std::sqrt(2.0 * motions),
-                                    suspect.unit,
-                                    {suspect.remedy}},
+                                    candidate.unit,
+                                    {candidate.remedy}},
                                    std::move(changed),
                                    gained});
         }
@@ -407,7 +490,7 @@ std::optional<Scattered> corner_scatter(const DiagnosisInput& evidence,
                                         std::size_t known) {
     if (evidence.corner_modes.size() != evidence.difference_px.size())
         return std::nullopt;
-    std::vector<RandomErrorCandidate> random = scatter_suspects(evidence.request);
+    std::vector<RandomErrorCandidate> random = random_error_candidates(evidence.request);
     random.push_back({"scatter of corners", "px", "", evidence.corner_modes});
     auto best = best_scatter(evidence, random, sizes_up_to(1.0), beside, known);
     return best && best->error.unit == "px" ? std::move(best) : std::nullopt;
@@ -419,7 +502,7 @@ std::map<std::string, double> large_sizes(const Search& search) {
     const Set best = Search::best(search.scores());
     for (const std::size_t member : best) {
         const CausingError error = described(search.comparison(), best, member);
-        if (std::abs(error.size) > search.comparison().suspect(member).size)
+        if (std::abs(error.size) > search.comparison().candidate(member).size)
             sizes[error.names.front()] = error.size;
     }
     return sizes;
@@ -439,7 +522,7 @@ Start start_of(const DiagnosisInput& evidence) {
     for (int i = 0; i < rounds; ++i) {
         const Search search(start.evidence, start.known);
         const auto sizes = large_sizes(search);
-        const auto bias = corner_scatter(evidence, search.best_suspects(), start.known.size());
+        const auto bias = corner_scatter(evidence, search.best_candidates(), start.known.size());
         if (sizes.empty() && !bias)
             break;
         start.known = error_candidates(evidence.request, sizes);
@@ -517,7 +600,7 @@ const Cause* Causes::named() const {
     return !ranked.empty() && ranked.front().probability > 0.5 ? &ranked.front() : nullptr;
 }
 
-Causes blaming(const CausingError& error, double probability, Causes causes) {
+Causes with_error(const CausingError& error, double probability, Causes causes) {
     for (Cause& cause : causes.ranked) {
         cause.probability *= probability;
         cause.errors.insert(cause.errors.begin(), error);
@@ -537,10 +620,10 @@ Causes find_causes(const DiagnosisInput& evidence) {
     const ErrorCandidate smooth = smooth_change(evidence.request.chain);
     const Search plain(start.evidence, start.known);
     Causes causes = ranked(plain, smooth);
-    const auto random = scatter_suspects(evidence.request);
+    const auto random = random_error_candidates(evidence.request);
     const std::vector<double> sizes = sizes_up_to(1.5);  // mm, or 0.01 mrad
     double best_odds = 0.0;
-    for (const auto& beside : {std::vector<ErrorCandidate>{}, plain.best_suspects()}) {
+    for (const auto& beside : {std::vector<ErrorCandidate>{}, plain.best_candidates()}) {
         const auto scattered =
             best_scatter(start.evidence, random, sizes, beside, start.known.size());
         if (!scattered)
@@ -551,7 +634,8 @@ Causes find_causes(const DiagnosisInput& evidence) {
         if (!(odds > best_odds))
             continue;
         best_odds = odds;
-        causes = blaming(scattered->error, 1.0 / (1.0 + std::exp(-odds)), ranked(search, smooth));
+        causes =
+            with_error(scattered->error, 1.0 / (1.0 + std::exp(-odds)), ranked(search, smooth));
     }
     causes.corner_scatter_px = start.corner_scatter_px;
     return causes;

@@ -3,21 +3,21 @@
 // Observed are the corners of all used poses, photograph less expectation, in px, with the noise
 // that is stated for them (repeated frames, renders, repeatability of the stage), and what the
 // photographs' pixels tell beside, of focus, tone and the like, with its covariance. X and Y are
-// solved anew with every explanation, so that what registration can absorb blames nobody. What is
-// declared as uncertain is expected to be off by that much: it is part of the covariance. The
-// detector's bias changes within a pixel and drops out only where photograph and render agree: how
-// much corners scatter by it is found beside the best explanation and is part of the covariance.
-// Should the corners scatter even more, all deviations are enlarged.
+// solved anew with every explanation, so that what registration can absorb is not attributed to any
+// error. What is declared as uncertain is expected to be off by that much: it is part of the
+// covariance. The detector's bias changes within a pixel and drops out only where photograph and
+// render agree: how much corners scatter by it is found beside the best explanation and is part of
+// the covariance. Should the corners scatter even more, all deviations are enlarged.
 //
 // Random errors are looked for first: should poses that each moved on their own along an axis, or
 // in all directions, explain the corners better than any error that follows a rule, their
 // covariance takes it up and the search goes on with that.
 //
-// An explanation is a set of error_candidates (compare/diagnosis/error_candidates.h): none, one,
+// An explanation is a set of candidates (compare/diagnosis/error_candidates.h): none, one,
 // all pairs, and the best sets of three and four. Its probability is that of Schwarz's criterion
 // (G. Schwarz, Estimating the dimension of a model, Ann. Statist. 6, 1978), with prior odds of one
-// in the number of error_candidates for each member, times the periods or poses that it was chosen
-// from. "None of these" is any smooth change of position and rotation that no suspect needs to
+// in the number of candidates for each member, times the periods or poses that it was chosen
+// from. "None of these" is any smooth change of position and rotation that no candidate needs to
 // make.
 #pragma once
 
@@ -71,15 +71,15 @@ struct Causes {
 
 // The ranking with this error, which is there with a probability, in every explanation, and alone
 // in place of none.
-Causes blaming(const CausingError& error, double probability, Causes causes);
+Causes with_error(const CausingError& error, double probability, Causes causes);
 
 struct DiagnosisInput {
-    SuspectRequest request;
+    CandidateRequest request;
     // Per pose of the chain: photographed corners less expected ones, x and y of each, and their
     // covariance.
     std::vector<Eigen::VectorXd> difference_px;
     std::vector<Eigen::MatrixXd> covariance_px2;
-    // Standard uncertainties that are declared, by the error_candidates' names, in their units.
+    // Standard uncertainties that are declared, by the candidates' names, in their units.
     std::map<std::string, double> declared;
     // Per pose, a factor of the correlation of its corners' noise: they scatter more where the
     // detector's biases in photograph and render differ. Empty: not looked for.

@@ -33,15 +33,15 @@ std::string remedy_of(const std::string& name) {
 // What it does at its own size, or that part of what it does when it is `at` so large.
 ErrorCandidate from_named(const NamedError& error, std::size_t poses,
                           std::optional<double> at = std::nullopt) {
-    ErrorCandidate suspect{error.name, error.unit, remedy_of(error.name), error.size, {}};
+    ErrorCandidate candidate{error.name, error.unit, remedy_of(error.name), error.size, {}};
     Eigen::VectorXd column;
     for (std::size_t i = 0; i < poses; ++i) {
         const Eigen::VectorXd moved = at ? error.secant(i, *at) : error.displacement(i);
         column.conservativeResize(column.size() + moved.size());
         column.tail(moved.size()) = moved;
     }
-    suspect.corners_px = column;
-    return suspect;
+    candidate.corners_px = column;
+    return candidate;
 }
 
 // The corners' motion with the carriage at other places than it reads, stacked.
@@ -108,7 +108,7 @@ void add_straightness(std::vector<ErrorCandidate>& all, const NamedErrors& named
 }
 
 // The sum of the linear axes' scales.
-void add_common_scale(std::vector<ErrorCandidate>& all, const SuspectRequest& request,
+void add_common_scale(std::vector<ErrorCandidate>& all, const CandidateRequest& request,
                       const NamedErrors& named) {
     ErrorCandidate sum{"stage scale, all linear axes",
                        "1",
@@ -130,7 +130,7 @@ void add_common_scale(std::vector<ErrorCandidate>& all, const SuspectRequest& re
 }
 
 // A shift in the camera's frame that grows with time, as its size from the first pose to the last.
-void add_drift(std::vector<ErrorCandidate>& all, const SuspectRequest& request) {
+void add_drift(std::vector<ErrorCandidate>& all, const CandidateRequest& request) {
     if (request.times_s.size() != request.chain.poses.size())
         return;
     const Eigen::VectorXd time = 0.5 * normalised(mapped(request.times_s));
@@ -164,7 +164,7 @@ constexpr PixelSuspect pixel_suspects[] = {
 
 // How a tone that lifts half tones moves the edges of dark parts: at half height by tone x blur /
 // sqrt(pi), as the integral of Phi (1 - Phi) is 1 / sqrt(pi).
-Eigen::VectorXd edges_by_tone(const SuspectRequest& request, const Eigen::VectorXd& shrunk,
+Eigen::VectorXd edges_by_tone(const CandidateRequest& request, const Eigen::VectorXd& shrunk,
                               double shrink_px, double size) {
     const std::size_t poses = request.chain.poses.size();
     const CameraModel& camera = request.chain.projector.camera();
@@ -179,7 +179,7 @@ Eigen::VectorXd edges_by_tone(const SuspectRequest& request, const Eigen::Vector
 }
 
 // Pixels: the errors by name, and what they do to corners.
-void add_pixel_suspects(std::vector<ErrorCandidate>& all, const SuspectRequest& request) {
+void add_pixel_candidates(std::vector<ErrorCandidate>& all, const CandidateRequest& request) {
     const std::vector<std::string>& errors = request.pixel_errors;
     const auto row_of = [&](const std::string& name, double size) {
         Eigen::MatrixXd column = Eigen::MatrixXd::Zero(std::ssize(errors), 1);
@@ -198,15 +198,16 @@ void add_pixel_suspects(std::vector<ErrorCandidate>& all, const SuspectRequest& 
     for (const PixelSuspect& each : pixel_suspects) {
         if (!has(each.name))
             continue;
-        ErrorCandidate suspect{each.name,
-                               each.unit,
-                               each.remedy,
-                               each.size,
-                               Eigen::MatrixXd::Zero(rows, 1),
-                               row_of(each.name, each.size)};
-        if (suspect.name == "tone curve" && edges.corners_px.size() > 0)
-            suspect.corners_px = edges_by_tone(request, edges.corners_px, edges.size, suspect.size);
-        all.push_back(std::move(suspect));
+        ErrorCandidate candidate{each.name,
+                                 each.unit,
+                                 each.remedy,
+                                 each.size,
+                                 Eigen::MatrixXd::Zero(rows, 1),
+                                 row_of(each.name, each.size)};
+        if (candidate.name == "tone curve" && edges.corners_px.size() > 0)
+            candidate.corners_px =
+                edges_by_tone(request, edges.corners_px, edges.size, candidate.size);
+        all.push_back(std::move(candidate));
     }
 }
 
@@ -217,7 +218,7 @@ std::string shown_period(const StageAxisMotion& axis, double period) {
 
 }  // namespace
 
-std::vector<ErrorCandidate> error_candidates(const SuspectRequest& request,
+std::vector<ErrorCandidate> error_candidates(const CandidateRequest& request,
                                              const std::map<std::string, double>& sizes) {
     const NamedErrors named(request.chain);
     const std::size_t poses = request.chain.poses.size();
@@ -231,13 +232,14 @@ std::vector<ErrorCandidate> error_candidates(const SuspectRequest& request,
     add_common_scale(all, request, named);
     for (const StageAxisMotion& axis : request.axes) {
         if (axis.position.size() != poses)
-            throw NumericalError(fmt::format("suspects: axis {} has {} positions for {} poses",
-                                             axis.name, axis.position.size(), poses));
+            throw NumericalError(
+                fmt::format("error candidates: axis {} has {} positions for {} poses", axis.name,
+                            axis.position.size(), poses));
         add_backlash(all, axis, motion(named, axis.advanced, axis));
         add_straightness(all, named, axis);
     }
     add_drift(all, request);
-    add_pixel_suspects(all, request);
+    add_pixel_candidates(all, request);
     return all;
 }
 
@@ -251,7 +253,7 @@ std::string misplaced_pose_remedy(const std::string& pose) {
            pose;
 }
 
-std::vector<ErrorCandidate> misplaced_poses(const SuspectRequest& request) {
+std::vector<ErrorCandidate> misplaced_poses(const CandidateRequest& request) {
     const std::size_t poses = request.chain.poses.size();
     std::vector<ErrorCandidate> family;
     for (std::size_t i = 0; i < poses; ++i) {
@@ -268,19 +270,19 @@ std::vector<ErrorCandidate> misplaced_poses(const SuspectRequest& request) {
     return family;
 }
 
-std::vector<RandomErrorCandidate> scatter_suspects(const SuspectRequest& request) {
+std::vector<RandomErrorCandidate> random_error_candidates(const CandidateRequest& request) {
     const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size());
     std::vector<RandomErrorCandidate> all;
     for (const StageAxisMotion& axis : request.axes) {
         const Eigen::VectorXd advance = sensitivity_px(request, axis) / axis.step;
-        RandomErrorCandidate suspect{
+        RandomErrorCandidate candidate{
             "scatter of " + axis.name,
             unit_of(axis),
             "look at the stage's axis " + axis.name + ": where it stops scatters",
             {}};
         for (Eigen::Index i = 0; i < advance.size(); i += rows)
-            suspect.corners_px.emplace_back(advance.segment(i, rows));
-        all.push_back(std::move(suspect));
+            candidate.corners_px.emplace_back(advance.segment(i, rows));
+        all.push_back(std::move(candidate));
     }
     RandomErrorCandidate everywhere{"scatter of positions",
                                     "mm",
@@ -292,7 +294,7 @@ std::vector<RandomErrorCandidate> scatter_suspects(const SuspectRequest& request
     return all;
 }
 
-Eigen::VectorXd sensitivity_px(const SuspectRequest& request, const StageAxisMotion& axis) {
+Eigen::VectorXd sensitivity_px(const CandidateRequest& request, const StageAxisMotion& axis) {
     return motion(NamedErrors(request.chain), axis.advanced, axis);
 }
 

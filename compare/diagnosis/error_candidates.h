@@ -1,6 +1,6 @@
-// Everything that a run may blame: each suspect with what it does to the corners of every used
-// pose, to first order. An error with several numbers (a sine and a cosine, the three components of
-// a drift) is one suspect with several columns.
+// Every error that a run's differences may be attributed to: each candidate with what it does to
+// the corners of every used pose, to first order. An error with several numbers (a sine and a
+// cosine, the three components of a drift) is one candidate with several columns.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,8 +21,8 @@ struct StageAxisMotion {
     bool is_linear = true;
     double step = 0.0;             // mm, or rad of a rotary axis
     std::vector<double> position;  // as read back, mm or rad
-    std::vector<int> approach;     // side that the axis came from, as in Pose; empty: not known
-    std::vector<Rigid> advanced;   // base_from_carriage
+    std::vector<int> approach;  // side that the axis came from, as in VisitedPose; empty: not known
+    std::vector<Rigid> advanced;  // base_from_carriage
     // Two ways across a linear axis, at `step`; empty for a rotary one.
     std::array<std::vector<Rigid>, 2> aside;
 };
@@ -41,24 +41,24 @@ struct ErrorCandidate {
     std::optional<int> only_pose = {};  // of the chain's: it does nothing to the others
 };
 
-struct SuspectRequest {
+struct CandidateRequest {
     const SignatureChain& chain;  // the used poses
     std::vector<StageError> stage_errors;
     std::vector<StageAxisMotion> axes;  // of the chain's poses; may be empty
     std::vector<double> times_s;        // of the chain's poses; may be empty
     // What photographs tell beside the corners (PixelEvidence in
-    // compare/diagnosis/image_agreement.h): each name is a suspect's.
+    // compare/diagnosis/image_agreement.h): each name is a candidate's.
     std::vector<std::string> pixel_errors = {};
 };
 
 // Camera, marker, detector, stage, drift; of those named in `sizes` what they do when they are so
 // large, as theirs to first order would leave traces. Throws NumericalError when a corner has no
 // projection or sizes do not agree. Milliseconds.
-std::vector<ErrorCandidate> error_candidates(const SuspectRequest& request,
+std::vector<ErrorCandidate> error_candidates(const CandidateRequest& request,
                                              const std::map<std::string, double>& sizes = {});
 
 // Of which only the best is worth a word: that the marker was elsewhere at one of the poses.
-std::vector<ErrorCandidate> misplaced_poses(const SuspectRequest& request);
+std::vector<ErrorCandidate> misplaced_poses(const CandidateRequest& request);
 std::string misplaced_pose_name(int index);
 std::string misplaced_pose_remedy(const std::string& pose);  // "pose 7 along x by 96.1 mm"
 
@@ -70,11 +70,11 @@ struct RandomErrorCandidate {
 };
 
 // Of each axis along itself, and of the marker in all directions.
-std::vector<RandomErrorCandidate> scatter_suspects(const SuspectRequest& request);
+std::vector<RandomErrorCandidate> random_error_candidates(const CandidateRequest& request);
 
 // What an axis does to the corners when it goes one step further than it reads, 2 rows per point
 // and pose.
-Eigen::VectorXd sensitivity_px(const SuspectRequest& request, const StageAxisMotion& axis);
+Eigen::VectorXd sensitivity_px(const CandidateRequest& request, const StageAxisMotion& axis);
 
 // An axis whose error repeats with the first of these periods, or as well with the others: where
 // positions lie on a grid, frequencies that differ by that of the grid look alike. mm or rad.

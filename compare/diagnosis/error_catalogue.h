@@ -20,7 +20,7 @@ struct SignatureChain {
     const Projector& projector;  // the calibration under test
     std::vector<Eigen::Vector3d> points_mm;
     Rigid camera_from_base, carriage_from_marker;
-    std::vector<Pose> poses;
+    std::vector<AnalysedPose> poses;
 
     Rigid camera_from_marker(std::size_t pose) const {
         return camera_from_base * poses[pose].base_from_carriage * carriage_from_marker;

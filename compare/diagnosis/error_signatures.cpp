@@ -55,9 +55,7 @@ public:
         for (std::size_t i = 0; i < displacement.size(); ++i)
             if (!chain_.poses[i].hold_out)
                 training.insert(training.end(), displacement[i].begin(), displacement[i].end());
-        const Eigen::VectorXd solution =
-            registration_.solve(Eigen::VectorXd(Eigen::Map<const Eigen::VectorXd>(
-                training.data(), static_cast<Eigen::Index>(training.size()))));
+        const Eigen::VectorXd solution = registration_.solve(stacked(training));
         const Vector12d xy = unscale_.cwiseProduct(solution);
         std::vector<double> before, after, rotation;
         for (std::size_t i = 0; i < displacement.size(); ++i) {
@@ -71,13 +69,16 @@ public:
             after.insert(after.end(), left.begin(), left.end());
             rotation.insert(rotation.end(), turned.begin(), turned.end());
         }
-        signature.before = Eigen::Map<Eigen::VectorXd>(before.data(), std::ssize(before));
-        signature.after = Eigen::Map<Eigen::VectorXd>(after.data(), std::ssize(after));
-        signature.rotation_after =
-            Eigen::Map<Eigen::VectorXd>(rotation.data(), std::ssize(rotation));
+        signature.before = stacked(before);
+        signature.after = stacked(after);
+        signature.rotation_after = stacked(rotation);
     }
 
 private:
+    static Eigen::VectorXd stacked(const std::vector<double>& values) {
+        return Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values));
+    }
+
     // What X and Y moved by `xy` do to the marker's origin, camera frame.
     Eigen::Vector3d predicted_shift(std::size_t i, const Vector12d& xy) const {
         const Rigid& base_from_carriage = chain_.poses[i].base_from_carriage;
@@ -125,6 +126,10 @@ double information(const SignatureChain& chain, const Eigen::VectorXd& field,
     return sum;
 }
 
+bool has_vanished(const ErrorSignature& signature) {
+    return signature.after_rms_mm <= vanished * signature.before_rms_mm;
+}
+
 void judge_observability(const SignatureChain& chain, const HoldOutNoise& noise,
                          double limit_rms_mm, ErrorSignature& signature) {
     signature.before_rms_mm = rms_norm(signature.before);
@@ -132,7 +137,7 @@ void judge_observability(const SignatureChain& chain, const HoldOutNoise& noise,
     signature.after_rms_mm = rms_norm(signature.after);
     signature.after_max_mm = max_norm(signature.after);
     signature.detectable_size = std::numeric_limits<double>::infinity();
-    if (signature.after_rms_mm <= vanished * signature.before_rms_mm) {
+    if (has_vanished(signature)) {
         signature.observable = false;
         signature.reason = "registration absorbs it entirely";
         return;
@@ -152,10 +157,6 @@ void judge_observability(const SignatureChain& chain, const HoldOutNoise& noise,
 double cosine(const Eigen::VectorXd& one, const Eigen::VectorXd& two) {
     const double norms = one.norm() * two.norm();
     return norms > 0.0 ? one.dot(two) / norms : 0.0;
-}
-
-bool has_vanished(const ErrorSignature& signature) {
-    return signature.after_rms_mm <= vanished * signature.before_rms_mm;
 }
 
 void find_confounded(std::vector<ErrorSignature>& signatures) {
@@ -187,7 +188,7 @@ ErrorSignature isotropic_scale(std::span<const ErrorSignature> stage,
 void require_usable(const SignatureChain& chain, std::span<const StageError> stage_errors,
                     std::span<const std::size_t> linear_scale, const HoldOutNoise& noise) {
     const auto hold_out =
-        static_cast<std::size_t>(std::ranges::count(chain.poses, true, &Pose::hold_out));
+        static_cast<std::size_t>(std::ranges::count(chain.poses, true, &AnalysedPose::hold_out));
     bool usable = hold_out > 0 && hold_out < chain.poses.size() &&
                   noise.along_mm.size() == hold_out && noise.across_mm.size() == hold_out &&
                   chain.points_mm.size() >= 3;

@@ -8,14 +8,14 @@
 namespace etalon {
 namespace {
 
-std::vector<SuspectSet> best_of(const SuspectScores& scores, std::size_t members,
-                                std::size_t count) {
-    std::vector<std::pair<double, SuspectSet>> of_size;
+std::vector<CandidateSet> best_of(const CandidateScores& scores, std::size_t members,
+                                  std::size_t count) {
+    std::vector<std::pair<double, CandidateSet>> of_size;
     for (const auto& [set, score] : scores)
         if (set.size() == members)
             of_size.emplace_back(-score, set);
     std::ranges::sort(of_size);
-    std::vector<SuspectSet> best;
+    std::vector<CandidateSet> best;
     for (std::size_t i = 0; i < std::min(count, of_size.size()); ++i)
         best.push_back(of_size[i].second);
     return best;
@@ -23,24 +23,24 @@ std::vector<SuspectSet> best_of(const SuspectScores& scores, std::size_t members
 
 }  // namespace
 
-SuspectSet with(SuspectSet set, std::size_t member) {
+CandidateSet with(CandidateSet set, std::size_t member) {
     set.insert(std::ranges::upper_bound(set, member), member);
     return set;
 }
 
-SuspectSet without(SuspectSet set, std::size_t member) {
+CandidateSet without(CandidateSet set, std::size_t member) {
     std::erase(set, member);
     return set;
 }
 
-HypothesisSet HypothesisSet::only(const SuspectSet& set) const {
+HypothesisSet HypothesisSet::only(const CandidateSet& set) const {
     HypothesisSet few(of_);
     for (const std::size_t i : set)
-        few.add(suspect(i), columns_.middleCols(suspects_[i].first, suspects_[i].count));
+        few.add(candidate(i), columns_.middleCols(candidates_[i].first, candidates_[i].count));
     return few;
 }
 
-void HypothesisSet::add(const ErrorCandidate& suspect, const Eigen::MatrixXd& freed) {
+void HypothesisSet::add(const ErrorCandidate& candidate, const Eigen::MatrixXd& freed) {
     const Eigen::Index before = columns_.cols(), count = freed.cols();
     columns_.conservativeResize(of_.values.size(), before + count);
     columns_.rightCols(count) = freed;
@@ -50,10 +50,10 @@ void HypothesisSet::add(const ErrorCandidate& suspect, const Eigen::MatrixXd& fr
     products_.bottomRows(count) = mixed.transpose();
     seen_.conservativeResize(before + count);
     seen_.tail(count) = of_.metric->product(freed, of_.values);
-    suspects_.push_back({&suspect, before, count});
+    candidates_.push_back({&candidate, before, count});
 }
 
-std::optional<HypothesisSet::Fit> HypothesisSet::fit(const SuspectSet& set) const {
+std::optional<HypothesisSet::Fit> HypothesisSet::fit(const CandidateSet& set) const {
     const std::vector<Eigen::Index> at = columns_of(set);
     const Eigen::MatrixXd plain = products_(at, at);
     const Eigen::VectorXd unscale = plain.diagonal().cwiseSqrt().cwiseInverse();
@@ -69,12 +69,12 @@ std::optional<HypothesisSet::Fit> HypothesisSet::fit(const SuspectSet& set) cons
     return fit;
 }
 
-Eigen::MatrixXd HypothesisSet::covariance(const SuspectSet& set) const {
+Eigen::MatrixXd HypothesisSet::covariance(const CandidateSet& set) const {
     const std::vector<Eigen::Index> at = columns_of(set);
     return products_(at, at).inverse();
 }
 
-Eigen::VectorXd HypothesisSet::residual(const SuspectSet& set) const {
+Eigen::VectorXd HypothesisSet::residual(const CandidateSet& set) const {
     const std::vector<Eigen::Index> at = columns_of(set);
     const Eigen::VectorXd explained = columns_(Eigen::all, at) * fit(set)->numbers;
     return of_.metric->weighted(of_.values - explained);
@@ -85,7 +85,7 @@ double HypothesisSet::scatter(const Fit& fit) const {
         std::max(1.0, fit.rest / (of_.freedom - static_cast<double>(fit.numbers.size()))));
 }
 
-double HypothesisSet::score(const SuspectSet& set) const {
+double HypothesisSet::score(const CandidateSet& set) const {
     const auto found = fit(set);
     if (!found)
         return -std::numeric_limits<double>::infinity();
@@ -94,28 +94,28 @@ double HypothesisSet::score(const SuspectSet& set) const {
         -0.5 * (of_.log_determinant + found->rest / enlarged + of_.freedom * std::log(enlarged)) -
         0.5 * static_cast<double>(found->numbers.size()) * std::log(of_.freedom);
     for (const std::size_t i : set)
-        score -= std::log(of_.known * suspect(i).tried);
+        score -= std::log(of_.known * candidate(i).tried);
     return score;
 }
 
-std::vector<Eigen::Index> HypothesisSet::columns_of(const SuspectSet& set) const {
+std::vector<Eigen::Index> HypothesisSet::columns_of(const CandidateSet& set) const {
     std::vector<Eigen::Index> at;
     for (const std::size_t i : set)
-        for (Eigen::Index k = 0; k < suspects_[i].count; ++k)
-            at.push_back(suspects_[i].first + k);
+        for (Eigen::Index k = 0; k < candidates_[i].count; ++k)
+            at.push_back(candidates_[i].first + k);
     return at;
 }
 
-SuspectScores all_scores(const HypothesisSet& comparison) {
+CandidateScores all_scores(const HypothesisSet& comparison) {
     constexpr std::size_t most_members = 4, grown_from = 40;
-    SuspectScores scores{{{}, comparison.score({})}};
+    CandidateScores scores{{{}, comparison.score({})}};
     for (std::size_t members = 0; members < most_members; ++members) {
         const std::size_t bases =
             members < 2 ? std::numeric_limits<std::size_t>::max() : grown_from;
-        for (const SuspectSet& base : best_of(scores, members, bases))
+        for (const CandidateSet& base : best_of(scores, members, bases))
             for (std::size_t i = 0; i < comparison.size(); ++i)
                 if (!std::ranges::binary_search(base, i))
-                    if (const SuspectSet set = with(base, i); !scores.contains(set))
+                    if (const CandidateSet set = with(base, i); !scores.contains(set))
                         scores[set] = comparison.score(set);
     }
     return scores;

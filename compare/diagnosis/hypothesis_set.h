@@ -1,4 +1,4 @@
-// Sets of error_candidates held against what a run observed (compare/diagnosis/causes.h has the
+// Sets of candidates held against what a run observed (compare/diagnosis/causes.h has the
 // method).
 #pragma once
 
@@ -11,40 +11,40 @@
 
 namespace etalon {
 
-using SuspectSet = std::vector<std::size_t>;  // ascending indices
-using SuspectScores = std::map<SuspectSet, double>;
+using CandidateSet = std::vector<std::size_t>;  // ascending indices
+using CandidateScores = std::map<CandidateSet, double>;
 
-SuspectSet with(SuspectSet set, std::size_t member);
-SuspectSet without(SuspectSet set, std::size_t member);
+CandidateSet with(CandidateSet set, std::size_t member);
+CandidateSet without(CandidateSet set, std::size_t member);
 
-// Products of the columns of all error_candidates with each other and with what was observed: all
-// that the comparison of explanations needs. The error_candidates must outlive it.
+// Products of the columns of all candidates with each other and with what was observed: all
+// that the comparison of explanations needs. The candidates must outlive it.
 class HypothesisSet {
 public:
     explicit HypothesisSet(Observation of) : of_(std::move(of)) {}
 
-    // The same with these error_candidates alone.
-    HypothesisSet only(const SuspectSet& set) const;
+    // The same with these candidates alone.
+    HypothesisSet only(const CandidateSet& set) const;
 
     // `freed`: its columns, freed of X and Y. Leaves out nothing: ask leaves_a_trace() before.
-    void add(const ErrorCandidate& suspect, const Eigen::MatrixXd& freed);
+    void add(const ErrorCandidate& candidate, const Eigen::MatrixXd& freed);
 
-    std::size_t size() const { return suspects_.size(); }
-    const ErrorCandidate& suspect(std::size_t i) const { return *suspects_[i].suspect; }
+    std::size_t size() const { return candidates_.size(); }
+    const ErrorCandidate& candidate(std::size_t i) const { return *candidates_[i].candidate; }
 
-    // Numbers of a set's columns, in units of the error_candidates' sizes; nothing where they
+    // Numbers of a set's columns, in units of the candidates' sizes; nothing where they
     // cannot be told apart at all.
     struct Fit {
         Eigen::VectorXd numbers;
         double rest = 0.0;  // sum of squares that is left
     };
-    std::optional<Fit> fit(const SuspectSet& set) const;
+    std::optional<Fit> fit(const CandidateSet& set) const;
 
     // Of the numbers of a set that can be told apart.
-    Eigen::MatrixXd covariance(const SuspectSet& set) const;
+    Eigen::MatrixXd covariance(const CandidateSet& set) const;
 
     // What a set leaves of the observed, weighted as the covariance says.
-    Eigen::VectorXd residual(const SuspectSet& set) const;
+    Eigen::VectorXd residual(const CandidateSet& set) const;
 
     // Of the corners beside an explanation, over what is stated; 1 at least.
     double scatter(const Fit& fit) const;
@@ -52,23 +52,23 @@ public:
     // Log of the posterior odds against everything else, up to a constant: the likelihood under the
     // covariance, with the corners' scatter at its best value from 1 up, Schwarz's price of each
     // number, and the prior.
-    double score(const SuspectSet& set) const;
+    double score(const CandidateSet& set) const;
 
 private:
-    std::vector<Eigen::Index> columns_of(const SuspectSet& set) const;
+    std::vector<Eigen::Index> columns_of(const CandidateSet& set) const;
 
     struct Place {
-        const ErrorCandidate* suspect;
+        const ErrorCandidate* candidate;
         Eigen::Index first, count;
     };
 
     Observation of_;
     Eigen::MatrixXd columns_, products_;
     Eigen::VectorXd seen_;
-    std::vector<Place> suspects_;
+    std::vector<Place> candidates_;
 };
 
-// Nothing, every suspect, every pair, and the best larger sets grown from the best smaller ones.
-SuspectScores all_scores(const HypothesisSet& comparison);
+// Nothing, every candidate, every pair, and the best larger sets grown from the best smaller ones.
+CandidateScores all_scores(const HypothesisSet& comparison);
 
 }  // namespace etalon

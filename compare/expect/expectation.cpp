@@ -300,11 +300,33 @@ private:
     Projector projector_;
 };
 
-std::array<ExpectationMap, 6> maps_of(const std::vector<MarkerPlace>& places,
-                                      const std::array<std::vector<double>, 6>& values,
-                                      std::uint64_t seed) {
-    const auto map = [&](std::size_t k) { return ExpectationMap(places, values[k], seed + k); };
-    return {map(0), map(1), map(2), map(3), map(4), map(5)};
+using SixOfPose = std::optional<SixErrors> ExpectedPose::*;
+
+std::vector<double> values_of(const std::vector<ExpectedPose>& poses, SixOfPose six,
+                              std::size_t component) {
+    std::vector<double> values;
+    for (const ExpectedPose& pose : poses)
+        if (pose.*six)
+            values.push_back((pose.*six)->at(component));
+    return values;
+}
+
+// Of `mapped` values; nothing where too few poses have them.
+std::optional<std::array<ExpectationMap, 6>> maps_of(const std::vector<ExpectedPose>& poses,
+                                                     SixOfPose six, double (*mapped)(double),
+                                                     std::uint64_t seed) {
+    std::vector<MarkerPlace> places;
+    for (const ExpectedPose& pose : poses)
+        if (pose.*six)
+            places.push_back(pose.place);
+    if (std::ssize(places) < ExpectationMap::min_poses)
+        return std::nullopt;
+    const auto map = [&](std::size_t k) {
+        std::vector<double> values = values_of(poses, six, k);
+        std::ranges::transform(values, values.begin(), mapped);
+        return ExpectationMap(places, values, seed + k);
+    };
+    return std::array<ExpectationMap, 6>{map(0), map(1), map(2), map(3), map(4), map(5)};
 }
 
 // Of twice as many while too few of them are rendered.
@@ -400,40 +422,17 @@ double Expectation::flip_rate() const {
 }
 
 std::vector<double> Expectation::biases(int component) const {
-    std::vector<double> values;
-    for (const ExpectedPose& pose : poses)
-        if (pose.bias)
-            values.push_back(pose.bias->at(static_cast<std::size_t>(component)));
-    return values;
+    return values_of(poses, &ExpectedPose::bias, static_cast<std::size_t>(component));
 }
 
 std::vector<double> Expectation::noises(int component) const {
-    std::vector<double> values;
-    for (const ExpectedPose& pose : poses)
-        if (pose.noise)
-            values.push_back(pose.noise->at(static_cast<std::size_t>(component)));
-    return values;
+    return values_of(poses, &ExpectedPose::noise, static_cast<std::size_t>(component));
 }
 
 void fit_maps(Expectation& expectation, std::uint64_t seed) {
-    std::vector<MarkerPlace> bias_places, noise_places;
-    std::array<std::vector<double>, 6> bias, noise;
-    for (const ExpectedPose& pose : expectation.poses) {
-        if (pose.bias)
-            bias_places.push_back(pose.place);
-        if (pose.noise)
-            noise_places.push_back(pose.place);
-        for (std::size_t k = 0; k < 6; ++k) {
-            if (pose.bias)
-                bias[k].push_back((*pose.bias)[k]);
-            if (pose.noise)
-                noise[k].push_back(logarithm((*pose.noise)[k]));
-        }
-    }
-    if (std::ssize(bias_places) >= ExpectationMap::min_poses)
-        expectation.bias_maps = maps_of(bias_places, bias, seed);
-    if (std::ssize(noise_places) >= ExpectationMap::min_poses)
-        expectation.noise_maps = maps_of(noise_places, noise, seed + 6);
+    const auto itself = [](double bias) { return bias; };
+    expectation.bias_maps = maps_of(expectation.poses, &ExpectedPose::bias, itself, seed);
+    expectation.noise_maps = maps_of(expectation.poses, &ExpectedPose::noise, logarithm, seed + 6);
 }
 
 Expectation expect_errors(const ExpectationRequest& request, const std::function<void()>& step) {

@@ -8,11 +8,11 @@ bool is_known(const std::optional<CornerNoise>& noise) {
 }
 
 // As uncertain as that of one pose: how far poses differ in it is not known here.
-std::optional<CornerNoise> pooled_noise(std::span<const Pose> poses,
-                                        std::optional<CornerNoise> Pose::*noise) {
+std::optional<CornerNoise> pooled_noise(std::span<const AnalysedPose> poses,
+                                        std::optional<CornerNoise> VisitedPose::*noise) {
     double squares = 0.0, freedom = 0.0;
     int count = 0;
-    for (const Pose& pose : poses) {
+    for (const AnalysedPose& pose : poses) {
         if (!pose.is_detected() || !is_known(pose.*noise))
             continue;
         squares += (pose.*noise)->variance_px2 * (pose.*noise)->degrees_of_freedom;
@@ -25,10 +25,10 @@ std::optional<CornerNoise> pooled_noise(std::span<const Pose> poses,
 
 }  // namespace
 
-void find_noise(std::span<Pose> poses) {
-    const auto of_others = pooled_noise(poses, &Pose::corner_noise),
-               stated_for_others = pooled_noise(poses, &Pose::stated_noise);
-    for (Pose& pose : poses) {
+void find_noise(std::span<AnalysedPose> poses) {
+    const auto of_others = pooled_noise(poses, &VisitedPose::corner_noise),
+               stated_for_others = pooled_noise(poses, &VisitedPose::stated_noise);
+    for (AnalysedPose& pose : poses) {
         pose.noise.reset();
         if (!pose.is_detected())
             continue;
@@ -40,9 +40,9 @@ void find_noise(std::span<Pose> poses) {
     }
 }
 
-std::vector<int> poses_of_equal_frames(std::span<const Pose> poses) {
+std::vector<int> poses_of_equal_frames(std::span<const VisitedPose> poses) {
     std::vector<int> equal;
-    for (const Pose& pose : poses)
+    for (const VisitedPose& pose : poses)
         if (pose.detections > 1 && !is_known(pose.corner_noise))
             equal.push_back(pose.index);
     return equal;

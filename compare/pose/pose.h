@@ -1,6 +1,6 @@
-// One pose of a run, which grows from the plan to the verdict: planned, visited, seen, judged. A
-// part that a run has not come to is as it begins; a simulated run leaves out what has no meaning
-// for it. Times are seconds since the run began.
+// One pose of a run. Each stage of the run adds to the type before it: PlannedPose, VisitedPose,
+// AnalysedPose. A simulated run leaves out what has no meaning for it. Times are seconds since the
+// run began.
 #pragma once
 
 #include <Eigen/Core>
@@ -33,14 +33,16 @@ struct PhotoResidual {
     double psf_sigma_px = 0.0;  // of the model
 };
 
-struct Pose {
-    // ---- planned (station/setup/plan.h)
+// As the plan has it (station/setup/plan.h).
+struct PlannedPose {
     std::vector<double> target = {};          // per axis, mm or rad
     bool hold_out = false;                    // decided before anything is solved
     int index = 0;                            // in the plan, from 0; names the frames
     std::optional<std::size_t> repeats = {};  // the earlier pose that has the same target
+};
 
-    // ---- visited (station/qualify/runner.h)
+// The stage was there and the camera took its frames (station/qualify/runner.h).
+struct VisitedPose : PlannedPose {
     // Side from which each axis came: +1 upwards, -1 downwards, 0 did not move.
     std::vector<int> approach = {};
     double move_start_s = 0.0, done_s = 0.0;
@@ -54,7 +56,6 @@ struct Pose {
     Rigid base_from_carriage = {};
     Matrix6d stage_covariance = Matrix6d::Zero();
 
-    // ---- seen (station/qualify/runner.h)
     std::vector<FrameRecord> frames = {};
     std::vector<Eigen::Vector2d> corners = {};  // mean over the frames that saw it; empty: none did
     int detections = 0;                         // number of such frames
@@ -70,8 +71,10 @@ struct Pose {
     std::vector<Eigen::Vector2d> detector_bias_px = {};
 
     bool is_detected() const { return !corners.empty(); }
+};
 
-    // ---- judged (compare/qualification/qualification.h)
+// What qualify() found of it (compare/qualification/qualification.h).
+struct AnalysedPose : VisitedPose {
     bool used = false;      // in the registration (training) or in the field (hold-out)
     bool outlying = false;  // left out of both (compare/diagnosis/outlier_poses.h)
     std::optional<CornerNoise> noise = {};  // that counts (compare/pose/corner_noise.h)

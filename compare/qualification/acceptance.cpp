@@ -8,7 +8,7 @@
 #include <array>
 #include <cmath>
 
-#include "compare/qualification/declared.h"
+#include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/qualification.h"
 #include "compare/uncertainty/uncertainty_budget.h"
 #include "core/program/errors.h"
@@ -41,12 +41,12 @@ AcceptanceCondition checked(std::string name, bool is_met, double value, double 
 
 // ---------------------------------------------------------------------------------- coverage
 
-AcceptanceCondition volume_coverage(const std::vector<Pose>& poses) {
+AcceptanceCondition volume_coverage(const std::vector<AnalysedPose>& poses) {
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    for (const Pose& pose : poses)
+    for (const AnalysedPose& pose : poses)
         centre += pose.bias.predicted.translation / static_cast<double>(poses.size());
     std::array<int, 8> planned{}, used{};
-    for (const Pose& pose : poses) {
+    for (const AnalysedPose& pose : poses) {
         if (!pose.hold_out)
             continue;
         const Eigen::Vector3d from_centre = pose.bias.predicted.translation - centre;
@@ -191,9 +191,9 @@ AcceptanceCondition edges_alone(const QualificationInput& input, const Qualifica
 // ------------------------------------------------------------------------------------- drift
 
 // When each used hold-out pose was taken; empty when a time is missing.
-std::vector<double> hold_out_times(const std::vector<Pose>& poses) {
+std::vector<double> hold_out_times(const std::vector<AnalysedPose>& poses) {
     std::vector<double> times;
-    for (const Pose& pose : poses) {
+    for (const AnalysedPose& pose : poses) {
         if (!pose.is_judged())
             continue;
         if (!pose.settled_s)
@@ -239,7 +239,7 @@ Drift fitted_drift(const BiasField& field, std::span<const FieldSample> samples,
 AcceptanceCondition drift(const QualificationInput& input, const Qualification& result,
                           std::span<const FieldSample> samples) {
     const char* title = "drift over the run";
-    const std::vector<double> times = hold_out_times(input.poses);
+    const std::vector<double> times = hold_out_times(result.poses);
     if (times.empty())
         return not_checked(title, "the poses carry no times");
     if (times.size() != samples.size())
@@ -264,19 +264,20 @@ struct RepeatedPair {
 
 // Both at the same target: camera model, detector and stage errors other than random ones are alike
 // and drop out.
-std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input) {
-    const auto usable = [](const Pose& pose) {
+std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input,
+                                         const Qualification& result) {
+    const auto usable = [](const AnalysedPose& pose) {
         return pose.bias.b2 && pose.noise && !pose.outlying;
     };
     std::vector<RepeatedPair> pairs;
-    for (std::size_t i = 0; i < input.poses.size(); ++i) {
-        const Pose& pose = input.poses[i];
+    for (std::size_t i = 0; i < result.poses.size(); ++i) {
+        const AnalysedPose& pose = result.poses[i];
         if (!pose.repeats)
             continue;
         if (*pose.repeats >= i)
             throw NumericalError(fmt::format(
                 "acceptance: pose {} repeats pose {}, which is not before it", i, *pose.repeats));
-        const Pose& before = input.poses[*pose.repeats];
+        const AnalysedPose& before = result.poses[*pose.repeats];
         if (usable(pose) && usable(before))
             pairs.push_back(
                 {pose.bias.b2->translation_mm - before.bias.b2->translation_mm,
@@ -285,12 +286,12 @@ std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input) {
     return pairs;
 }
 
-AcceptanceCondition repeatability(const QualificationInput& input) {
+AcceptanceCondition repeatability(const QualificationInput& input, const Qualification& result) {
     const char* title = "repeatability";
-    if (std::ranges::none_of(input.poses,
-                             [](const Pose& pose) { return pose.repeats.has_value(); }))
+    if (std::ranges::none_of(result.poses,
+                             [](const AnalysedPose& pose) { return pose.repeats.has_value(); }))
         return not_compared(title, State::not_asked, "the plan visits no pose twice");
-    const std::vector<RepeatedPair> pairs = repeated_pairs(input);
+    const std::vector<RepeatedPair> pairs = repeated_pairs(input, result);
     if (pairs.empty())
         return not_checked(title, "no pose was seen twice by corners whose noise is known");
     double sum = 0.0;
@@ -319,7 +320,7 @@ const char* name(State state) {
 std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput& input,
                                                        const Qualification& result,
                                                        std::span<const FieldSample> samples) {
-    return {volume_coverage(input.poses),
+    return {volume_coverage(result.poses),
             poses_that_fit(result),
             residuals(result),
             residuals_over_image(input, result),
@@ -327,14 +328,14 @@ std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput&
             camera_alone(input, result),
             edges_alone(input, result),
             drift(input, result, samples),
-            repeatability(input)};
+            repeatability(input, result)};
 }
 
-Eigen::Matrix3d position_covariance(const QualificationInput& input, const Pose& pose,
+Eigen::Matrix3d position_covariance(const DeclaredStation& station, const AnalysedPose& pose,
                                     double times) {
     return times * pose.noise->variance_px2 *
                pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
-           repeatability_mm2(input) * Eigen::Matrix3d::Identity();
+           repeatability_mm2(station) * Eigen::Matrix3d::Identity();
 }
 
 }  // namespace etalon

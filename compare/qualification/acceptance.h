@@ -12,7 +12,8 @@
 
 namespace etalon {
 
-struct Pose;
+struct AnalysedPose;
+struct DeclaredStation;
 struct QualificationInput;
 struct Qualification;
 
@@ -47,7 +48,7 @@ std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput&
 
 // What noise makes of a pose's measured position: that of its frames, of which there are `times` as
 // much as in the photographs, and of the stage as declared. The pose has corner noise and B2.
-Eigen::Matrix3d position_covariance(const QualificationInput& input, const Pose& pose,
+Eigen::Matrix3d position_covariance(const DeclaredStation& station, const AnalysedPose& pose,
                                     double times = 1.0);
 
 }  // namespace etalon

@@ -1,19 +1,115 @@
 #include "compare/qualification/diagnosis_input.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
-#include "compare/qualification/declared.h"
 #include "compare/qualification/qualification.h"
+#include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {
 
+// Of the used poses, which are the chain's.
+template <class Value>
+std::vector<Value> of_used(const std::vector<Value>& values, const std::vector<AnalysedPose>& poses,
+                           const std::string& whose) {
+    if (values.size() != poses.size())
+        throw NumericalError(fmt::format("qualification: '{}' has {} transforms for {} poses",
+                                         whose, values.size(), poses.size()));
+    std::vector<Value> used;
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        if (poses[i].used)
+            used.push_back(values[i]);
+    return used;
+}
+
+}  // namespace
+
+std::vector<StageError> stage_errors_of(const DeclaredStation& station,
+                                        const std::vector<AnalysedPose>& poses) {
+    std::vector<StageError> errors;
+    for (const auto& [error, is_linear_scale, in_budget, uncertainty] : station.stage_terms)
+        errors.push_back({error.name, error.unit, error.size,
+                          of_used(error.base_from_carriage, poses, error.name)});
+    return errors;
+}
+
+std::vector<StageAxisMotion> axis_motions_of(const std::vector<StageAxisMotion>& all,
+                                             const std::vector<AnalysedPose>& poses) {
+    std::vector<StageAxisMotion> motions;
+    for (StageAxisMotion axis : all) {
+        axis.position = of_used(axis.position, poses, axis.name);
+        axis.advanced = of_used(axis.advanced, poses, axis.name);
+        if (!axis.approach.empty())
+            axis.approach = of_used(axis.approach, poses, axis.name);
+        for (std::vector<Rigid>& aside : axis.aside)
+            if (!aside.empty())
+                aside = of_used(aside, poses, axis.name);
+        motions.push_back(std::move(axis));
+    }
+    return motions;
+}
+
+double repeatability_mm2(const DeclaredStation& station) {
+    double sum = 0.0;
+    for (const DeclaredRepeatability& each : station.repeatability)
+        sum += std::pow(each.marker_mm.value_or(0.0), 2);
+    return sum / 3.0;
+}
+
+double error_maps_mm2(const DeclaredStation& station) {
+    double sum = 0.0;
+    for (const DeclaredErrorMap& each : station.error_maps)
+        sum += std::pow(each.marker_rms_mm, 2);
+    return sum / 3.0;
+}
+
+std::map<std::string, double> declared_uncertainties(const DeclaredStation& station) {
+    std::map<std::string, double> declared;
+    const DeclaredTemperature temperature = station.temperature.value_or(DeclaredTemperature{});
+    const auto warmed = [&](double own, double expansion_per_k) {
+        return std::hypot(own, temperature.standard_uncertainty_k * expansion_per_k);
+    };
+    for (const DeclaredStageTerm& term : station.stage_terms)
+        if (term.standard_uncertainty)
+            declared[term.error.name] =
+                term.is_linear_scale
+                    ? warmed(*term.standard_uncertainty, temperature.stage_expansion_per_k)
+                    : *term.standard_uncertainty;
+    if (station.marker_size_uncertainty)
+        declared["marker print size"] =
+            station.temperature
+                ? warmed(*station.marker_size_uncertainty, temperature.marker_expansion_per_k)
+                : std::hypot(*station.marker_size_uncertainty,
+                             max_temperature_k * max_expansion_per_k);
+    if (station.marker_flatness_mm)
+        declared["marker twist"] = declared["marker bow"] = *station.marker_flatness_mm;
+    return declared;
+}
+
+Eigen::MatrixXd declared_fields(const DeclaredStation& station,
+                                const std::vector<ErrorSignature>& signatures) {
+    const auto declared = declared_uncertainties(station);
+    Eigen::MatrixXd columns;
+    for (const ErrorSignature& signature : signatures) {
+        const auto found = declared.find(signature.name);
+        if (found == declared.end() || found->second == 0.0)
+            continue;
+        columns.conservativeResize(signature.after.size(), columns.cols() + 1);
+        columns.rightCols<1>() = signature.after * (found->second / signature.size);
+    }
+    return columns;
+}
+
+namespace {
+
 // Of a corner's coordinate in the mean over the frames, and as much more as the render has; where
 // it is not known, what registration has left.
-double corner_variance_px2(const QualificationInput& input, const Pose& pose,
+double corner_variance_px2(const QualificationInput& input, const AnalysedPose& pose,
                            const Qualification& result) {
     const double left = result.registration->registration.residual_rms_px;
     const double seen = pose.noise ? pose.noise->variance_px2 : left * left;
@@ -50,7 +146,7 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows, rows);
     double freedom = 0.0;
     for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-        const Pose& pose = chain.poses[i];
+        const AnalysedPose& pose = chain.poses[i];
         if (!pose.corner_noise || pose.frames.empty())
             continue;
         const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
@@ -73,7 +169,7 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
 // square over the corners' noise; nothing where that is not known.
 std::optional<double> slip_square(const SignatureChain& chain, std::size_t i,
                                   const Eigen::MatrixXd& noise_px2) {
-    const Pose& pose = chain.poses[i];
+    const AnalysedPose& pose = chain.poses[i];
     if (!pose.seen_at)
         return std::nullopt;
     const auto expected = projected(chain.projector, chain.points_mm, *pose.seen_at);
@@ -116,7 +212,11 @@ bool covers_left_out(const Causes& of_all, const Causes& of_used, const Qualific
 
 DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureChain& chain,
                                const Qualification& result) {
-    DiagnosisInput evidence{{chain, stage_errors_of(input), axis_motions_of(input), {}, {}},
+    DiagnosisInput evidence{{chain,
+                             stage_errors_of(input, result.poses),
+                             axis_motions_of(input.axis_motions, result.poses),
+                             {},
+                             {}},
                             {},
                             {},
                             declared_uncertainties(input)};
@@ -128,7 +228,7 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
     const Eigen::MatrixXd correlation = corner_correlation(chain);
     const Eigen::MatrixXd modes = Eigen::LLT<Eigen::MatrixXd>(correlation).matrixL();
     for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-        const Pose& pose = chain.poses[i];
+        const AnalysedPose& pose = chain.poses[i];
         if (pose.settled_s)
             evidence.request.times_s.push_back(*pose.settled_s);
         const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
@@ -146,21 +246,21 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
     return evidence;
 }
 
-Causes causes_of_run(QualificationInput input, SignatureChain chain, const Qualification& result) {
+Causes causes_of_run(const QualificationInput& input, SignatureChain chain, Qualification result) {
     Causes causes = find_causes(diagnosis_input(input, chain, result));
     if (result.outlying.empty())
         return causes;
-    for (Pose& pose : input.poses)
+    for (AnalysedPose& pose : result.poses)
         pose.used = pose.used || (pose.outlying && !pose.bias.difference_px.empty());
     chain.poses.clear();
-    std::ranges::copy_if(input.poses, std::back_inserter(chain.poses), &Pose::used);
+    std::ranges::copy_if(result.poses, std::back_inserter(chain.poses), &AnalysedPose::used);
     const Causes of_all = find_causes(diagnosis_input(input, chain, result));
     if (covers_left_out(of_all, causes, result))
         return of_all;
     for (const RejectedPose& pose : result.outlying) {
         const CausingError error{
             {misplaced_pose_name(pose.index)}, 0.0, 0.0, "", {misplaced_pose_remedy(pose.text)}};
-        causes = blaming(error, 1.0, std::move(causes));
+        causes = with_error(error, 1.0, std::move(causes));
     }
     return causes;
 }

@@ -136,7 +136,7 @@ public:
         fit.scatter = std::sqrt(variance());
         for (std::size_t i = 0; i < equations_.errors().size(); ++i) {
             const FittedError& error = equations_.errors()[i];
-            const std::string& name = suspect(error).name;
+            const std::string& name = candidate_of(error).name;
             if (error.part != Part::beside)
                 continue;
             if (declared_of(name))
@@ -153,7 +153,7 @@ public:
     }
 
 private:
-    const ErrorCandidate& suspect(const FittedError& error) const {
+    const ErrorCandidate& candidate_of(const FittedError& error) const {
         return effects_.errors[error.index];
     }
 
@@ -252,7 +252,7 @@ private:
 
     ContradictedInput contradicted(std::size_t position, double scatter) const {
         const FittedError& error = equations_.errors()[position];
-        const ErrorCandidate& one = suspect(error);
+        const ErrorCandidate& one = candidate_of(error);
         Eigen::VectorXd unit = Eigen::VectorXd::Zero(equations_.numbers().size());
         const Eigen::Index at = equations_.first(position);
         unit[at] = one.size * error.prior[0];
@@ -295,7 +295,7 @@ private:
         Eigen::MatrixXd effects = Eigen::MatrixXd::Zero(rows, equations_.numbers().size());
         for (std::size_t i = 0; i < equations_.errors().size(); ++i) {
             const FittedError& error = equations_.errors()[i];
-            if (is_of_it(error, suspect(error)))
+            if (is_of_it(error, candidate_of(error)))
                 effects.middleCols(equations_.first(i), error.prior.size()) =
                     effects_.after_mm[error.index] * error.prior.asDiagonal();
         }
@@ -326,7 +326,7 @@ private:
 
 }  // namespace
 
-ErrorEffects error_effects(const SuspectRequest& request) {
+ErrorEffects error_effects(const CandidateRequest& request) {
     ErrorEffects effects{error_candidates(request), {}};
     Eigen::MatrixXd columns(effects.errors.front().corners_px.rows(), 0);
     for (const ErrorCandidate& one : effects.errors) {

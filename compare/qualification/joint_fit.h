@@ -33,7 +33,7 @@ struct ErrorEffects {
     std::vector<Eigen::MatrixXd> after_mm;
 };
 // Throws as error_candidates() does. Some 10 ms for 70 poses of a tag.
-ErrorEffects error_effects(const SuspectRequest& request);
+ErrorEffects error_effects(const CandidateRequest& request);
 
 // A declared input that the run contradicts.
 struct ContradictedInput {

@@ -10,7 +10,6 @@
 #include "calib/registration/stage_motion.h"
 #include "compare/diagnosis/outlier_poses.h"
 #include "compare/pose/corner_noise.h"
-#include "compare/qualification/declared.h"
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
 #include "compare/qualification/limits_file.h"
@@ -25,7 +24,7 @@ void require_usable(const QualificationInput& input) {
         throw NumericalError("qualification: a camera is needed");
     if (!input.expected_poses.empty() && input.expected_poses.size() != input.poses.size())
         throw NumericalError("qualification: the expected poses are not of these poses");
-    for (const Pose& pose : input.poses) {
+    for (const VisitedPose& pose : input.poses) {
         if (!vector_from_rigid(pose.base_from_carriage).allFinite())
             throw NumericalError("qualification: a stage position is not finite");
         if (!pose.is_detected())
@@ -49,7 +48,7 @@ void require_usable(const QualificationInput& input) {
 
 void count_detections(const QualificationInput& input, Qualification& result) {
     DetectionCounts& counts = result.detection;
-    for (const Pose& pose : input.poses) {
+    for (const VisitedPose& pose : input.poses) {
         (pose.hold_out ? counts.hold_out : counts.training) += 1;
         if (pose.is_detected())
             (pose.hold_out ? counts.hold_out_detected : counts.training_detected) += 1;
@@ -75,7 +74,7 @@ void find_equal_frames(const QualificationInput& input, Qualification& result) {
 void list_quantities(const QualificationInput& input, Qualification& result) {
     for (const QuantityKind& kind : quantity_kinds()) {
         const std::optional<double>& limit = input.limits.*kind.limit;
-        if (!limit && !input.measure_reported)
+        if (!limit && !input.options.measure_reported)
             continue;
         JudgedQuantity quantity;
         quantity.name = kind.name;
@@ -124,7 +123,7 @@ void require_motion_of(const std::vector<RegistrationPose>& training,
 // With the marker at `predicted`: where the detector's bias is known, that is what it adds there.
 std::optional<std::vector<Eigen::Vector2d>> expected_corners(const QualificationInput& input,
                                                              const Projector& projector,
-                                                             const Pose& pose,
+                                                             const AnalysedPose& pose,
                                                              const Rigid& predicted) {
     if (pose.detector_bias_px.empty())
         return input.render_and_detect(predicted);
@@ -150,10 +149,11 @@ struct TrainingPoses {
     std::vector<std::size_t> indices;
 };
 
-TrainingPoses training_poses(const QualificationInput& input, const Projector& projector) {
+TrainingPoses training_poses(const QualificationInput& input, const Projector& projector,
+                             const Qualification& result) {
     TrainingPoses training;
-    for (std::size_t i = 0; i < input.poses.size(); ++i) {
-        const Pose& pose = input.poses[i];
+    for (std::size_t i = 0; i < result.poses.size(); ++i) {
+        const AnalysedPose& pose = result.poses[i];
         if (pose.hold_out || pose.outlying || !pose.is_detected())
             continue;
         const auto estimate = first_estimate(input, projector, i);
@@ -168,29 +168,30 @@ TrainingPoses training_poses(const QualificationInput& input, const Projector& p
 
 // Whether the photograph's pixels show the marker elsewhere, too: where only its corners lie off,
 // the detector slipped, and that the field's robust fit can bear.
-bool was_elsewhere(const Pose& pose, const Registration& registration,
+bool was_elsewhere(const VisitedPose& pose, const Registration& registration,
                    const Eigen::Vector3d& off_mm) {
     const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
     return !pose.seen_at ||
            (pose.seen_at->translation - predicted.translation).norm() > 0.5 * off_mm.norm();
 }
 
-void leave_out(QualificationInput& input, std::size_t pose, const Eigen::Vector3d& off_mm,
+void leave_out(const QualificationInput& input, std::size_t pose, const Eigen::Vector3d& off_mm,
                Qualification& result) {
     const Registration& registration = result.registration->registration;
-    input.poses[pose].outlying = true;
-    input.poses[pose].used = false;
-    const int index = input.poses[pose].index;
+    result.poses[pose].outlying = true;
+    result.poses[pose].used = false;
+    const int index = result.poses[pose].index;
     const std::string off =
         off_text(registration.camera_from_base.rotation.conjugate() * off_mm, input.axis_motions,
-                 input.poses[pose].base_from_carriage, registration.carriage_from_marker, pose);
+                 result.poses[pose].base_from_carriage, registration.carriage_from_marker, pose);
     result.outlying.push_back({index, fmt::format("pose {}{}", index, off)});
 }
 
 // Registers on the training poses with a pose estimate, but for those that are outlying; false when
 // there are too few of them.
-bool registered(QualificationInput& input, const Projector& projector, Qualification& result) {
-    TrainingPoses training = training_poses(input, projector);
+bool registered(const QualificationInput& input, const Projector& projector,
+                Qualification& result) {
+    TrainingPoses training = training_poses(input, projector, result);
     if (std::ssize(training.poses) < min_training_poses)
         return false;
     require_motion_of(training.poses, input.stage_reach);
@@ -204,27 +205,28 @@ bool registered(QualificationInput& input, const Projector& projector, Qualifica
         outlying_registered(projector, input.points_mm, *result.registration, training.poses,
                             input.limits.b3_position_field_rms_mm.value());
     std::erase_if(outlying, [&](const OutlierPose& each) {
-        return !was_elsewhere(input.poses[training.indices[each.index]],
+        return !was_elsewhere(result.poses[training.indices[each.index]],
                               result.registration->registration, each.off_mm);
     });
     for (const OutlierPose& each : outlying)
         leave_out(input, training.indices[each.index], each.off_mm, result);
     if (!outlying.empty()) {
-        training = training_poses(input, projector);
+        training = training_poses(input, projector, result);
         register_all();
     }
     for (std::size_t& used : result.registration->used) {
         used = training.indices[used];
-        input.poses[used].used = true;
+        result.poses[used].used = true;
     }
     return std::ssize(result.registration->used) >= min_training_poses;
 }
 
 // Biases of all poses; B3 only of hold-out poses. Returns how many hold-out poses have B3.
-int find_biases(QualificationInput& input, const Projector& projector,
-                const Registration& registration) {
+int find_biases(const QualificationInput& input, const Projector& projector,
+                Qualification& result) {
+    const Registration& registration = result.registration->registration;
     int usable = 0;
-    for (Pose& pose : input.poses) {
+    for (AnalysedPose& pose : result.poses) {
         const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
         std::optional<std::vector<Eigen::Vector2d>> expected;
         if (pose.hold_out && pose.is_detected())
@@ -242,10 +244,11 @@ int find_biases(QualificationInput& input, const Projector& projector,
 }
 
 // Of the training poses, from the registration's last round.
-void find_training_differences(QualificationInput& input, const Projector& projector,
-                               const BiasCorrectedRegistration& registration) {
+void find_training_differences(const QualificationInput& input, const Projector& projector,
+                               Qualification& result) {
+    const BiasCorrectedRegistration& registration = *result.registration;
     for (std::size_t i = 0; i < registration.used.size(); ++i) {
-        PoseBias& bias = input.poses[registration.used[i]].bias;
+        PoseBias& bias = result.poses[registration.used[i]].bias;
         bias.difference_px = differences(registration.corrected_px[i],
                                          projected(projector, input.points_mm, bias.predicted));
     }
@@ -287,56 +290,56 @@ FieldSample rotation_sample(const PoseBias& bias) {
 }
 
 template <class Sample>
-std::vector<FieldSample> samples_of(const std::vector<Pose>& poses, Sample sample) {
+std::vector<FieldSample> samples_of(const std::vector<AnalysedPose>& poses, Sample sample) {
     std::vector<FieldSample> samples;
-    for (const Pose& pose : poses)
+    for (const AnalysedPose& pose : poses)
         if (pose.is_judged())
             samples.push_back(sample(pose.bias));
     return samples;
 }
 
-std::vector<FieldSample> position_samples(const std::vector<Pose>& poses) {
+std::vector<FieldSample> position_samples(const std::vector<AnalysedPose>& poses) {
     return samples_of(poses, [](const PoseBias& bias) {
         return position_sample(bias, bias.b3->translation_mm, bias.photo->covariance_per_px2);
     });
 }
 
-std::vector<FieldSample> photometric_samples(const std::vector<Pose>& poses) {
+std::vector<FieldSample> photometric_samples(const std::vector<AnalysedPose>& poses) {
     std::vector<FieldSample> samples;
-    for (const Pose& pose : poses)
+    for (const AnalysedPose& pose : poses)
         if (pose.hold_out && !pose.outlying && pose.bias.b4)
             samples.push_back(position_sample(pose.bias, pose.bias.b4->translation_mm,
                                               pose.photometric->covariance));
     return samples;
 }
 
-std::vector<Eigen::Vector3d> volume_of(const std::vector<Pose>& poses) {
+std::vector<Eigen::Vector3d> volume_of(const std::vector<AnalysedPose>& poses) {
     std::vector<Eigen::Vector3d> volume;
-    for (const Pose& pose : poses)
+    for (const AnalysedPose& pose : poses)
         volume.push_back(pose.bias.predicted.translation);
     return volume;
 }
 
 // The field of the hold-out poses' positions, but for those that are outlying.
-void fit_position_field(QualificationInput& input, Qualification& result) {
+void fit_position_field(const QualificationInput& input, Qualification& result) {
     const FieldBasis basis = position_basis(input.camera->projection);
-    const std::vector<FieldSample> positions = position_samples(input.poses);
+    const std::vector<FieldSample> positions = position_samples(result.poses);
     result.position_field = fit_smooth_field(positions, basis);
     std::vector<std::size_t> judged;
-    for (std::size_t i = 0; i < input.poses.size(); ++i)
-        if (input.poses[i].is_judged())
+    for (std::size_t i = 0; i < result.poses.size(); ++i)
+        if (result.poses[i].is_judged())
             judged.push_back(i);
     auto outlying = outlying_samples(positions, *result.position_field,
                                      input.limits.b3_position_field_rms_mm.value());
     std::erase_if(outlying, [&](const OutlierPose& each) {
-        return !was_elsewhere(input.poses[judged[each.index]], result.registration->registration,
+        return !was_elsewhere(result.poses[judged[each.index]], result.registration->registration,
                               each.off_mm);
     });
     if (outlying.empty())
         return;
     for (const OutlierPose& each : outlying)
         leave_out(input, judged[each.index], each.off_mm, result);
-    result.position_field = fit_smooth_field(position_samples(input.poses), basis);
+    result.position_field = fit_smooth_field(position_samples(result.poses), basis);
 }
 
 bool is_listed(const Qualification& result, const char* quantity) {
@@ -346,19 +349,19 @@ bool is_listed(const Qualification& result, const char* quantity) {
     return holds(result.quantities) || holds(result.reported);
 }
 
-void fit_fields(QualificationInput& input, const NoiseDraws& draws, Qualification& result) {
-    const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
+void fit_fields(const QualificationInput& input, const NoiseDraws& draws, Qualification& result) {
+    const std::vector<Eigen::Vector3d> volume = volume_of(result.poses);
     fit_position_field(input, result);
     result.position_summary = summarize(*result.position_field, volume, draws);
     if (is_listed(result, quantity::rotation_rms) || is_listed(result, quantity::rotation_max)) {
         result.rotation_field =
-            fit_smooth_field(samples_of(input.poses, rotation_sample), FieldBasis::linear);
+            fit_smooth_field(samples_of(result.poses, rotation_sample), FieldBasis::linear);
         result.rotation_summary = summarize(*result.rotation_field, volume, draws);
     }
     if (is_listed(result, quantity::length_max))
         result.lengths =
-            length_errors(*result.position_field, position_samples(input.poses), draws);
-    const std::vector<FieldSample> photometric = photometric_samples(input.poses);
+            length_errors(*result.position_field, position_samples(result.poses), draws);
+    const std::vector<FieldSample> photometric = photometric_samples(result.poses);
     if (std::ssize(photometric) < min_hold_out_poses)
         return;
     PhotometricField field;
@@ -378,18 +381,18 @@ SignatureChain chain_of(const QualificationInput& input, const Projector& projec
                          registration.camera_from_base,
                          registration.carriage_from_marker,
                          {}};
-    std::ranges::copy_if(input.poses, std::back_inserter(chain.poses), &Pose::used);
+    std::ranges::copy_if(result.poses, std::back_inserter(chain.poses), &AnalysedPose::used);
     return chain;
 }
 
 // Those that are known already, where they are of as many hold-out poses.
 bool take_known_signatures(const QualificationInput& input, Qualification& result) {
-    if (!input.known_run || input.known_run->signatures.empty())
+    if (!input.options.known_run || input.options.known_run->signatures.empty())
         return false;
-    const auto used = std::ranges::count_if(input.poses, &Pose::is_judged);
-    if (input.known_run->signatures.front().after.size() != 3 * used)
+    const auto used = std::ranges::count_if(result.poses, &AnalysedPose::is_judged);
+    if (input.options.known_run->signatures.front().after.size() != 3 * used)
         return false;
-    result.signatures = input.known_run->signatures;
+    result.signatures = input.options.known_run->signatures;
     return true;
 }
 
@@ -397,13 +400,13 @@ void find_signatures(const QualificationInput& input, const SignatureChain& chai
                      Qualification& result) {
     if (take_known_signatures(input, result))
         return;
-    const std::vector<StageError> errors = stage_errors_of(input);
+    const std::vector<StageError> errors = stage_errors_of(input, result.poses);
     std::vector<std::size_t> linear_scale;
     for (std::size_t i = 0; i < input.stage_terms.size(); ++i)
         if (input.stage_terms[i].is_linear_scale)
             linear_scale.push_back(i);
     HoldOutNoise noise;
-    for (const FieldSample& sample : position_samples(input.poses)) {
+    for (const FieldSample& sample : position_samples(result.poses)) {
         noise.along_mm.push_back(result.position_field->scale_along * sample.sigma_along);
         noise.across_mm.push_back(result.position_field->scale_across * sample.sigma_across);
     }
@@ -415,9 +418,9 @@ void find_signatures(const QualificationInput& input, const SignatureChain& chai
 
 // Whether these are of as many poses, and of the same pixel errors.
 bool are_of(const ErrorEffects& effects, const DiagnosisInput& evidence,
-            const QualificationInput& input) {
+            const Qualification& result) {
     const SignatureChain& chain = evidence.request.chain;
-    const auto judged = std::ranges::count_if(input.poses, &Pose::is_judged);
+    const auto judged = std::ranges::count_if(result.poses, &AnalysedPose::is_judged);
     return evidence.request.pixel_errors.empty() &&
            effects.errors.front().corners_px.rows() ==
                2 * std::ssize(chain.points_mm) * std::ssize(chain.poses) &&
@@ -425,19 +428,19 @@ bool are_of(const ErrorEffects& effects, const DiagnosisInput& evidence,
 }
 
 // The field that a smooth one fitted to the hold-out poses would be, were there nothing else.
-FieldSummary field_alone(const EffectAlone& effect, const QualificationInput& input,
-                         const NoiseDraws& draws, const Qualification& result) {
+FieldSummary field_alone(const EffectAlone& effect, const NoiseDraws& draws,
+                         const Qualification& result) {
     BiasField field = *result.position_field;
-    const Eigen::MatrixXd from_samples = estimator(field, position_samples(input.poses));
+    const Eigen::MatrixXd from_samples = estimator(field, position_samples(result.poses));
     const Eigen::MatrixXd factor = from_samples * effect.factor_mm;
     field.coefficients = from_samples * effect.mean_mm;
     field.covariance = factor * factor.transpose();
-    return summarize(field, volume_of(input.poses), draws);
+    return summarize(field, volume_of(result.poses), draws);
 }
 
 std::vector<PoseResiduals> residuals_in_image(const DiagnosisInput& evidence, const JointFit& fit) {
     std::vector<PoseResiduals> all;
-    const std::vector<Pose>& poses = evidence.request.chain.poses;
+    const std::vector<AnalysedPose>& poses = evidence.request.chain.poses;
     for (std::size_t i = 0; i < poses.size(); ++i) {
         const Eigen::Map<const Eigen::VectorXd> place(poses[i].corners.front().data(),
                                                       2 * std::ssize(poses[i].corners));
@@ -462,15 +465,16 @@ double residual_rms_mm(const SignatureChain& chain, const JointFit& fit) {
 void find_corner_figures(const QualificationInput& input, const SignatureChain& chain,
                          const NoiseDraws& draws, Qualification& result) {
     const DiagnosisInput evidence = diagnosis_input(input, chain, result);
-    const bool is_known = input.known_run && input.known_run->effects &&
-                          are_of(*input.known_run->effects, evidence, input);
+    const bool is_known = input.options.known_run && input.options.known_run->effects &&
+                          are_of(*input.options.known_run->effects, evidence, result);
     if (!is_known)
         result.effects = error_effects(evidence.request);
     CornerFigures figures;
-    figures.fit = joint_fit(evidence, is_known ? *input.known_run->effects : *result.effects);
-    figures.camera_alone = field_alone(figures.fit.camera, input, draws, result);
+    figures.fit =
+        joint_fit(evidence, is_known ? *input.options.known_run->effects : *result.effects);
+    figures.camera_alone = field_alone(figures.fit.camera, draws, result);
     if (!figures.fit.edges.mean_mm.isZero(0.0))
-        figures.edges_alone = field_alone(figures.fit.edges, input, draws, result);
+        figures.edges_alone = field_alone(figures.fit.edges, draws, result);
     figures.coherence = image_coherence(residuals_in_image(evidence, figures.fit),
                                         input.camera->width, input.camera->height);
     figures.coherent_rms_mm =
@@ -482,9 +486,10 @@ void find_corner_figures(const QualificationInput& input, const SignatureChain& 
 
 // What the noise of each used hold-out pose's corners makes of its position, with the declared
 // stage noise and the error maps' uncertainty on top. Nothing when it is not known.
-std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input) {
+std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input,
+                                                       const Qualification& result) {
     std::vector<SampleNoise> noise;
-    for (const Pose& pose : input.poses) {
+    for (const AnalysedPose& pose : result.poses) {
         if (!pose.is_judged())
             continue;
         if (!pose.noise)
@@ -502,9 +507,9 @@ std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput&
 
 // Needs the signatures: what is declared as uncertain may be in the residuals, too.
 void find_position_rest(const QualificationInput& input, Qualification& result) {
-    if (const auto noise = position_noise(input))
+    if (const auto noise = position_noise(input, result))
         result.position_lack_of_fit =
-            lack_of_fit(*result.position_field, position_samples(input.poses), *noise,
+            lack_of_fit(*result.position_field, position_samples(result.poses), *noise,
                         declared_fields(input, result.signatures));
 }
 
@@ -570,7 +575,7 @@ void judge_all(const Limits& limits, Qualification& result) {
 
 // A PASS is accepted only from a run that is what its uncertainty takes it for.
 void require_conditions(const QualificationInput& input, Qualification& result) {
-    result.conditions = acceptance_conditions(input, result, position_samples(input.poses));
+    result.conditions = acceptance_conditions(input, result, position_samples(result.poses));
     for (const AcceptanceCondition& condition : result.conditions) {
         const bool is_unchecked = condition.state == AcceptanceCondition::State::not_checked;
         if (condition.state == AcceptanceCondition::State::not_met)
@@ -588,10 +593,10 @@ void require_conditions(const QualificationInput& input, Qualification& result) 
 
 void add_monte_carlo(const QualificationInput& input, std::span<const FieldInput> inputs,
                      Qualification& result) {
-    const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
-    const auto samples = position_samples(input.poses);
+    const std::vector<Eigen::Vector3d> volume = volume_of(result.poses);
+    const auto samples = position_samples(result.poses);
     const MonteCarloUncertainty b3 = monte_carlo_uncertainty(
-        *result.position_field, samples, volume, inputs, input.seed, input.stop);
+        *result.position_field, samples, volume, inputs, input.options.seed, input.options.stop);
     for (std::vector<JudgedQuantity>* list : {&result.quantities, &result.reported})
         for (JudgedQuantity& quantity : *list)
             if (const auto figure = quantity_kind(quantity.name).monte_carlo)
@@ -638,15 +643,13 @@ double DetectionCounts::rate() const {
     return all > 0 ? static_cast<double>(training_detected + hold_out_detected) / all : 0.0;
 }
 
-Qualification qualify(QualificationInput& input) {
+Qualification qualify(const QualificationInput& input) {
     require_usable(input);
-    for (Pose& pose : input.poses) {
-        pose.used = pose.outlying = false;
-        pose.bias = {};
-    }
-    find_noise(input.poses);
-    const Projector projector(*input.camera);
     Qualification result;
+    for (const VisitedPose& pose : input.poses)
+        result.poses.push_back({pose});
+    find_noise(result.poses);
+    const Projector projector(*input.camera);
     list_quantities(input, result);
     count_detections(input, result);
     find_equal_frames(input, result);
@@ -662,29 +665,29 @@ Qualification qualify(QualificationInput& input) {
         result.detection.hold_out_detected < min_hold_out_poses ||
         !registered(input, projector, result))
         return skipped(std::move(result), too_few);
-    const int usable = find_biases(input, projector, result.registration->registration);
-    find_training_differences(input, projector, *result.registration);
+    const int usable = find_biases(input, projector, result);
+    find_training_differences(input, projector, result);
     if (usable < min_hold_out_poses)
         return skipped(std::move(result),
                        "too few hold-out poses whose render is detected as well");
     std::optional<NoiseDraws> own_draws;
-    const NoiseDraws& draws =
-        input.known_draws ? *input.known_draws : own_draws.emplace(input.seed);
+    const NoiseDraws& draws = input.options.known_draws ? *input.options.known_draws
+                                                        : own_draws.emplace(input.options.seed);
     fit_fields(input, draws, result);
     const SignatureChain chain = chain_of(input, projector, result);
     find_signatures(input, chain, result);
     find_position_rest(input, result);
     find_corner_figures(input, chain, draws, result);
-    QualificationBudget budget = qualification_budget(input, result, position_samples(input.poses),
+    QualificationBudget budget = qualification_budget(input, result, position_samples(result.poses),
                                                       calibration_signatures(chain));
     result.budget = std::move(budget.rows);
     judge_all(input.limits, result);
     require_conditions(input, result);
     judge_pixels(input, result);
-    if (input.monte_carlo)
+    if (input.options.monte_carlo)
         add_monte_carlo(input, budget.inputs, result);
     explain_verdict(result);
-    if (input.look_for_causes)
+    if (input.options.look_for_causes)
         result.causes = causes_of_run(input, chain, result);
     return result;
 }

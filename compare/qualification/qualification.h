@@ -1,9 +1,9 @@
 // Everything between "the run has measured" and "the report is written": registration, biases,
 // the fields that are judged, their uncertainty budget, error signatures and the verdict.
 //
-//     QualificationInput  what a run measured and what its station declares
+//     QualificationInput  what its station declares, what a run measured, and options
 //     qualify()           one function; renders through a callback, touches no device or file
-//     Qualification       everything that the report and the record show beside the poses
+//     Qualification       everything that the report and the record show
 //
 // Method: docs/metrology.md.
 #pragma once
@@ -70,14 +70,11 @@ struct DeclaredTemperature {
     std::string basis = {};
 };
 
-struct QualificationInput {
+// What the station and the calibration under test say, and how a render of it is made.
+struct DeclaredStation {
     const CameraModel* camera = nullptr;     // the calibration under test
     std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
-    // What was measured of each; qualify() adds what it finds. Corner noise, photometric poses,
-    // times and repeats may be left out: what cannot be said without one is then SKIPPED or not
-    // checked.
-    std::vector<Pose> poses;
-    Rigid nominal_carriage_from_marker;  // as mounted by design: fixes the gauge freedoms only
+    Rigid nominal_carriage_from_marker;      // as mounted by design: fixes the gauge freedoms only
     // Transforms that show what the plan's volume lets the stage do
     // (calib/registration/stage_motion.h); training poses that move less are degenerate. Empty: not
     // checked.
@@ -88,25 +85,37 @@ struct QualificationInput {
     // Variance by noise of the corners that it finds, in units of that of a pose's mean corners in
     // the photographs.
     double render_noise_ratio = 0.0;
+    // How far the edges of a render may lie from where they belong; 0 for exact ones, as of a
+    // simulation of corners.
+    double render_edge_bound_px = 0.0;
     std::vector<DeclaredStageTerm> stage_terms;
     std::vector<DeclaredRepeatability> repeatability;
     std::vector<DeclaredErrorMap> error_maps;
-    // Of all poses, to look for backlash, bent guides and errors that repeat; empty: not looked
-    // for.
-    std::vector<StageAxisMotion> axis_motions = {};
     // Relative standard uncertainty of the marker's printed size. Nothing: unknown.
     std::optional<double> marker_size_uncertainty;
     // Standard uncertainty of how far the marker's edge stands out of its plane. Nothing: unknown.
     std::optional<double> marker_flatness_mm = {};
     std::optional<DeclaredTemperature> temperature = {};  // nothing: unknown
-    // How far the edges of a render may lie from where they belong; 0 for exact ones, as of a
-    // simulation of corners.
-    double render_edge_bound_px = 0.0;
     Limits limits;
-    std::uint64_t seed = 1;  // of the simultaneous band's draws
+};
+
+struct RunMeasurements {
+    // Corner noise, photometric poses, times and repeats may be left out: what cannot be said
+    // without one is then SKIPPED or not checked.
+    std::vector<VisitedPose> poses;
+    // Of all poses, to look for backlash, bent guides and errors that repeat; empty: not looked
+    // for.
+    std::vector<StageAxisMotion> axis_motions = {};
     // Of each pose about where the marker is before the camera: first estimates for the
     // registration. Empty: from the corners.
     std::vector<Rigid> expected_poses = {};
+    // Of the hold-out photographs against their renders; nothing: not compared.
+    std::optional<ImageAgreement> pixels = {};
+};
+
+// Of the calculation.
+struct QualificationOptions {
+    std::uint64_t seed = 1;  // of the simultaneous band's draws
     // Signatures and effects of errors from another run of the same plan, for studies of thousands
     // of runs: they follow from the geometry, and making them takes most of qualify()'s time. Taken
     // when they are of as many poses; nothing: made from this run.
@@ -118,9 +127,11 @@ struct QualificationInput {
     bool monte_carlo = false;
     // Also look for what causes the differences. Some 0.5 s.
     bool look_for_causes = false;
-    // Of the hold-out photographs against their renders; nothing: not compared.
-    std::optional<ImageAgreement> pixels = {};
     std::stop_token stop = {};  // asked while it takes long
+};
+
+struct QualificationInput : DeclaredStation, RunMeasurements {
+    QualificationOptions options = {};
 };
 
 struct DetectionCounts {
@@ -149,10 +160,11 @@ struct CornerFigures {
     FieldSummary camera_alone;
     std::optional<FieldSummary> edges_alone = {};
     ImageCoherence coherence;
-    double coherent_rms_mm = 0.0;  // what residuals that hang together make of the positions
+    double coherent_rms_mm = 0.0;  // what correlated residuals make of the positions
 };
 
 struct Qualification {
+    std::vector<AnalysedPose> poses;  // of the input, with what was found of each
     Outcome verdict = Outcome::inconclusive;
     // Those that have a limit, in the order of compare/qualification/judged_quantities.h, and those
     // that have none: they are SKIPPED with a limit of 0, and their value and U are there where
@@ -190,14 +202,9 @@ struct Qualification {
 inline constexpr int min_training_poses = 8;
 inline constexpr int min_hold_out_poses = 15;
 
-// Judges input.poses: sets `used` and `bias` of each, and reads the rest alone. Throws
-// NumericalError for inconsistent or non-finite input, a stage that did not move, and a
+// Throws NumericalError for inconsistent or non-finite input, a stage that did not move, and a
 // registration that does not converge; Interrupted when `stop` is requested; whatever
-// render_and_detect throws passes through.
-// Single-threaded; its cost is that of the renders.
-Qualification qualify(QualificationInput& input);
-inline Qualification qualify(QualificationInput&& input) {
-    return qualify(input);  // the judgement alone
-}
+// render_and_detect throws passes through. Single-threaded; its cost is that of the renders.
+Qualification qualify(const QualificationInput& input);
 
 }  // namespace etalon

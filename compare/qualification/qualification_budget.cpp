@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "compare/diagnosis/error_signatures.h"
-#include "compare/qualification/declared.h"
+#include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
 #include "compare/uncertainty/length_error.h"
 #include "core/program/errors.h"
@@ -116,16 +116,14 @@ public:
 
 private:
     const ErrorSignature& signature(const std::string& name) const {
-        const auto found =
-            std::find_if(result_.signatures.begin(), result_.signatures.end(),
-                         [&](const ErrorSignature& each) { return each.name == name; });
+        const auto found = std::ranges::find(result_.signatures, name, &ErrorSignature::name);
         if (found == result_.signatures.end())
             throw NumericalError(fmt::format("qualification: '{}' has no signature", name));
         return *found;
     }
     bool has_signature(const std::string& name) const {
-        return std::any_of(result_.signatures.begin(), result_.signatures.end(),
-                           [&](const ErrorSignature& each) { return each.name == name; });
+        return std::ranges::find(result_.signatures, name, &ErrorSignature::name) !=
+               result_.signatures.end();
     }
 
     // By which shifts, a column each, change a length at most; 0 where no lengths are measured.
@@ -229,13 +227,13 @@ private:
             eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
         double shift = 0.0, turn = 0.0, largest_shift = 0.0, largest_turn = 0.0;
         std::vector<Eigen::Matrix<double, 3, 12>> hold_out;
-        for (const Pose& pose : input_.poses) {
+        for (const AnalysedPose& pose : result_.poses) {
             const Eigen::Matrix<double, 6, 12> ways =
                 moved_by_registration(pose.base_from_carriage) * factor;
             const double turned = ways.topRows<3>().squaredNorm();
             const double shifted = ways.bottomRows<3>().squaredNorm();
-            turn += turned / static_cast<double>(input_.poses.size());
-            shift += shifted / static_cast<double>(input_.poses.size());
+            turn += turned / static_cast<double>(result_.poses.size());
+            shift += shifted / static_cast<double>(result_.poses.size());
             largest_turn = std::max(largest_turn, turned);
             largest_shift = std::max(largest_shift, shifted);
             if (pose.is_judged())
@@ -257,7 +255,7 @@ private:
     void add_detector_bias() {
         double squares = 0.0;
         int count = 0;
-        for (const Pose& pose : input_.poses)
+        for (const AnalysedPose& pose : result_.poses)
             if (pose.hold_out && pose.bias.b1) {
                 squares += pose.bias.b1->translation_mm.squaredNorm();
                 ++count;

@@ -126,7 +126,7 @@ std::string conformity_sentence(const Certificate& certificate) {
 
 std::vector<std::string> method_sentences(const Certificate& certificate) {
     const QualifyResult& run = certificate.run;
-    const auto hold_out = std::ranges::count(run.poses, true, &Pose::hold_out);
+    const auto hold_out = std::ranges::count(run.poses, true, &AnalysedPose::hold_out);
     return {
         fmt::format(
             "A printed marker ({}) on a precision stage was photographed in {} poses, {} "

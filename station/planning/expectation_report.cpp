@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -56,64 +57,59 @@ const std::array<Abscissa, 3> abscissae = {{
      1.0 / deg_per_rad},
 }};
 
-// The map's average over the other two variables, as a line with its 95 % band.
-void add_average(SvgPlot& plot, const ExpectationMap& map, const Abscissa& along,
-                 const std::vector<double>& xs, double (*shown)(double), Color ink) {
+// What is drawn of each pose: the values, their maps and how a map's value is shown.
+struct Ordinate {
+    const char* label;
+    std::optional<SixErrors> ExpectedPose::*of_pose;
+    std::vector<double> (Expectation::*values)(int component) const;
+    std::optional<std::array<ExpectationMap, 6>> Expectation::*maps;
+    double (*shown)(double);
+    Color ink;
+};
+const Ordinate bias_ordinate{"B1",
+                             &ExpectedPose::bias,
+                             &Expectation::biases,
+                             &Expectation::bias_maps,
+                             [](double value) { return value; },
+                             Color::blue};
+const Ordinate noise_ordinate{"noise",
+                              &ExpectedPose::noise,
+                              &Expectation::noises,
+                              &Expectation::noise_maps,
+                              [](double value) { return std::exp(value); },
+                              Color::orange};
+
+// Each pose, and the map's average over the other two variables as a line with its 95 % band.
+std::string component_plot(const Expectation& expectation, const Ordinate& what,
+                           std::size_t component, const Abscissa& along) {
     constexpr int steps = 30;
-    const auto [low, high] = std::minmax_element(xs.begin(), xs.end());
-    Series series;
-    for (int i = 0; i <= steps; ++i) {
-        const double at = *low + (*high - *low) * i / steps;
-        const MapValue average = map.average_at(along.variable, at * along.unit);
-        series.add(at, shown(average.value), shown(average.low), shown(average.high));
-    }
-    plot.add_band(series, ink, "95 %");
-    plot.add_line(series, ink, "average");
-}
-
-double itself(double value) {
-    return value;
-}
-double exponential(double value) {
-    return std::exp(value);
-}
-
-// Where the poses that have `value` are along the abscissa.
-std::vector<double> places_of(const Expectation& expectation, const Abscissa& along,
-                              std::optional<SixErrors> ExpectedPose::*value) {
+    const ErrorComponent& named = error_components[component];
+    SvgPlot plot(along.label, fmt::format("{} {}, {}", what.label, named.name, named.unit),
+                 plot_width, plot_height);
     std::vector<double> xs;
     for (const ExpectedPose& pose : expectation.poses)
-        if (pose.*value)
+        if (pose.*what.of_pose)
             xs.push_back(along.of(pose.place));
-    return xs;
-}
-
-std::string bias_plot(const Expectation& expectation, std::size_t component,
-                      const Abscissa& along) {
-    const ErrorComponent& named = error_components[component];
-    SvgPlot plot(along.label, fmt::format("B1 {}, {}", named.name, named.unit), plot_width,
-                 plot_height);
-    const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::bias);
-    plot.add_points({xs, expectation.biases(static_cast<int>(component))}, Color::gray, "pose");
-    add_average(plot, (*expectation.bias_maps)[component], along, xs, itself, Color::blue);
-    return plot.svg();
-}
-
-std::string noise_plot(const Expectation& expectation, std::size_t component,
-                       const Abscissa& along) {
-    const ErrorComponent& named = error_components[component];
-    SvgPlot plot(along.label, fmt::format("noise {}, {}", named.name, named.unit), plot_width,
-                 plot_height);
-    const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::noise);
-    plot.add_points({xs, expectation.noises(static_cast<int>(component))}, Color::gray, "pose");
-    add_average(plot, (*expectation.noise_maps)[component], along, xs, exponential, Color::orange);
+    plot.add_points({xs, (expectation.*what.values)(static_cast<int>(component))}, Color::gray,
+                    "pose");
+    const auto [low, high] = std::ranges::minmax(xs);
+    Series series;
+    for (int i = 0; i <= steps; ++i) {
+        const double at = low + (high - low) * i / steps;
+        const MapValue average =
+            (*(expectation.*what.maps))[component].average_at(along.variable, at * along.unit);
+        series.add(at, what.shown(average.value), what.shown(average.low),
+                   what.shown(average.high));
+    }
+    plot.add_band(series, what.ink, "95 %");
+    plot.add_line(series, what.ink, "average");
     return plot.svg();
 }
 
 void add_bias_plots_of(HtmlPage& page, const Expectation& expectation, std::size_t component) {
     HtmlPage::Figures figures;
     for (const Abscissa& along : abscissae)
-        figures.push_back({bias_plot(expectation, component, along),
+        figures.push_back({component_plot(expectation, bias_ordinate, component, along),
                            fmt::format("Bias {}: each pose, and the smooth map averaged over the "
                                        "other two variables. A line that leaves zero can be "
                                        "corrected, the scatter about it cannot.",
@@ -130,7 +126,7 @@ void add_plots(HtmlPage& page, const Expectation& expectation) {
     for (const std::size_t component : {std::size_t{0}, std::size_t{4}})
         for (const Abscissa& along : abscissae)
             figures.push_back(
-                {noise_plot(expectation, component, along),
+                {component_plot(expectation, noise_ordinate, component, along),
                  fmt::format("Noise {}: standard deviation of a single frame. Where the "
                              "line rises, average frames or stay nearer.",
                              error_components[component].name)});

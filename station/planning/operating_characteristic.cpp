@@ -7,8 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
-#include <numeric>
 
 #include "core/config/json_entry.h"
 #include "core/file/text.h"
@@ -18,77 +18,7 @@
 
 namespace etalon {
 
-// What all runs have in common.
-struct SharedByRuns {
-    Qualification told;  // a run without any error
-    NoiseDraws draws;
-};
-
 namespace {
-
-// ------------------------------------------------------------------------------ the size of 1x
-
-// The judged quantities of an analysis that got as far as judging them.
-std::vector<JudgedQuantity> judged(const Qualification& result) {
-    std::vector<JudgedQuantity> quantities;
-    for (const JudgedQuantity& quantity : result.quantities)
-        if (quantity.outcome != Outcome::skipped)
-            quantities.push_back(quantity);
-    return quantities;
-}
-
-// What has a limit, and nothing else: that is what takes no longer than it must.
-Qualification judgement(QualificationInput input, const SharedByRuns& known) {
-    input.known_run = &known.told;
-    input.known_draws = &known.draws;
-    input.measure_reported = false;
-    return qualify(input);
-}
-
-class LimitSearch {
-public:
-    LimitSearch(const RunSimulator& simulator, const SharedByRuns& known,
-                const InjectedError& error)
-        : simulator_(simulator), known_(known), error_(error) {}
-
-    // The size whose exact field has the value `limit`; values grow nearly in proportion to the
-    // size. Nothing when that does not settle, or the field cannot be had at such a size.
-    std::optional<double> size_at(const std::string& quantity, double limit, double start) const {
-        constexpr int max_steps = 20;
-        constexpr double close = 1e-3, max_step = 4.0;
-        double size = start;
-        for (int step = 0; step < max_steps; ++step) {
-            const std::optional<double> value = value_at(quantity, size);
-            if (!value || !(*value > 0.0))
-                return std::nullopt;
-            const double ratio = limit / *value;
-            if (std::abs(ratio - 1.0) < close)
-                return size;
-            size *= std::clamp(ratio, 1.0 / max_step, max_step);
-        }
-        return std::nullopt;
-    }
-
-private:
-    std::optional<double> value_at(const std::string& name, double size) const {
-        RunTruth truth = simulator_.as_told();
-        error_.apply(truth, size);
-        // Nothing where the error is so large that the marker leaves the image, say.
-        auto qualified =
-            attempted([&] { return judged(judgement(simulator_.exact(truth), known_)); });
-        if (qualified)
-            for (const JudgedQuantity& quantity : *qualified)
-                if (quantity.name == name)
-                    return quantity.value;
-        return std::nullopt;
-    }
-
-    const RunSimulator& simulator_;
-    const SharedByRuns& known_;
-    const InjectedError& error_;
-};
-
-// ------------------------------------------------------------------------------------ one point
 
 PointRun run_of(const Qualification& analysis, const std::vector<JudgedQuantity>& quantities) {
     PointRun run;
@@ -123,109 +53,11 @@ void add_to(CharacteristicPoint& point, const PointRun& run, int runs) {
     }
 }
 
-class PlannedStudy {
-public:
-    PlannedStudy(const RunSimulator& simulator, const CharacteristicRequest& request,
-                 const SharedByRuns& known, const std::vector<JudgedQuantity>& quantities)
-        : simulator_(simulator), request_(request), known_(known), quantities_(quantities) {}
-
-    OperatingCharacteristic planned() const {
-        OperatingCharacteristic result;
-        result.quantities = quantities_;
-        result.without_error = point(0.0);
-        result.runs = request_.runs;
-        result.seed = request_.seed;
-        result.errors = errors();
-        return result;
-    }
-
-private:
-    CharacteristicPoint point(double size) const {
-        CharacteristicPoint empty;
-        empty.size = size;
-        empty.quantities.resize(quantities_.size());
-        return empty;
-    }
-
-    const ErrorSignature* signature_of(const std::string& name) const {
-        const auto found = std::ranges::find(known_.told.signatures, name, &ErrorSignature::name);
-        return found == known_.told.signatures.end() ? nullptr : &*found;
-    }
-
-    bool is_wanted(const std::string& name) const {
-        return request_.errors.empty() ||
-               std::ranges::find(request_.errors, name) != request_.errors.end();
-    }
-
-    // Those to be studied, with the sizes of their points.
-    std::vector<ErrorCharacteristic> errors() const {
-        std::vector<ErrorCharacteristic> chosen;
-        for (const InjectedError& error : simulator_.errors()) {
-            const ErrorSignature* signature = signature_of(error.name);
-            if (!signature || !is_wanted(error.name))
-                continue;
-            const auto like = std::ranges::find_if(chosen, [&](const ErrorCharacteristic& other) {
-                return std::ranges::find(signature->confounded_with, other.name) !=
-                       signature->confounded_with.end();
-            });
-            if (like != chosen.end() && request_.errors.empty())
-                like->alike.push_back(error.name);
-            else
-                chosen.push_back(planned(error, *signature));
-        }
-        require_all_found(chosen);
-        return chosen;
-    }
-
-    void require_all_found(const std::vector<ErrorCharacteristic>& chosen) const {
-        for (const std::string& name : request_.errors)
-            if (std::ranges::find(chosen, name, &ErrorCharacteristic::name) == chosen.end())
-                throw ConfigError({"--error"}, fmt::format("there is no '{}'; `etalon plan` lists "
-                                                           "the errors of this station",
-                                                           name));
-    }
-
-    ErrorCharacteristic planned(const InjectedError& error, const ErrorSignature& signature) const {
-        ErrorCharacteristic result{error.name,       error.unit, {}, signature.observable,
-                                   signature.reason, {},         {}};
-        if (!signature.observable)
-            return result;
-        const LimitSearch search(simulator_, known_, error);
-        std::vector<double> sizes;
-        for (const JudgedQuantity& quantity : quantities_) {
-            const double start = signature.size *
-                                 *simulator_.station().limits.b3_position_field_rms_mm /
-                                 signature.after_rms_mm;
-            result.limit_size.push_back(search.size_at(quantity.name, quantity.limit, start));
-            for (const double multiple : characteristic_multiples)
-                if (result.limit_size.back())
-                    sizes.push_back(multiple * *result.limit_size.back());
-        }
-        std::ranges::sort(sizes);
-        for (const double size : sizes)
-            result.points.push_back(point(size));
-        return result;
-    }
-
-    const RunSimulator& simulator_;
-    const CharacteristicRequest& request_;
-    const SharedByRuns& known_;
-    const std::vector<JudgedQuantity>& quantities_;
-};
-
-// What is there at every point, in the order of point_sizes().
-std::vector<RunTruth> truths_of(const RunSimulator& simulator,
-                                const OperatingCharacteristic& planned) {
-    const std::vector<InjectedError> errors = simulator.errors();
-    std::vector<RunTruth> truths{simulator.as_told()};
-    for (const ErrorCharacteristic& error : planned.errors) {
-        const auto injected = std::ranges::find(errors, error.name, &InjectedError::name);
-        for (const CharacteristicPoint& point : error.points) {
-            truths.push_back(simulator.as_told());
-            injected->apply(truths.back(), point.size);
-        }
-    }
-    return truths;
+CharacteristicPoint empty_point(double size, std::size_t quantities) {
+    CharacteristicPoint point;
+    point.size = size;
+    point.quantities.resize(quantities);
+    return point;
 }
 
 }  // namespace
@@ -236,54 +68,148 @@ Proportion run_share(int count, int runs) {
     return wilson_share(static_cast<std::size_t>(count), static_cast<std::size_t>(runs));
 }
 
-struct CharacteristicRuns::Parts {
-    const RunSimulator& simulator;
-    std::uint64_t seed;
-    SharedByRuns known;
-    OperatingCharacteristic planned;
-    std::vector<RunTruth> truths;  // by point
+// ------------------------------------------------------------------------------ the size of 1x
 
-    PointRun run(std::size_t run, std::size_t point) const {
-        PointRun result;
-        const auto qualified = attempted([&] {
-            result = run_of(judgement(simulator.draw(truths[point], seed, run), known),
-                            planned.quantities);
-        });
-        result.refused = !qualified;
-        return result;
+// What has a limit, and nothing else: that is what takes no longer than it must.
+Qualification CharacteristicRuns::judgement(QualificationInput input) const {
+    input.options.known_run = &told_;
+    input.options.known_draws = &draws_;
+    input.options.measure_reported = false;
+    return qualify(input);
+}
+
+// Nothing where the error is so large that the marker leaves the image, say.
+std::optional<double> CharacteristicRuns::value_at(const std::string& quantity,
+                                                   const InjectedError& error, double size) const {
+    RunTruth truth = simulator_.as_told();
+    error.apply(truth, size);
+    auto qualified = attempted([&] { return judgement(simulator_.exact(truth)); });
+    if (qualified)
+        for (const JudgedQuantity& each : qualified->quantities)
+            if (each.name == quantity && each.outcome != Outcome::skipped)
+                return each.value;
+    return std::nullopt;
+}
+
+// The size whose exact field has the quantity at its limit; values grow nearly in proportion to the
+// size. Nothing when that does not settle, or the field cannot be had at such a size.
+std::optional<double> CharacteristicRuns::size_at(const JudgedQuantity& quantity,
+                                                  const InjectedError& error, double start) const {
+    constexpr int max_steps = 20;
+    constexpr double close = 1e-3, max_step = 4.0;
+    double size = start;
+    for (int step = 0; step < max_steps; ++step) {
+        const std::optional<double> value = value_at(quantity.name, error, size);
+        if (!value || !(*value > 0.0))
+            return std::nullopt;
+        const double ratio = quantity.limit / *value;
+        if (std::abs(ratio - 1.0) < close)
+            return size;
+        size *= std::clamp(ratio, 1.0 / max_step, max_step);
     }
-};
+    return std::nullopt;
+}
+
+ErrorCharacteristic CharacteristicRuns::with_sizes(const InjectedError& error,
+                                                   const ErrorSignature& signature) const {
+    ErrorCharacteristic result{error.name,       error.unit, {}, signature.observable,
+                               signature.reason, {},         {}};
+    if (!signature.observable)
+        return result;
+    const double start = signature.size * *simulator_.station().limits.b3_position_field_rms_mm /
+                         signature.after_rms_mm;
+    std::vector<double> sizes;
+    for (const JudgedQuantity& quantity : planned_.quantities) {
+        const auto limit_size = result.limit_size.emplace_back(size_at(quantity, error, start));
+        for (const double multiple : characteristic_multiples)
+            if (limit_size)
+                sizes.push_back(multiple * *limit_size);
+    }
+    std::ranges::sort(sizes);
+    for (const double size : sizes)
+        result.points.push_back(empty_point(size, planned_.quantities.size()));
+    return result;
+}
+
+// Those to be studied, with the sizes of their points.
+std::vector<ErrorCharacteristic> CharacteristicRuns::chosen_errors(
+    const std::vector<std::string>& wanted) const {
+    const auto is_in = [](const std::vector<std::string>& names, const std::string& name) {
+        return std::ranges::find(names, name) != names.end();
+    };
+    std::vector<ErrorCharacteristic> chosen;
+    for (const InjectedError& error : simulator_.errors()) {
+        const auto signature =
+            std::ranges::find(told_.signatures, error.name, &ErrorSignature::name);
+        if (signature == told_.signatures.end() || (!wanted.empty() && !is_in(wanted, error.name)))
+            continue;
+        const auto like = std::ranges::find_if(chosen, [&](const ErrorCharacteristic& other) {
+            return is_in(signature->confounded_with, other.name);
+        });
+        if (like != chosen.end() && wanted.empty())
+            like->alike.push_back(error.name);
+        else
+            chosen.push_back(with_sizes(error, *signature));
+    }
+    for (const std::string& name : wanted)
+        if (std::ranges::find(chosen, name, &ErrorCharacteristic::name) == chosen.end())
+            throw ConfigError({"--error"}, fmt::format("there is no '{}'; `etalon plan` lists "
+                                                       "the errors of this station",
+                                                       name));
+    return chosen;
+}
+
+// What is there at every point: without an error, then each error's sizes.
+std::vector<RunTruth> CharacteristicRuns::truths() const {
+    const std::vector<InjectedError> errors = simulator_.errors();
+    std::vector<RunTruth> truths{simulator_.as_told()};
+    for (const ErrorCharacteristic& error : planned_.errors) {
+        const auto injected = std::ranges::find(errors, error.name, &InjectedError::name);
+        for (const CharacteristicPoint& point : error.points) {
+            truths.push_back(simulator_.as_told());
+            injected->apply(truths.back(), point.size);
+        }
+    }
+    return truths;
+}
 
 CharacteristicRuns::CharacteristicRuns(const RunSimulator& simulator,
                                        const CharacteristicRequest& request)
-    : parts_(new Parts{simulator, request.seed, {{}, NoiseDraws(request.seed)}, {}, {}}) {
-    QualificationInput input = simulator.draw(simulator.as_told(), request.seed, 0);
-    parts_->known.told = qualify(input);
-    const Qualification& told = parts_->known.told;
-    const std::vector<JudgedQuantity> quantities = judged(told);
-    if (quantities.empty())
+    : simulator_(simulator),
+      draws_(request.seed),
+      told_(qualify(simulator.draw(simulator.as_told(), request.seed, 0))) {
+    std::ranges::copy_if(
+        told_.quantities, std::back_inserter(planned_.quantities),
+        [](const JudgedQuantity& each) { return each.outcome != Outcome::skipped; });
+    if (planned_.quantities.empty())
         throw NumericalError(
             fmt::format("operating characteristic: a run without any error is not judged: {}",
-                        fmt::join(told.reasons, "; ")));
-    parts_->planned = PlannedStudy(simulator, request, parts_->known, quantities).planned();
-    parts_->truths = truths_of(simulator, parts_->planned);
+                        fmt::join(told_.reasons, "; ")));
+    planned_.without_error = empty_point(0.0, planned_.quantities.size());
+    planned_.runs = request.runs;
+    planned_.seed = request.seed;
+    planned_.errors = chosen_errors(request.errors);
+    truths_ = truths();
 }
 
-CharacteristicRuns::~CharacteristicRuns() = default;
-
-const OperatingCharacteristic& CharacteristicRuns::planned() const {
-    return parts_->planned;
+PointRun CharacteristicRuns::run(std::size_t run, std::size_t point) const {
+    PointRun result;
+    const auto qualified = attempted([&] {
+        result = run_of(judgement(simulator_.draw(truths_[point], planned_.seed, run)),
+                        planned_.quantities);
+    });
+    result.refused = !qualified;
+    return result;
 }
 
 void CharacteristicRuns::simulate(std::span<const std::size_t> runs, const KeepRun& keep) const {
     constexpr std::size_t at_a_time = 32;
-    const std::size_t points = parts_->truths.size();
+    const std::size_t points = truths_.size();
     for (std::size_t first = 0; first < runs.size(); first += at_a_time) {
         const auto some = runs.subspan(first, std::min(at_a_time, runs.size() - first));
         std::vector<PointRun> results(some.size() * points);
-        tbb::parallel_for(std::size_t{0}, results.size(), [&](std::size_t i) {
-            results[i] = parts_->run(some[i / points], i % points);
-        });
+        tbb::parallel_for(std::size_t{0}, results.size(),
+                          [&](std::size_t i) { results[i] = run(some[i / points], i % points); });
         for (std::size_t i = 0; i < some.size(); ++i)
             keep(some[i], std::span(results).subspan(i * points, points));
     }
@@ -302,17 +228,6 @@ void add_run(OperatingCharacteristic& result, std::span<const PointRun> points) 
     for (ErrorCharacteristic& error : result.errors)
         for (CharacteristicPoint& point : error.points)
             add_to(point, points[next++], result.runs);
-}
-
-OperatingCharacteristic operating_characteristic(const RunSimulator& simulator,
-                                                 const CharacteristicRequest& request) {
-    const CharacteristicRuns runs(simulator, request);
-    OperatingCharacteristic result = runs.planned();
-    std::vector<std::size_t> all(static_cast<std::size_t>(request.runs));
-    std::iota(all.begin(), all.end(), std::size_t{0});
-    runs.simulate(all,
-                  [&](std::size_t, std::span<const PointRun> points) { add_run(result, points); });
-    return result;
 }
 
 const CharacteristicPoint* point_at(const ErrorCharacteristic& error, std::size_t quantity,
@@ -383,13 +298,6 @@ DetectorFigures read_detector(const JsonEntry& entry) {
     for (std::size_t i = 0; i < counts.size(); ++i)
         detector.*detector_counts[i] = static_cast<int>(counts[i].integer(0, max_count));
     return detector;
-}
-
-CharacteristicPoint empty_point(double size, std::size_t quantities) {
-    CharacteristicPoint point;
-    point.size = size;
-    point.quantities.resize(quantities);
-    return point;
 }
 
 ErrorCharacteristic read_error(const JsonEntry& entry, std::size_t quantities) {

@@ -14,7 +14,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -94,12 +93,9 @@ public:
     // Throws ConfigError for an error that has no such name, NumericalError when not even the exact
     // run without any error can be analysed, or none of its quantities is judged.
     CharacteristicRuns(const RunSimulator& simulator, const CharacteristicRequest& request);
-    ~CharacteristicRuns();
-    CharacteristicRuns(const CharacteristicRuns&) = delete;
-    CharacteristicRuns& operator=(const CharacteristicRuns&) = delete;
 
     // All points with their sizes, nothing counted yet.
-    const OperatingCharacteristic& planned() const;
+    const OperatingCharacteristic& planned() const { return planned_; }
 
     // Simulates these runs, some of them in parallel, and hands each on, in their order and from
     // this thread: the same results for any number of threads. Some 10 ms of CPU a point.
@@ -107,18 +103,28 @@ public:
     void simulate(std::span<const std::size_t> runs, const KeepRun& keep) const;
 
 private:
-    struct Parts;
-    std::unique_ptr<Parts> parts_;
+    Qualification judgement(QualificationInput input) const;
+    std::optional<double> value_at(const std::string& quantity, const InjectedError& error,
+                                   double size) const;
+    std::optional<double> size_at(const JudgedQuantity& quantity, const InjectedError& error,
+                                  double start) const;
+    ErrorCharacteristic with_sizes(const InjectedError& error,
+                                   const ErrorSignature& signature) const;
+    std::vector<ErrorCharacteristic> chosen_errors(const std::vector<std::string>& wanted) const;
+    std::vector<RunTruth> truths() const;
+    PointRun run(std::size_t run, std::size_t point) const;
+
+    const RunSimulator& simulator_;
+    NoiseDraws draws_;
+    Qualification told_;  // of a run without any error
+    OperatingCharacteristic planned_;
+    std::vector<RunTruth> truths_;  // by point
 };
 
 std::size_t point_count(const OperatingCharacteristic& result);
 
 // Counts one run more. Sums depend on the order: runs are added as they are numbered.
 void add_run(OperatingCharacteristic& result, std::span<const PointRun> points);
-
-// All runs in this process. Throws as CharacteristicRuns does.
-OperatingCharacteristic operating_characteristic(const RunSimulator& simulator,
-                                                 const CharacteristicRequest& request);
 
 // The point of an error at this multiple of a quantity's 1x; nothing without a 1x.
 const CharacteristicPoint* point_at(const ErrorCharacteristic& error, std::size_t quantity,

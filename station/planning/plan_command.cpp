@@ -68,7 +68,7 @@ Forecast forecast_of(const RunSimulator& simulator) {
         QualificationInput input =
             simulator.draw(simulator.as_told(), 1, static_cast<std::uint64_t>(i));
         if (!forecast.first.signatures.empty())
-            input.known_run = &forecast.first;
+            input.options.known_run = &forecast.first;
         const Qualification run = qualify(input);
         if (!run.position_field)
             throw NumericalError(
@@ -86,7 +86,7 @@ double least_field_mm(const ErrorSignature& signature) {
 }
 
 void print_plan(const StudiedPlan& studied) {
-    const auto hold_out = std::ranges::count(studied.plan.poses, true, &Pose::hold_out);
+    const auto hold_out = std::ranges::count(studied.plan.poses, true, &PlannedPose::hold_out);
     fmt::print("plan of {}: {} poses, {} to register and {} to judge, {} frames each\n",
                studied.station.id, studied.plan.poses.size(),
                std::ssize(studied.plan.poses) - hold_out, hold_out, studied.station.plan.frames);
@@ -158,7 +158,7 @@ Json json_of(const ErrorSignature& one) {
 
 Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
     const DetectorStudy& study = studied.simulator->study();
-    const auto hold_out = std::ranges::count(studied.plan.poses, true, &Pose::hold_out);
+    const auto hold_out = std::ranges::count(studied.plan.poses, true, &PlannedPose::hold_out);
     Json quantities = Json::array();
     for (const ExpectedQuantity& one : forecast.quantities) {
         Json budget = Json::object();

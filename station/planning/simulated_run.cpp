@@ -31,12 +31,12 @@ void require_camera_mount(const StationFile& station) {
 
 // The poses as they will be read: at the targets, with the declared noise of the mean of the
 // readings (one after settling and one after each frame).
-std::vector<Pose> planned_visits(const StationFile& station, const Plan& plan) {
+std::vector<VisitedPose> planned_visits(const StationFile& station, const Plan& plan) {
     std::vector<double> uncertainty;
     for (const Axis& axis : station.stage.axes)
         uncertainty.push_back(axis.read_noise.value_or(0.0) / std::sqrt(station.plan.frames + 1.0));
-    std::vector<Pose> poses = plan.poses;
-    for (Pose& pose : poses) {
+    std::vector<VisitedPose> poses(plan.poses.begin(), plan.poses.end());
+    for (VisitedPose& pose : poses) {
         pose.read_back = pose.target;
         pose.settled_s = static_cast<double>(pose.index);  // in equal steps: nothing drifts
         pose.read_back_uncertainty = uncertainty;
@@ -76,7 +76,7 @@ double bow(const Eigen::Vector3d& point) {
 }
 
 // The shift is that from the told poses, whatever else the truth has already.
-InjectedError stage_injection(const StageError& error, const std::vector<Pose>& told) {
+InjectedError stage_injection(const StageError& error, const std::vector<VisitedPose>& told) {
     std::vector<Vector6d> shifts;
     for (std::size_t i = 0; i < told.size(); ++i)
         shifts.push_back(stage_shift(told[i].base_from_carriage, error, i, 1.0));
@@ -183,7 +183,7 @@ Corners seen(const RunTruth& truth, const Rigid& base_from_carriage,
 std::vector<Rigid> expected_poses(const StationFile& station, const Plan& plan) {
     require_camera_mount(station);
     std::vector<Rigid> poses;
-    for (const Pose& pose : plan.poses)
+    for (const PlannedPose& pose : plan.poses)
         poses.push_back(expected_pose(station, pose.target));
     return poses;
 }
@@ -232,7 +232,7 @@ RunTruth RunSimulator::as_told() const {
                    station_.carriage_from_marker_nominal,
                    {},
                    station_.marker.points_mm};
-    for (const Pose& pose : declared_.poses)
+    for (const VisitedPose& pose : declared_.poses)
         truth.base_from_carriage.push_back(pose.base_from_carriage);
     return truth;
 }
@@ -290,7 +290,7 @@ Vector6d RunSimulator::drawn_shift(const Draws& draws, std::size_t pose,
 
 // Sets the pose's corners, what its frames tell of their noise, and the detector's bias.
 void RunSimulator::photograph(const RunTruth& truth, const Draws* draws, std::size_t index,
-                              Pose& pose) const {
+                              VisitedPose& pose) const {
     const auto& statistics = study_.poses[index];
     if (!statistics)
         return;
@@ -347,7 +347,7 @@ QualificationInput RunSimulator::draw(const RunTruth& truth, std::uint64_t seed,
         draws.term_sizes.push_back(drawn + expansion);
     }
     QualificationInput drawn = input(truth, &draws);
-    drawn.seed = seed + run;
+    drawn.options.seed = seed + run;
     return drawn;
 }
 

@@ -83,7 +83,8 @@ private:
     std::vector<std::vector<double>> backlash() const;
     Corners detector_bias(const Draws* draws, std::size_t pose) const;
     Vector6d drawn_shift(const Draws& draws, std::size_t pose, RandomStream& random) const;
-    void photograph(const RunTruth& truth, const Draws* draws, std::size_t index, Pose& pose) const;
+    void photograph(const RunTruth& truth, const Draws* draws, std::size_t index,
+                    VisitedPose& pose) const;
     QualificationInput input(const RunTruth& truth, const Draws* draws) const;
 
     StationFile station_;

@@ -169,7 +169,7 @@ void require_unharmed(const std::string& text, const JsonEntry& line) {
 }
 
 // What a pose's pixels follow from.
-std::string key_of(const Pose& pose, const QualifyResult& run) {
+std::string key_of(const VisitedPose& pose, const QualifyResult& run) {
     std::string all = program_fingerprint() + fmt::format("\n{} bit\n", run.settings.bits) +
                       (pose.hold_out ? "hold-out\n" : "training\n");
     for (const InputFile& input : run.station.inputs)
@@ -180,7 +180,7 @@ std::string key_of(const Pose& pose, const QualifyResult& run) {
 }
 
 // Numbers of corners that a pose of this run can have.
-bool fits(const KeptPose& kept, const Pose& pose, const QualifyResult& run) {
+bool fits(const KeptPose& kept, const VisitedPose& pose, const QualifyResult& run) {
     const std::size_t corners = run.station.marker.points_mm.size();
     const auto is_whole = [&](const auto& points) {
         return points.empty() || points.size() == corners;
@@ -210,16 +210,17 @@ KeptPixels::KeptPixels(const QualifyResult& run) : run_(run) {
     }
 }
 
-const KeptPose* KeptPixels::of(const Pose& pose) const {
+const KeptPose* KeptPixels::of(const VisitedPose& pose) const {
     const auto kept = poses_.find(key_of(pose, run_));
     return kept != poses_.end() && fits(kept->second, pose, run_) ? &kept->second : nullptr;
 }
 
 void KeptPixels::keep(const std::map<int, ImageResultCache>& by_index) const {
-    if (std::ranges::all_of(run_.poses, [&](const Pose& pose) { return of(pose) != nullptr; }))
+    if (std::ranges::all_of(run_.poses,
+                            [&](const VisitedPose& pose) { return of(pose) != nullptr; }))
         return;
     std::string text;
-    for (const Pose& pose : run_.poses) {
+    for (const VisitedPose& pose : run_.poses) {
         KeptPose kept;
         for (const FrameRecord& frame : pose.frames)
             kept.frames.push_back({frame.corners, frame.detection});

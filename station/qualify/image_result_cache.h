@@ -28,7 +28,7 @@ struct SeenFrame {
 };
 
 struct KeptPose {
-    std::vector<SeenFrame> frames;           // all of the pose's, as in Pose::frames
+    std::vector<SeenFrame> frames;           // all of the pose's, as in VisitedPose::frames
     std::optional<ImageResultCache> pixels;  // nothing where the marker was not detected
 };
 
@@ -39,7 +39,7 @@ public:
     explicit KeptPixels(const QualifyResult& run);
 
     // Null where this program would have to look at the frames.
-    const KeptPose* of(const Pose& pose) const;
+    const KeptPose* of(const VisitedPose& pose) const;
 
     // Replaces the file by what was found in all of the run's poses, by their index, unless it was
     // all there. A file that cannot be written is left out: it only saves time.

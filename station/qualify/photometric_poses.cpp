@@ -67,7 +67,7 @@ PhotometricPoses::~PhotometricPoses() {
     }
 }
 
-void PhotometricPoses::add(const Pose& pose) {
+void PhotometricPoses::add(const VisitedPose& pose) {
     if (!pose.is_detected() || found_.contains(pose.index))
         return;
     ImageResultCache& found = found_[pose.index];
@@ -90,7 +90,7 @@ PhotometricPose PhotometricPoses::seen_in(const FrameRecord& frame, const Rigid&
     return detector_.find(recorded_photo(run_, frame), start, detector_error_px);
 }
 
-void PhotometricPoses::find(const Pose& pose, ImageResultCache& found) const {
+void PhotometricPoses::find(const VisitedPose& pose, ImageResultCache& found) const {
     const auto start =
         estimate_pose(detector_.camera()->projector(), run_.station.marker.points_mm, pose.corners);
     if (!start)
@@ -102,7 +102,8 @@ void PhotometricPoses::find(const Pose& pose, ImageResultCache& found) const {
     find_bias(found, seen.camera_from_marker);
 }
 
-void PhotometricPoses::read(const Pose& pose, ImageResultCache& found, const Rigid& start) const {
+void PhotometricPoses::read(const VisitedPose& pose, ImageResultCache& found,
+                            const Rigid& start) const {
     const CodeImage first = recorded_photo(run_, *first_whole(pose));
     found.findings = in_words(
         examine_marker(first, run_.station.marker, area_, detector_.camera()->projector(), start));
@@ -154,11 +155,11 @@ PhotoEvidence PhotometricPoses::measured(const CodeImage& image, const Rigid& ca
 }
 
 RunEvidence PhotometricPoses::pixels() const {
-    std::map<int, const Pose*> hold_out;
-    for (const Pose& pose : run_.poses)
+    std::map<int, const VisitedPose*> hold_out;
+    for (const VisitedPose& pose : run_.poses)
         if (pose.hold_out && found_.contains(pose.index))
             hold_out[pose.index] = &pose;
-    std::vector<const Pose*> compared;
+    std::vector<const VisitedPose*> compared;
     std::vector<PhotoEvidence> at_zero;
     std::vector<std::vector<PhotoFinding>> findings;
     for (const auto& [index, pose] : hold_out) {
@@ -181,7 +182,7 @@ RunEvidence PhotometricPoses::pixels() const {
             tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
                 if (stop_.stop_requested())
                     throw Interrupted();
-                const Pose& pose = *compared[which[i]];
+                const VisitedPose& pose = *compared[which[i]];
                 all[i] = measured(recorded_photo(run_, *first_whole(pose)),
                                   found_.at(pose.index).compared_at, camera, noise_scale);
             });
@@ -192,13 +193,13 @@ RunEvidence PhotometricPoses::pixels() const {
 }
 
 void PhotometricPoses::set_in(QualifyResult& result) {
-    for (const Pose& pose : result.poses)
+    for (const VisitedPose& pose : result.poses)
         add(pose);
     tasks_.wait();
     if (stop_.stop_requested())
         throw Interrupted();
     kept_.keep(found_);
-    for (Pose& pose : result.poses) {
+    for (VisitedPose& pose : result.poses) {
         const auto found = found_.find(pose.index);
         if (found == found_.end())
             continue;

@@ -29,7 +29,7 @@ public:
     PhotometricPoses& operator=(const PhotometricPoses&) = delete;
 
     // Begins with a pose whose frames are in the record.
-    void add(const Pose& pose);
+    void add(const VisitedPose& pose);
 
     // Sets them in all poses of the result, also in those that were not added; a hold-out pose that
     // gets none is named in the remarks. The same for any number of threads and whatever was added
@@ -47,8 +47,8 @@ public:
 
 private:
     PhotometricPose seen_in(const FrameRecord& frame, const Rigid& start) const;
-    void find(const Pose& pose, ImageResultCache& found) const;
-    void read(const Pose& pose, ImageResultCache& found, const Rigid& start) const;
+    void find(const VisitedPose& pose, ImageResultCache& found) const;
+    void read(const VisitedPose& pose, ImageResultCache& found, const Rigid& start) const;
     void find_bias(ImageResultCache& found, const Rigid& camera_from_marker) const;
     void compare(ImageResultCache& found, const CodeImage& image,
                  const PhotometricPose& seen) const;

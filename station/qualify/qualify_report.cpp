@@ -271,11 +271,11 @@ void add_unseen(HtmlPage& page, const Qualification& analysis) {
 }
 
 // Mean and standard deviation of one component of one bias over the hold-out poses.
-std::vector<std::string> bias_row(const std::string& label, const std::vector<Pose>& poses,
+std::vector<std::string> bias_row(const std::string& label, const std::vector<AnalysedPose>& poses,
                                   std::optional<PoseError> PoseBias::*bias,
                                   Eigen::Vector3d PoseError::*part, int axis, double unit) {
     std::vector<double> values;
-    for (const Pose& pose : poses)
+    for (const AnalysedPose& pose : poses)
         if (const auto& error = pose.bias.*bias; pose.hold_out && error)
             values.push_back(((*error).*part)(axis) / unit);
     if (values.size() < 2)
@@ -292,8 +292,8 @@ std::vector<std::string> bias_row(const std::string& label, const std::vector<Po
             fmt::format("{}", values.size())};
 }
 
-void add_biases(HtmlPage& page, const std::vector<Pose>& poses) {
-    page.add_heading("Pose biases on the hold-out poses");
+void add_biases(HtmlPage& page, const std::vector<AnalysedPose>& poses) {
+    page.add_heading("AnalysedPose biases on the hold-out poses");
     page.add_paragraph(
         "Mean and scatter by component, in the camera frame. Judged is the field of B3 and, where "
         "there is a limit, of B4; B1 and B2 are reported.");
@@ -465,7 +465,7 @@ HoldOut hold_out_biases(const QualifyResult& result) {
     const Qualification& analysis = *result.analysis;
     const LensProjection& projection = result.station.camera.model.projection;
     HoldOut poses;
-    for (const Pose& pose : result.poses) {
+    for (const AnalysedPose& pose : result.poses) {
         if (!pose.hold_out || !pose.bias.b3)
             continue;
         const Eigen::Vector3d p = pose.bias.predicted.translation, b = pose.bias.b3->translation_mm;
@@ -539,7 +539,7 @@ void add_bias_plots(HtmlPage& page, const QualifyResult& result) {
 // ---- photographs against renders ------------------------------------------------------------
 
 struct Extreme {
-    const Pose* pose;
+    const AnalysedPose* pose;
     std::string label;
 };
 
@@ -560,8 +560,8 @@ std::vector<Extreme> poses_to_show(const QualifyResult& result) {
          [](const PoseBias& b) { return b.b3 ? b.b3->translation_mm.norm() : -1e300; }}};
     std::vector<Extreme> shown;
     for (const Wanted& each : wanted) {
-        const Pose* best = nullptr;
-        for (const Pose& pose : result.poses)
+        const AnalysedPose* best = nullptr;
+        for (const AnalysedPose& pose : result.poses)
             if (!pose.render_file.empty() &&
                 (!best || each.score(pose.bias) > each.score(best->bias)))
                 best = &pose;
@@ -604,9 +604,10 @@ cv::Mat comparison_strip(const cv::Mat& photo_gray, const cv::Mat& render_gray, 
 
 HtmlPage::Figure pose_figure(const QualifyResult& result, const Extreme& shown) {
     constexpr double gain = 4.0;
-    const Pose& pose = *shown.pose;
+    const AnalysedPose& pose = *shown.pose;
     const std::string caption = fmt::format(
-        "Pose {} ({}): photograph, render, and their difference enlarged {:.0f} times (red: the "
+        "AnalysedPose {} ({}): photograph, render, and their difference enlarged {:.0f} times "
+        "(red: the "
         "photograph is brighter, cyan: the render is). A coloured rim is an edge out of place.",
         pose.index, shown.label, gain);
     try {
@@ -624,7 +625,7 @@ HtmlPage::Figure pose_figure(const QualifyResult& result, const Extreme& shown) 
 // Photograph minus render of the hold-out poses, in a sentence and a plot.
 void add_residual_summary(HtmlPage& page, const QualifyResult& result) {
     Series residuals;
-    for (const Pose& each : result.poses)
+    for (const AnalysedPose& each : result.poses)
         if (each.residual)
             residuals.add(each.index, each.residual->rms_gray,
                           fmt::format("pose {}: RMS {:.2f}, p99 {:.2f} gray", each.index,

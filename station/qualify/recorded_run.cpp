@@ -177,7 +177,7 @@ private:
                            "read_back_deviation", "base_from_carriage",
                            "base_from_carriage_uncertainty", "approach", "move_start_s",
                            "settled_s", "detections", "corners", "camera"});
-        Pose pose = planned_pose(line);
+        VisitedPose pose{planned_pose(line)};
         pose.readings = read_readings(line.at("readings"));
         for (const JsonEntry& side : line.at("approach").items())
             pose.approach.push_back(static_cast<int>(side.integer(-1, 1)));
@@ -190,7 +190,7 @@ private:
         average_readings(pose, result_.station.stage.axes);
         result_.sessions.back().counters = read_counters(line.at("camera"));
         ++result_.sessions.back().poses;
-        result_.poses.push_back(pose);
+        result_.poses.push_back({pose});
         frames_.clear();
     }
 
@@ -203,11 +203,12 @@ private:
         result_.environment.readings.push_back(reading);
     }
 
-    Pose planned_pose(const JsonEntry& line) const {
+    PlannedPose planned_pose(const JsonEntry& line) const {
         const auto poses = static_cast<long long>(result_.plan.poses.size());
         const auto index = static_cast<std::size_t>(line.at("pose").integer(0, poses - 1));
-        const Pose& planned = result_.plan.poses[index];
-        if (std::ranges::find(result_.poses, planned.index, &Pose::index) != result_.poses.end())
+        const PlannedPose& planned = result_.plan.poses[index];
+        if (std::ranges::find(result_.poses, planned.index, &VisitedPose::index) !=
+            result_.poses.end())
             line.at("pose").fail(fmt::format("pose {} was visited before", index));
         if (line.at("commanded").numbers(axes()) != planned.target ||
             line.at("hold_out").flag() != planned.hold_out)
@@ -279,7 +280,7 @@ public:
               return make_detector(station.detector, station.marker, station.detector);
           }) {}
 
-    void read(Pose& pose) {
+    void read(VisitedPose& pose) {
         if (stop_.stop_requested())
             throw Interrupted();
         const KeptPose* kept = kept_.of(pose);

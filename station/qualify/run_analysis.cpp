@@ -43,9 +43,9 @@ PhotoResidual residual_of(const CodeImage& photo, const StationFile& station,
     return {fit.scored.rms_gray, fit.scored.p99_gray, fit.state.photometry.psf_sigma_px};
 }
 
-std::vector<Pose*> judged_poses(std::vector<Pose>& poses) {
-    std::vector<Pose*> judged;
-    for (Pose& pose : poses)
+std::vector<AnalysedPose*> judged_poses(std::vector<AnalysedPose>& poses) {
+    std::vector<AnalysedPose*> judged;
+    for (AnalysedPose& pose : poses)
         if (pose.is_judged())
             judged.push_back(&pose);
     return judged;
@@ -58,11 +58,11 @@ void compare_photos(QualifyResult& result, const ExpectedView& view, Progress& p
     const StationFile& station = result.station;
     const PhotometricCamera camera(station.camera.model);
     const ComparedArea area = compared_area(station.marker, {}, station.marker.spec);
-    const std::vector<Pose*> judged = judged_poses(result.poses);
+    const std::vector<AnalysedPose*> judged = judged_poses(result.poses);
     std::vector<std::string> refusals(judged.size());
     tbb::parallel_for(std::size_t{0}, judged.size(), [&](std::size_t i) {
         throw_if_stopped(stop);
-        Pose& pose = *judged[i];
+        AnalysedPose& pose = *judged[i];
         pose.render_file = fmt::format("renders/{:04}.png", pose.index);
         write_text(result.folder / pose.render_file, png_of(view.at(pose.bias.predicted)));
         try {
@@ -81,11 +81,12 @@ void compare_photos(QualifyResult& result, const ExpectedView& view, Progress& p
 }
 
 // Where no frames tell the noise of corners: what the calibration states makes of them.
-void find_stated_noise(std::vector<Pose>& poses, const RenderedCorners& rendered,
+void find_stated_noise(std::vector<AnalysedPose>& poses, const RenderedCorners& rendered,
                        const std::stop_token& stop) {
-    if (std::ranges::any_of(poses, [](const Pose& pose) { return pose.corner_noise.has_value(); }))
+    if (std::ranges::any_of(poses,
+                            [](const AnalysedPose& pose) { return pose.corner_noise.has_value(); }))
         return;
-    for (Pose& pose : poses) {
+    for (AnalysedPose& pose : poses) {
         throw_if_stopped(stop);
         if (!pose.is_detected() || !pose.seen_at)
             continue;
@@ -113,7 +114,7 @@ void attach_all(QualifyResult& result) {
         attach(result, file);
     for (const InputFile& input : result.station.inputs)
         result.attachments.push_back({input.copy, input.sha256});
-    for (const Pose& pose : result.poses) {
+    for (const AnalysedPose& pose : result.poses) {
         for (const FrameRecord& frame : pose.frames)
             if (!frame.file.empty())
                 result.attachments.push_back({frame.file, frame.sha256});
@@ -123,7 +124,8 @@ void attach_all(QualifyResult& result) {
 }
 
 // Of the frames of one pose, as poses.
-std::optional<SixErrors> noise_of(const Pose& pose, const std::vector<Eigen::Vector3d>& points_mm,
+std::optional<SixErrors> noise_of(const AnalysedPose& pose,
+                                  const std::vector<Eigen::Vector3d>& points_mm,
                                   const Projector& projector) {
     const Rigid& predicted = pose.bias.predicted;
     ErrorSpread spread;
@@ -144,19 +146,20 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
     const StationFile& station = result.station;
     photometric.set_in(result);
     find_stated_noise(result.poses, photometric.rendered(), stop);
-    QualificationInput input = declared_input(station, result.poses, result.environment);
-    input.monte_carlo = true;
-    input.stop = stop;
-    input.look_for_causes = true;
+    QualificationInput input =
+        declared_input(station, {result.poses.begin(), result.poses.end()}, result.environment);
+    input.options.monte_carlo = true;
+    input.options.stop = stop;
+    input.options.look_for_causes = true;
     input.pixels = match_pixels(photometric.pixels(), station.camera.model);
     input.render_and_detect = [&](const Rigid& camera_from_marker) {
         throw_if_stopped(stop);
         return photometric.rendered().at(camera_from_marker);
     };
-    const auto hold_out = std::ranges::count(result.poses, true, &Pose::hold_out);
+    const auto hold_out = std::ranges::count(result.poses, true, &AnalysedPose::hold_out);
     progress.begin("analysing", static_cast<int>(hold_out), hold_out * 10ms);
     result.analysis = qualify(input);
-    result.poses = std::move(input.poses);
+    result.poses = std::move(result.analysis->poses);
     compare_photos(result, photometric.rendered().view(), progress, stop);
     result.outcome = outcome_of(result.analysis->verdict);
     result.reason.clear();
@@ -178,7 +181,7 @@ Expectation run_expectation(const QualifyResult& result) {
         return expectation;
     const Projector projector(result.station.camera.model);
     expectation.frames = result.station.plan.frames;
-    for (const Pose& pose : result.poses) {
+    for (const AnalysedPose& pose : result.poses) {
         if (!pose.hold_out)
             continue;
         const Rigid& predicted = pose.bias.predicted;

@@ -17,7 +17,7 @@
 namespace etalon {
 namespace {
 
-std::optional<CornerNoise> corner_noise(const Pose& pose) {
+std::optional<CornerNoise> corner_noise(const VisitedPose& pose) {
     if (pose.detections < 2)
         return std::nullopt;
     double squares = 0.0;
@@ -117,7 +117,7 @@ void mention_losses(const Run& run, const Camera& camera) {
 }
 
 // Calls `after_each` after every frame.
-std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, Pose& pose,
+std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, VisitedPose& pose,
                                const std::function<void()>& after_each) {
     std::vector<Frame> frames;
     Instant after = settled;
@@ -140,7 +140,7 @@ std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, 
 // resending one frame of 20 is whole, and ten rounds of 5 frames with 5 retries fail once in 10^7.
 constexpr int max_rounds = 10;
 
-std::vector<Frame> take_frames_until_one_is_whole(const Run& run, Camera& camera, Pose& pose,
+std::vector<Frame> take_frames_until_one_is_whole(const Run& run, Camera& camera, VisitedPose& pose,
                                                   Stage& stage) {
     const Instant settled = run.clock.now();
     FrameStatus last{};
@@ -184,9 +184,10 @@ void rest(const Run& run, Stage& stage, Duration time) {
 }
 
 // Takes a pose of the plan and returns it visited and seen.
-Pose visit(const Run& run, Pose pose, const std::vector<double>& from, Camera& camera, Stage& stage,
-           Detector& detector) {
+VisitedPose visit(const Run& run, const PlannedPose& planned, const std::vector<double>& from,
+                  Camera& camera, Stage& stage, Detector& detector) {
     run.throw_if_stopped();
+    VisitedPose pose{planned};
     pose.approach = approach(run.result.station.stage.axes, from, pose.target);
     pose.move_start_s = run.now_s();
     stage.move(pose.target, run.stop);
@@ -203,13 +204,13 @@ Pose visit(const Run& run, Pose pose, const std::vector<double>& from, Camera& c
 }
 
 // The log alone: the other files follow from it, when the run ends or by `etalon report`.
-void keep(const Run& run, Pose pose, const CaptureStatistics& counters) {
+void keep(const Run& run, VisitedPose pose, const CaptureStatistics& counters) {
     pose.done_s = run.now_s();
     run.record.log_pose(pose, counters);
     RunSession& session = run.result.sessions.back();
     session.counters = counters;
     ++session.poses;
-    run.result.poses.push_back(std::move(pose));
+    run.result.poses.push_back({std::move(pose)});
 }
 
 void note_climate(const Run& run) {
@@ -257,11 +258,13 @@ void prepare(const Run& run, Camera& camera, Stage& stage) {
 }
 
 // The poses of the plan that have not been visited, in its order.
-std::vector<Pose> missing_poses(const QualifyResult& result) {
-    std::vector<Pose> missing;
-    std::ranges::copy_if(result.plan.poses, std::back_inserter(missing), [&](const Pose& pose) {
-        return std::ranges::find(result.poses, pose.index, &Pose::index) == result.poses.end();
-    });
+std::vector<PlannedPose> missing_poses(const QualifyResult& result) {
+    std::vector<PlannedPose> missing;
+    std::ranges::copy_if(
+        result.plan.poses, std::back_inserter(missing), [&](const PlannedPose& pose) {
+            return std::ranges::find(result.poses, pose.index, &PlannedPose::index) ==
+                   result.poses.end();
+        });
     return missing;
 }
 
@@ -269,7 +272,7 @@ std::vector<Pose> missing_poses(const QualifyResult& result) {
 constexpr int poses_without_marker = 3;
 
 // What such a pose shows in the marker's place, and what to look at.
-std::string seen_instead(const QualifyResult& result, const Pose& pose, Detector& detector) {
+std::string seen_instead(const QualifyResult& result, const VisitedPose& pose, Detector& detector) {
     const FrameRecord& frame = *first_whole(pose);
     const CodeImage photo = recorded_photo(result, frame);
     const std::vector<std::string> tags = tags_in_view(photo, result.station.marker);
@@ -289,7 +292,7 @@ std::string seen_instead(const QualifyResult& result, const Pose& pose, Detector
 // Ends a run that would measure in vain.
 void require_marker_in_view(const Run& run, Detector& detector) {
     const QualifyResult& result = run.result;
-    const bool any = std::ranges::any_of(result.poses, &Pose::detections);
+    const bool any = std::ranges::any_of(result.poses, &VisitedPose::detections);
     if (any || result.sessions.back().poses != poses_without_marker)
         return;
     throw DeviceError(
@@ -302,14 +305,14 @@ void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPose
     const QualifyResult& result = run.result;
     const auto detector =
         make_detector(result.station.detector, result.station.marker, result.station.detector);
-    const std::vector<Pose> missing = missing_poses(result);
+    const std::vector<PlannedPose> missing = missing_poses(result);
     std::vector<double> from;
     for (const AxisStatus& axis : stage.status())
         from.push_back(axis.position);
     run.progress.begin("measuring", static_cast<int>(missing.size()),
                        result.plan.expected_duration * missing.size() / result.plan.poses.size());
-    for (const Pose& planned : missing) {
-        Pose pose = visit(run, planned, from, camera, stage, *detector);
+    for (const PlannedPose& planned : missing) {
+        VisitedPose pose = visit(run, planned, from, camera, stage, *detector);
         from = pose.read_back;
         note_climate(run);
         keep(run, std::move(pose), camera.statistics());
@@ -368,8 +371,8 @@ void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Sta
 }
 
 void log_analysis(const Run& run) {
-    const std::vector<Pose>& poses = run.result.poses;
-    const auto hold_out = std::ranges::count(poses, true, &Pose::hold_out);
+    const std::vector<AnalysedPose>& poses = run.result.poses;
+    const auto hold_out = std::ranges::count(poses, true, &VisitedPose::hold_out);
     run.log("analysis", fmt::format("{} poses, {} of them hold-out", poses.size(), hold_out));
 }
 
@@ -455,7 +458,7 @@ void require_unfinished(const RecordedRun& recorded) {
 // now rather than on the way.
 void require_allowed_plan(const QualifyResult& result) {
     const StationStage& stage = result.station.stage;
-    for (const Pose& pose : result.plan.poses)
+    for (const PlannedPose& pose : result.plan.poses)
         require_allowed(
             stage.axes, stage.rules, pose.target,
             {(result.folder / log_file).string(), 1, fmt::format("plan.poses[{}]", pose.index)});
@@ -502,7 +505,7 @@ std::string frame_file(int pose, int frame) {
     return fmt::format("frames/{:04}_{}.png", pose, frame);
 }
 
-void average_readings(Pose& pose, std::span<const Axis> axes) {
+void average_readings(VisitedPose& pose, std::span<const Axis> axes) {
     const auto n = static_cast<double>(pose.readings.size());
     for (std::size_t i = 0; i < axes.size(); ++i) {
         double sum = 0.0, squares = 0.0;
@@ -533,7 +536,7 @@ void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame
         frame.corners = seen.corners->pixels;
 }
 
-void average_corners(Pose& pose) {
+void average_corners(VisitedPose& pose) {
     for (const FrameRecord& frame : pose.frames) {
         if (frame.corners.empty())
             continue;

@@ -23,14 +23,14 @@ std::string frame_file(int pose, int frame);
 
 // Sets read_back, its deviation and uncertainty, and the stage's pose from `pose.readings`: at
 // least two, each with a position for every axis.
-void average_readings(Pose& pose, std::span<const Axis> axes);
+void average_readings(VisitedPose& pose, std::span<const Axis> axes);
 
 // Sets the frame's corners, or why there are none: all are needed, as means are taken of them.
 void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame);
 
 // Sets the pose's corners, the mean over the frames that saw the marker, their number, and how far
 // these leave the corners apart.
-void average_corners(Pose& pose);
+void average_corners(VisitedPose& pose);
 
 // How the run gets its devices; tests give it mocks.
 struct DeviceOpeners {

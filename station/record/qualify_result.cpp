@@ -71,7 +71,7 @@ CaptureStatistics QualifyResult::statistics() const {
 std::optional<double> mean_residual_gray(const QualifyResult& result) {
     double sum = 0.0;
     int count = 0;
-    for (const Pose& pose : result.poses) {
+    for (const AnalysedPose& pose : result.poses) {
         if (!pose.residual)
             continue;
         sum += pose.residual->rms_gray;
@@ -82,7 +82,7 @@ std::optional<double> mean_residual_gray(const QualifyResult& result) {
     return sum / count;
 }
 
-const FrameRecord* first_whole(const Pose& pose) {
+const FrameRecord* first_whole(const VisitedPose& pose) {
     const auto whole = std::ranges::find_if(
         pose.frames, [](const FrameRecord& frame) { return !frame.file.empty(); });
     return whole == pose.frames.end() ? nullptr : &*whole;

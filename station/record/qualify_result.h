@@ -68,7 +68,7 @@ struct QualifyResult {
     CaptureSettings settings;          // in force
     std::vector<std::string> remarks;  // what limited the devices here, one line each
     std::vector<RunSession> sessions;  // at least one; `started_utc` is the first one's
-    std::vector<Pose> poses;           // visited ones only
+    std::vector<AnalysedPose> poses;   // visited ones only
     RunEnvironment environment;
     // Nothing when the run ended before; the poses are judged when it is there.
     std::optional<Qualification> analysis;
@@ -87,7 +87,7 @@ struct QualifyResult {
 std::optional<double> mean_residual_gray(const QualifyResult& result);
 
 // The pose's first whole photograph; null when there is none.
-const FrameRecord* first_whole(const Pose& pose);
+const FrameRecord* first_whole(const VisitedPose& pose);
 
 // Throws ConfigError when the frame's file cannot be read or is not the bytes that were taken.
 void require_recorded(const QualifyResult& result, const FrameRecord& frame);

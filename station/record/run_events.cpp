@@ -15,7 +15,7 @@ RecordJson corners_json(const std::vector<Eigen::Vector2d>& pixels) {
 
 RecordJson planned_json(const Plan& plan) {
     RecordJson poses = RecordJson::array();
-    for (const Pose& pose : plan.poses)
+    for (const PlannedPose& pose : plan.poses)
         poses.push_back({{"target", pose.target}, {"hold_out", pose.hold_out}});
     return {{"expected_duration_s", std::chrono::duration<double>(plan.expected_duration).count()},
             {"poses", poses}};
@@ -78,7 +78,7 @@ std::string frame_event(int pose_index, const FrameRecord& frame) {
                     {"corners", corners_json(frame.corners)}});
 }
 
-std::string pose_event(const Pose& pose, const CaptureStatistics& counts) {
+std::string pose_event(const VisitedPose& pose, const CaptureStatistics& counts) {
     const Vector6d uncertainty = pose.stage_covariance.diagonal().cwiseSqrt();
     return line_of({{"t", pose.done_s},
                     {"event", "pose"},

@@ -30,7 +30,7 @@ std::string run_event(const QualifyResult& result);
 std::string session_event(const RunSession& session, const CameraIdentity& camera);
 std::string settings_event(double time_s, const CaptureSettings& settings);
 std::string frame_event(int pose, const FrameRecord& frame);
-std::string pose_event(const Pose& pose, const CaptureStatistics& counts);
+std::string pose_event(const VisitedPose& pose, const CaptureStatistics& counts);
 std::string climate_event(const ClimateReading& reading);
 std::string released_event(double time_s, const CaptureStatistics& counts);
 

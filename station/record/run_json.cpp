@@ -4,6 +4,7 @@
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
+#include "report/number_text.h"
 #include "report/result_table.h"
 #include "station/record/record_json.h"
 
@@ -100,7 +101,7 @@ Json plan_json(const StationFile& station, const Plan& plan) {
         volume[station.stage.axes[i].name] = {station.plan.volume[i].low * unit,
                                               station.plan.volume[i].high * unit};
     }
-    const auto hold_out = std::ranges::count(plan.poses, true, &Pose::hold_out);
+    const auto hold_out = std::ranges::count(plan.poses, true, &PlannedPose::hold_out);
     return {{"volume", volume},
             {"poses", plan.poses.size()},
             {"hold_out", hold_out},
@@ -163,18 +164,18 @@ const ColumnsOf<Attachment>& attachment_columns() {
 
 // ---- poses.csv
 
-using PoseColumns = ColumnsOf<Pose>;
+using PoseColumns = ColumnsOf<AnalysedPose>;
 
 // A column for each axis, in its unit where the numbers are positions.
-template <class Number>
+template <class Number, class Phase>
 void add_axis_columns(PoseColumns& columns, const std::vector<Axis>& axes, const char* prefix,
-                      std::vector<Number> Pose::*numbers) {
+                      std::vector<Number> Phase::*numbers) {
     for (std::size_t i = 0; i < axes.size(); ++i) {
         constexpr bool is_position = std::is_same_v<Number, double>;
         const double unit = is_position ? unit_of(axes[i]) : 1.0;
         const char* suffix = axes[i].kind == Axis::Kind::rotary ? "_deg" : "_mm";
         columns.push_back({prefix + axes[i].name + (is_position ? suffix : ""),
-                           [i, unit, numbers](const Pose& pose) -> TableCell {
+                           [i, unit, numbers](const AnalysedPose& pose) -> TableCell {
                                if constexpr (is_position)
                                    return unit * (pose.*numbers)[i];
                                else
@@ -188,7 +189,7 @@ void add_analysis_columns(PoseColumns& columns, bool is_analysed) {
     const auto six = [&](const std::string& prefix, std::initializer_list<const char*> names,
                          const std::function<std::optional<Vector6d>(const PoseBias&)>& numbers) {
         for (int i = 0; const char* column : names) {
-            columns.push_back({prefix + column, [=](const Pose& pose) -> TableCell {
+            columns.push_back({prefix + column, [=](const AnalysedPose& pose) -> TableCell {
                                    const auto all = is_analysed ? numbers(pose.bias) : std::nullopt;
                                    return all ? TableCell((*all)[i]) : TableCell();
                                }});
@@ -202,7 +203,7 @@ void add_analysis_columns(PoseColumns& columns, bool is_analysed) {
                          : std::nullopt;
         };
     };
-    columns.push_back({"used", [is_analysed](const Pose& pose) {
+    columns.push_back({"used", [is_analysed](const AnalysedPose& pose) {
                            return is_analysed ? TableCell(pose.used) : TableCell();
                        }});
     const auto of_pose = {"rx", "ry", "rz", "tx", "ty", "tz"};
@@ -223,27 +224,29 @@ void add_analysis_columns(PoseColumns& columns, bool is_analysed) {
 }
 
 PoseColumns pose_columns(const std::vector<Axis>& axes, bool is_analysed) {
-    PoseColumns columns = {
-        {"pose", &Pose::index},
-        {"split", [](const Pose& pose) { return pose.hold_out ? "hold-out" : "training"; }}};
-    add_axis_columns(columns, axes, "commanded_", &Pose::target);
-    add_axis_columns(columns, axes, "read_back_", &Pose::read_back);
-    add_axis_columns(columns, axes, "deviation_", &Pose::read_back_deviation);
-    add_axis_columns(columns, axes, "approach_", &Pose::approach);
-    columns.push_back({"frames", [](const Pose& pose) { return pose.frames.size(); }});
-    columns.push_back({"detections", &Pose::detections});
-    const auto add_time = [&](const char* key, const std::function<double(const Pose&)>& seconds) {
+    PoseColumns columns = {{"pose", &AnalysedPose::index}, {"split", [](const AnalysedPose& pose) {
+                                                                return pose.hold_out ? "hold-out"
+                                                                                     : "training";
+                                                            }}};
+    add_axis_columns(columns, axes, "commanded_", &AnalysedPose::target);
+    add_axis_columns(columns, axes, "read_back_", &AnalysedPose::read_back);
+    add_axis_columns(columns, axes, "deviation_", &AnalysedPose::read_back_deviation);
+    add_axis_columns(columns, axes, "approach_", &AnalysedPose::approach);
+    columns.push_back({"frames", [](const AnalysedPose& pose) { return pose.frames.size(); }});
+    columns.push_back({"detections", &AnalysedPose::detections});
+    const auto add_time = [&](const char* key,
+                              const std::function<double(const AnalysedPose&)>& seconds) {
         columns.push_back(
-            {key, [=](const Pose& pose) { return fmt::format("{:.6f}", seconds(pose)); }});
+            {key, [=](const AnalysedPose& pose) { return fmt::format("{:.6f}", seconds(pose)); }});
     };
-    add_time("move_start_s", &Pose::move_start_s);
-    add_time("settled_s", [](const Pose& pose) { return pose.settled_s.value_or(0.0); });
-    add_time("done_s", &Pose::done_s);
+    add_time("move_start_s", &AnalysedPose::move_start_s);
+    add_time("settled_s", [](const AnalysedPose& pose) { return pose.settled_s.value_or(0.0); });
+    add_time("done_s", &AnalysedPose::done_s);
     add_analysis_columns(columns, is_analysed);
     const ColumnsOf<PhotoResidual> residual = {{"residual_rms_gray", &PhotoResidual::rms_gray},
                                                {"residual_p99_gray", &PhotoResidual::p99_gray},
                                                {"psf_sigma_px", &PhotoResidual::psf_sigma_px}};
-    add_columns(columns, residual, &Pose::residual);
+    add_columns(columns, residual, &AnalysedPose::residual);
     return columns;
 }
 

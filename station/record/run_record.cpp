@@ -166,7 +166,7 @@ void RunRecord::log(const std::string& line) {
     events_.write(line + "\n");
 }
 
-void RunRecord::log_pose(Pose& pose, const CaptureStatistics& counts) {
+void RunRecord::log_pose(VisitedPose& pose, const CaptureStatistics& counts) {
     images_.flush();
     for (FrameRecord& frame : pose.frames) {
         if (frame.file.empty())

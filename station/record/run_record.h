@@ -95,7 +95,7 @@ public:
     void log(const std::string& line);
     // The pose with its frames, when these are on the disk; sets the hashes of their files. On the
     // disk before it returns, with all that was logged before.
-    void log_pose(Pose& pose, const CaptureStatistics& counts);
+    void log_pose(VisitedPose& pose, const CaptureStatistics& counts);
 
     // Replace run.json and poses.csv by what is known now.
     void write(const QualifyResult& result);

@@ -16,7 +16,7 @@ double render_edge_bound_px(const StationFile& station) {
 
 }  // namespace
 
-QualificationInput declared_input(const StationFile& station, std::vector<Pose> poses,
+QualificationInput declared_input(const StationFile& station, std::vector<VisitedPose> poses,
                                   const RunEnvironment& environment) {
     const std::vector<Axis>& axes = station.stage.axes;
     const Rigid& mount = station.carriage_from_marker_nominal;
@@ -30,7 +30,7 @@ QualificationInput declared_input(const StationFile& station, std::vector<Pose> 
     input.render_noise_ratio = RenderedCorners::noise_ratio(station.camera.model);
     input.render_edge_bound_px = render_edge_bound_px(station);
     input.limits = station.limits;
-    input.seed = station.plan.seed;
+    input.options.seed = station.plan.seed;
     input.stage_reach = stage_reach(axes, station.plan.volume);
     input.stage_terms = declared_stage_terms(axes, poses);
     input.repeatability = declared_repeatability(axes, poses, mount);

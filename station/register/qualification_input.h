@@ -13,7 +13,7 @@ namespace etalon {
 // For these poses, of which the positions are there, in this room; of a run that is only foreseen
 // what is declared of it. `render_and_detect` is unset. The result points to the station's camera:
 // the station must outlive it.
-QualificationInput declared_input(const StationFile& station, std::vector<Pose> poses,
+QualificationInput declared_input(const StationFile& station, std::vector<VisitedPose> poses,
                                   const RunEnvironment& environment = {});
 
 }  // namespace etalon

@@ -32,8 +32,8 @@ std::vector<double> target_of(const PlanRequest& request, const std::vector<doub
     return target;
 }
 
-std::vector<Pose> sampled_poses(const PlanRequest& request, std::span<const Axis> axes,
-                                const MotionRules& rules, const TargetFilter& is_useful) {
+std::vector<PlannedPose> sampled_poses(const PlanRequest& request, std::span<const Axis> axes,
+                                       const MotionRules& rules, const TargetFilter& is_useful) {
     const long hold_out = std::lround(request.hold_out * request.poses);
     const long training = request.poses - hold_out;
     if (hold_out < 1 || training < 1)
@@ -44,7 +44,7 @@ std::vector<Pose> sampled_poses(const PlanRequest& request, std::span<const Axis
     if (dimensions_of(request) == 0)
         throw ConfigError(request.place, "no axis moves");
     const HaltonSequence sequence(dimensions_of(request), request.seed);
-    std::vector<Pose> poses;
+    std::vector<PlannedPose> poses;
     const long last = max_points_per_pose * request.poses;
     for (long i = 0; i < last && poses.size() < static_cast<std::size_t>(request.poses); ++i) {
         const auto target = target_of(request, sequence.point(static_cast<std::uint64_t>(i)));
@@ -73,7 +73,7 @@ SourcePlace place_of(const PlanRequest& request, std::size_t pose) {
 }
 
 void require_all_within_limits(const PlanRequest& request, std::span<const Axis> axes,
-                               const std::vector<Pose>& poses) {
+                               const std::vector<PlannedPose>& poses) {
     for (std::size_t i = 0; i < poses.size(); ++i)
         require_within_limits(axes, poses[i].target, place_of(request, i));
 }
@@ -85,7 +85,7 @@ double seconds(Duration duration) {
 // Travel times between all poses; row n is the way from where homing is expected to end.
 class TravelTable {
 public:
-    TravelTable(std::span<const Axis> axes, const std::vector<Pose>& poses)
+    TravelTable(std::span<const Axis> axes, const std::vector<PlannedPose>& poses)
         : count_(poses.size()), seconds_((count_ + 1) * count_) {
         const std::vector<double> home = home_position(axes);
         for (std::size_t from = 0; from <= count_; ++from)
@@ -156,9 +156,9 @@ void require_believable(Duration duration, const SourcePlace& place) {
 }
 
 // Of the hold-out poses, evenly along the path, in reverse.
-void add_repeats(const PlanRequest& request, std::vector<Pose>& path) {
-    std::vector<Pose> judging;
-    std::ranges::copy_if(path, std::back_inserter(judging), &Pose::hold_out);
+void add_repeats(const PlanRequest& request, std::vector<PlannedPose>& path) {
+    std::vector<PlannedPose> judging;
+    std::ranges::copy_if(path, std::back_inserter(judging), &PlannedPose::hold_out);
     const std::size_t count = static_cast<std::size_t>(request.repeats);
     if (count > judging.size())
         throw ConfigError({request.place.file, 0, "plan.repeats"},
@@ -184,7 +184,7 @@ Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
     if (request.volume.size() != axes.size())
         throw ConfigError(request.place, fmt::format("{} intervals for {} axes",
                                                      request.volume.size(), axes.size()));
-    const std::vector<Pose> poses = sampled_poses(request, axes, rules, is_useful);
+    const std::vector<PlannedPose> poses = sampled_poses(request, axes, rules, is_useful);
     require_all_within_limits(request, axes, poses);
     Plan plan;
     for (const std::size_t next : short_path(TravelTable(axes, poses)))
@@ -205,10 +205,10 @@ Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
     return plan;
 }
 
-void number_poses(std::vector<Pose>& poses) {
+void number_poses(std::vector<PlannedPose>& poses) {
     for (std::size_t i = 0; i < poses.size(); ++i) {
         poses[i].index = static_cast<int>(i);
-        const auto same = std::ranges::find(poses, poses[i].target, &Pose::target);
+        const auto same = std::ranges::find(poses, poses[i].target, &PlannedPose::target);
         const auto first = static_cast<std::size_t>(same - poses.begin());
         poses[i].repeats = first < i ? std::optional(first) : std::nullopt;
     }

@@ -16,7 +16,7 @@
 namespace etalon {
 
 struct Plan {
-    std::vector<Pose> poses;  // in the order of the run
+    std::vector<PlannedPose> poses;  // in the order of the run
     // How the stage gets to each pose from the one before, to the first from where homing is
     // expected to end (0, or the limit nearest to it). A run plans anew from what it reads.
     std::vector<std::vector<MotionSegment>> legs;
@@ -44,7 +44,7 @@ Plan plan_of(const StationFile& station);
 Rigid expected_pose(const StationFile& station, const std::vector<double>& target);
 
 // Sets each pose's place in the plan, and which earlier one it repeats.
-void number_poses(std::vector<Pose>& poses);
+void number_poses(std::vector<PlannedPose>& poses);
 
 // Time to go from one position to another with all axes moving together at their speeds.
 Duration travel_time(std::span<const Axis> axes, std::span<const double> from,

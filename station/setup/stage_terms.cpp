@@ -11,11 +11,11 @@ constexpr double lean_rad = 1e-4;
 constexpr double shift_mm = 1e-2;
 
 // The stage at each visit with one of its axes changed as it is then.
-using Change = std::function<void(Axis&, const Pose&)>;
-std::vector<Rigid> transforms(std::span<const Axis> axes, const std::vector<Pose>& poses,
+using Change = std::function<void(Axis&, const VisitedPose&)>;
+std::vector<Rigid> transforms(std::span<const Axis> axes, const std::vector<VisitedPose>& poses,
                               std::size_t changed, const Change& change) {
     std::vector<Rigid> all;
-    for (const Pose& pose : poses) {
+    for (const VisitedPose& pose : poses) {
         std::vector<Axis> wrong(axes.begin(), axes.end());
         change(wrong[changed], pose);
         all.push_back(base_from_carriage(wrong, pose.read_back));
@@ -24,10 +24,10 @@ std::vector<Rigid> transforms(std::span<const Axis> axes, const std::vector<Pose
 }
 
 DeclaredStageTerm scale_term(std::span<const Axis> axes, std::size_t axis,
-                             const std::vector<Pose>& poses) {
+                             const std::vector<VisitedPose>& poses) {
     DeclaredStageTerm term;
     term.error = {"stage scale " + axes[axis].name, "1", relative_size,
-                  transforms(axes, poses, axis, [axis](Axis& wrong, const Pose& pose) {
+                  transforms(axes, poses, axis, [axis](Axis& wrong, const VisitedPose& pose) {
                       wrong.zero -= relative_size * (pose.read_back.at(axis) - wrong.zero);
                   })};
     term.is_linear_scale = axes[axis].kind == Axis::Kind::linear;
@@ -38,11 +38,11 @@ DeclaredStageTerm scale_term(std::span<const Axis> axes, std::size_t axis,
 
 // The second axis leans towards the first one.
 DeclaredStageTerm squareness_term(std::span<const Axis> axes, std::size_t first, std::size_t second,
-                                  const std::vector<Pose>& poses) {
+                                  const std::vector<VisitedPose>& poses) {
     const Eigen::Vector3d towards = axes[first].direction;
     DeclaredStageTerm term;
     term.error = {"stage squareness " + axes[first].name + axes[second].name, "rad", lean_rad,
-                  transforms(axes, poses, second, [&](Axis& wrong, const Pose&) {
+                  transforms(axes, poses, second, [&](Axis& wrong, const VisitedPose&) {
                       wrong.direction = (wrong.direction + lean_rad * towards).normalized();
                   })};
     return term;
@@ -55,7 +55,7 @@ std::array<Eigen::Vector3d, 2> ways_across(const Axis& axis) {
 
 // `change` makes the axis wrong by `size` in one of the two ways across its direction.
 void add_both_ways(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> axes,
-                   std::size_t axis, const std::vector<Pose>& poses, const StageError& kind,
+                   std::size_t axis, const std::vector<VisitedPose>& poses, const StageError& kind,
                    double uncertainty,
                    const std::function<void(Axis&, const Eigen::Vector3d&)>& change) {
     const std::array<const char*, 2> names = {", 1st way", ", 2nd way"};
@@ -65,7 +65,7 @@ void add_both_ways(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> 
         term.error = kind;
         term.error.name += " " + axes[axis].name + names[i];
         term.error.base_from_carriage = transforms(
-            axes, poses, axis, [&](Axis& wrong, const Pose&) { change(wrong, ways[i]); });
+            axes, poses, axis, [&](Axis& wrong, const VisitedPose&) { change(wrong, ways[i]); });
         term.in_budget = true;
         term.standard_uncertainty = uncertainty;
         terms.push_back(term);
@@ -73,7 +73,7 @@ void add_both_ways(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> 
 }
 
 void add_direction_terms(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> axes,
-                         std::size_t axis, const std::vector<Pose>& poses) {
+                         std::size_t axis, const std::vector<VisitedPose>& poses) {
     if (axes[axis].direction_uncertainty)
         add_both_ways(terms, axes, axis, poses, {"stage direction", "rad", lean_rad, {}},
                       *axes[axis].direction_uncertainty,
@@ -90,10 +90,10 @@ void add_direction_terms(std::vector<DeclaredStageTerm>& terms, std::span<const 
 
 // The carriage where all that an axis carries stands aside by `shift_mm`, in the frame that its
 // direction is given in.
-std::vector<Rigid> moved_aside(std::span<const Axis> axes, const std::vector<Pose>& poses,
+std::vector<Rigid> moved_aside(std::span<const Axis> axes, const std::vector<VisitedPose>& poses,
                                std::size_t axis, const Eigen::Vector3d& shift) {
     std::vector<Rigid> all;
-    for (const Pose& pose : poses) {
+    for (const VisitedPose& pose : poses) {
         const Rigid before =
             base_from_carriage(axes.first(axis), std::span(pose.read_back).first(axis));
         Rigid moved = base_from_carriage(axes, pose.read_back);
@@ -103,9 +103,9 @@ std::vector<Rigid> moved_aside(std::span<const Axis> axes, const std::vector<Pos
     return all;
 }
 
-std::vector<double> middle(const std::vector<Pose>& poses) {
+std::vector<double> middle(const std::vector<VisitedPose>& poses) {
     std::vector<double> low = poses.front().read_back, high = low;
-    for (const Pose& pose : poses)
+    for (const VisitedPose& pose : poses)
         for (std::size_t i = 0; i < low.size(); ++i) {
             low[i] = std::min(low[i], pose.read_back[i]);
             high[i] = std::max(high[i], pose.read_back[i]);
@@ -125,9 +125,9 @@ double marker_shift(std::span<const Axis> axes, const std::vector<double>& q, st
 }
 
 // Root mean square over the visits.
-double reading_uncertainty(const std::vector<Pose>& poses, std::size_t axis) {
+double reading_uncertainty(const std::vector<VisitedPose>& poses, std::size_t axis) {
     double sum = 0.0;
-    for (const Pose& pose : poses)
+    for (const VisitedPose& pose : poses)
         sum += std::pow(pose.read_back_uncertainty.at(axis), 2);
     return std::sqrt(sum / static_cast<double>(poses.size()));
 }
@@ -135,7 +135,7 @@ double reading_uncertainty(const std::vector<Pose>& poses, std::size_t axis) {
 }  // namespace
 
 std::vector<DeclaredStageTerm> declared_stage_terms(std::span<const Axis> axes,
-                                                    const std::vector<Pose>& poses) {
+                                                    const std::vector<VisitedPose>& poses) {
     std::vector<DeclaredStageTerm> terms;
     for (std::size_t i = 0; i < axes.size(); ++i)
         terms.push_back(scale_term(axes, i, poses));
@@ -149,7 +149,7 @@ std::vector<DeclaredStageTerm> declared_stage_terms(std::span<const Axis> axes,
 }
 
 std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> axes,
-                                                          const std::vector<Pose>& poses,
+                                                          const std::vector<VisitedPose>& poses,
                                                           const Rigid& carriage_from_marker) {
     std::vector<DeclaredRepeatability> terms;
     if (poses.empty())
@@ -167,14 +167,14 @@ std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> 
 }
 
 std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
-                                                  const std::vector<Pose>& poses,
+                                                  const std::vector<VisitedPose>& poses,
                                                   const Rigid& carriage_from_marker) {
     std::vector<DeclaredErrorMap> maps;
     for (std::size_t i = 0; i < axes.size() && !poses.empty(); ++i) {
         if (!axes[i].errors)
             continue;
         DeclaredErrorMap map{axes[i].name};
-        for (const Pose& pose : poses) {
+        for (const VisitedPose& pose : poses) {
             const double size = axes[i].errors->at(pose.read_back[i]).value().uncertainty;
             const double shift = marker_shift(axes, pose.read_back, i, size, carriage_from_marker);
             map.marker_rms_mm += shift * shift / static_cast<double>(poses.size());
@@ -187,15 +187,15 @@ std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
 }
 
 std::vector<StageAxisMotion> stage_axis_motions(std::span<const Axis> axes,
-                                                const std::vector<Pose>& poses) {
+                                                const std::vector<VisitedPose>& poses) {
     constexpr double step_rad = 1e-4;
     std::vector<StageAxisMotion> motions;
     for (std::size_t k = 0; k < axes.size() && !poses.empty(); ++k) {
         const bool is_linear = axes[k].kind == Axis::Kind::linear;
         StageAxisMotion motion{axes[k].name, is_linear, is_linear ? shift_mm : step_rad};
-        motion.advanced = transforms(axes, poses, k,
-                                     [&](Axis& wrong, const Pose&) { wrong.zero -= motion.step; });
-        for (const Pose& pose : poses) {
+        motion.advanced = transforms(
+            axes, poses, k, [&](Axis& wrong, const VisitedPose&) { wrong.zero -= motion.step; });
+        for (const VisitedPose& pose : poses) {
             motion.position.push_back(pose.read_back[k]);
             if (pose.approach.size() == axes.size())
                 motion.approach.push_back(pose.approach[k]);

@@ -12,23 +12,23 @@ namespace etalon {
 // direction or point has a declared uncertainty, two terms each for the two ways in which it can be
 // off ("stage direction x, 1st way", rad; "stage point rz, 2nd way", mm).
 std::vector<DeclaredStageTerm> declared_stage_terms(std::span<const Axis> axes,
-                                                    const std::vector<Pose>& poses);
+                                                    const std::vector<VisitedPose>& poses);
 
 // Per axis, how far its repeatability, its backlash and its reading leave the marker's centre
 // apart, with the marker mounted as designed and every axis in the middle of what was visited.
 std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> axes,
-                                                          const std::vector<Pose>& poses,
+                                                          const std::vector<VisitedPose>& poses,
                                                           const Rigid& carriage_from_marker);
 
 // Per axis its positions and sides of approach, and where the carriage would be had the axis gone
 // further than it read, or stood aside of its line.
 std::vector<StageAxisMotion> stage_axis_motions(std::span<const Axis> axes,
-                                                const std::vector<Pose>& poses);
+                                                const std::vector<VisitedPose>& poses);
 
 // Per axis with an error map, how far the map's uncertainty leaves the marker's centre apart, RMS
 // over the visits and at most.
 std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
-                                                  const std::vector<Pose>& poses,
+                                                  const std::vector<VisitedPose>& poses,
                                                   const Rigid& carriage_from_marker);
 
 // Each axis at several places of its interval, the others in the middle of theirs: what the stage

@@ -124,7 +124,7 @@ TEST(Causes, BlameNoPoseWhereOnlyTheDetectorSlipped) {
         SimulatedRun run = demo_run();
         run.look_for_causes = true;
         QualificationInput input = input_of(run, 3);
-        for (Pose& pose : input.poses) {
+        for (VisitedPose& pose : input.poses) {
             Rigid shown = run.camera_from_base * pose.base_from_carriage * run.carriage_from_marker;
             if (pose.index == 43) {
                 for (Eigen::Vector2d& corner : pose.corners)

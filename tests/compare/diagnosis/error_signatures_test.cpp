@@ -22,7 +22,7 @@ struct Study {
         SignatureChain chain{
             projector, run.points_mm, run.camera_from_base, run.carriage_from_marker, {}};
         for (std::size_t i = 0; i < all.size(); ++i) {
-            chain.poses.push_back({.hold_out = static_cast<int>(i) >= run.training});
+            chain.poses.emplace_back().hold_out = static_cast<int>(i) >= run.training;
             chain.poses.back().base_from_carriage = base_from_carriage(run.axes, all[i]);
         }
         for (std::size_t k = 0; k < 3; ++k)
@@ -78,12 +78,11 @@ TEST(ErrorSignatures, AgreeWithTheWholeChain) {
     run.noise_px = run.repeatability_mm = 0.0;
     run.true_camera.intrinsics.fx *= 1.002;
     run.true_camera.intrinsics.fy *= 1.002;
-    QualificationInput input = input_of(run, 3);
-    qualify(input);
+    const Qualification result = qualify(input_of(run, 3));
     const ErrorSignature& expected = study.of("focal length");
     Eigen::Index k = 0;
     double difference2 = 0.0, power = 0.0;
-    for (const Pose& pose : input.poses)
+    for (const AnalysedPose& pose : result.poses)
         if (pose.hold_out) {
             const Eigen::Vector3d signature =
                 2e-3 / expected.size * expected.after.segment<3>(3 * k++);

@@ -44,6 +44,18 @@ PixelInformation information_at(double depth_mm) {
     return shown * shown.transpose() + 1e-3 * PixelInformation::Identity();
 }
 
+// Of a photograph that deviates by `truth`, with the noise that its information says.
+PixelDeviation noisy_score(const PixelInformation& information, const PixelDeviation& truth,
+                           RandomStream& random) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes{Eigen::MatrixXd(information)};
+    PixelDeviation noise;
+    for (double& each : noise)
+        each = random.normal();
+    return information * truth +
+           PixelDeviation(modes.eigenvectors() *
+                          modes.eigenvalues().cwiseSqrt().cwiseProduct(noise));
+}
+
 // Photographs at 36 depths that deviate by `truth`, with noise. 0.7 gray of 190 is the noise of a
 // camera whose pixels scatter by `noise_ratio` of what its file says.
 RunEvidence run_with(const PixelDeviation& truth, double noise_ratio = 1.0,
@@ -55,13 +67,7 @@ RunEvidence run_with(const PixelDeviation& truth, double noise_ratio = 1.0,
         PhotoEvidence photo;
         photo.depth_mm = 330.0 + 9.0 * i;
         photo.information = information_at(photo.depth_mm);
-        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(Eigen::MatrixXd(photo.information));
-        PixelDeviation noise;
-        for (double& each : noise)
-            each = random.normal();
-        photo.score = photo.information * truth +
-                      PixelDeviation(modes.eigenvectors() *
-                                     modes.eigenvalues().cwiseSqrt().cwiseProduct(noise));
+        photo.score = noisy_score(photo.information, truth, random);
         photo.pixels = 40;  // so few that a render's tolerance is no part of it
         photo.noise_gray = 0.7;
         photo.squares = photo.pixels * noise_ratio * noise_ratio;
@@ -151,14 +157,8 @@ TEST(ImageAgreement, HasAnUncertaintyThatIsTheScatter) {
         for (std::uint32_t p = 0; p < run.photos.size(); ++p) {
             RandomStream random(100 + static_cast<std::uint64_t>(i), p);
             PhotoEvidence& photo = run.photos[p];
-            const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(
-                Eigen::MatrixXd(photo.information));
-            PixelDeviation noise;
-            for (double& each : noise)
-                each = random.normal();
-            photo.score = photo.information * deviating(deviation::growth, 0.02) +
-                          PixelDeviation(modes.eigenvectors() *
-                                         modes.eigenvalues().cwiseSqrt().cwiseProduct(noise));
+            photo.score =
+                noisy_score(photo.information, deviating(deviation::growth, 0.02), random);
         }
         const PixelFigure edge = *match_pixels(run, camera()).edge_px;
         squares += std::pow((edge.value - 0.02) / edge.expanded_uncertainty, 2) / runs;

@@ -58,15 +58,14 @@ TEST(OutlyingPoses, AreLeftOutAndWithholdPass) {
                 q[1] += q[1] > 0.0 ? -40.0 : 40.0;
         };
         run.look_for_causes = true;
-        QualificationInput input = input_of(run, 1);
-        const Qualification result = qualify(input);
+        const Qualification result = qualify(input_of(run, 1));
         ASSERT_TRUE(result.causes->named());
         EXPECT_EQ(result.causes->named()->text(), fmt::format("pose {} does not fit", wrong));
         const std::string expected = fmt::format("pose {} along y by (39|40)[.0-9]* mm", wrong);
         EXPECT_THAT(result.outlying, ElementsAre(testing::Field(&RejectedPose::text,
                                                                 testing::ContainsRegex(expected))));
         EXPECT_EQ(result.verdict, Outcome::inconclusive) << wrong;
-        EXPECT_FALSE(input.poses[wrong].used);
+        EXPECT_FALSE(result.poses[wrong].used);
         for (const JudgedQuantity& each : result.quantities)
             EXPECT_EQ(each.outcome, Outcome::pass) << each.name << " without pose " << wrong;
     }
@@ -78,7 +77,7 @@ TEST(OutlyingPoses, AreNotThoseWhereOnlyTheDetectorSlipped) {
     SimulatedRun run = demo_run();
     QualificationInput input = input_of(run, 1);
     for (const std::size_t slipped : {43u, 12u}) {
-        Pose& pose = input.poses[slipped];
+        VisitedPose& pose = input.poses[slipped];
         pose.seen_at = run.camera_from_base * pose.base_from_carriage * run.carriage_from_marker;
         pose.detector_bias_px.assign(4, Eigen::Vector2d::Zero());
         for (Eigen::Vector2d& corner : pose.corners)

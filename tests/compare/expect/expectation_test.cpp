@@ -184,7 +184,7 @@ TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
     for (const Rigid& pose : volume_poses(request.scene.camera, request.scene.marker.grid, 25, 4,
                                           {160.0, 260.0, 40.0 * deg})) {
         const Eigen::Vector3d sight = pose.translation.normalized();
-        Pose record;
+        AnalysedPose record;
         record.hold_out = true;
         record.bias.predicted = pose;
         record.bias.b1 = PoseError{0.3 * sight, {0.0, 0.0, 2e-3}};

@@ -73,10 +73,9 @@ private:
     }
 
     static std::vector<Eigen::Vector3d> volume(const SimulatedRun& run) {
-        QualificationInput input = input_of(run, 1);
-        qualify(input);
+        const Qualification result = qualify(input_of(run, 1));
         std::vector<Eigen::Vector3d> positions;
-        for (const Pose& pose : input.poses)
+        for (const AnalysedPose& pose : result.poses)
             positions.push_back(pose.bias.predicted.translation);
         return positions;
     }
@@ -169,9 +168,9 @@ struct KnownRun {
 
     Qualification judged(const SimulatedRun& run, std::uint64_t seed) const {
         QualificationInput input = input_of(run, seed);
-        input.known_run = &told;
-        input.known_draws = &draws;
-        input.measure_reported = false;
+        input.options.known_run = &told;
+        input.options.known_draws = &draws;
+        input.options.measure_reported = false;
         return qualify(input);
     }
 };

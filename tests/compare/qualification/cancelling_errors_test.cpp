@@ -106,15 +106,15 @@ constexpr Frames all_frames[] = {Frames::equal_once, Frames::single_once, Frames
 
 QualificationInput input_with(const SimulatedRun& run, Frames frames) {
     QualificationInput input = input_of(run, 1);
-    for (Pose& pose : input.poses)
+    for (VisitedPose& pose : input.poses)
         pose.detections = 5;
-    Pose& one = input.poses[44];
+    VisitedPose& one = input.poses[44];
     if (frames == Frames::equal_once || frames == Frames::single_once) {
         one.corner_noise.reset();
         one.detections = frames == Frames::equal_once ? 5 : 1;
         return input;
     }
-    for (Pose& pose : input.poses) {
+    for (VisitedPose& pose : input.poses) {
         pose.detections = 1;
         pose.corner_noise.reset();
         if (frames == Frames::one_each)
@@ -200,8 +200,8 @@ TEST(CancellingErrors, APerfectCameraPassesWithWhateverFramesThatTellTheNoise) {
 
 // Pooled by degrees of freedom: (4 x 16 + 1 x 8) / 24 = 3.
 TEST(CornerNoise, IsThatOfTheOthersWhereAPoseHasNone) {
-    std::vector<Pose> poses(4);
-    for (Pose& pose : poses)
+    std::vector<AnalysedPose> poses(4);
+    for (AnalysedPose& pose : poses)
         pose.corners = {{1.0, 2.0}};
     poses[0].corner_noise = CornerNoise{4.0, 16.0};
     poses[1].corner_noise = CornerNoise{1.0, 8.0};

@@ -10,7 +10,7 @@
 namespace etalon {
 
 struct InjectedKind {
-    std::string name;     // of the suspect, or how it begins
+    std::string name;     // of the candidate, or how it begins
     double easily = 0.0;  // a size that nobody misses
     std::function<void(SimulatedRun&, double size)> inject;
     // Standard deviations of what is detectable: Currie's limit for one number; for several, or the

@@ -77,7 +77,7 @@ TEST(Qualification, PassesATrueCameraSeenThroughADetectorThatIsWrongOnPurpose) {
             EXPECT_LT(quantity.value, quantity.expanded_uncertainty) << quantity.name;
     }
     double b1_z = 0.0;  // reported, and large
-    for (const Pose& pose : input.poses)
+    for (const AnalysedPose& pose : shrunk.poses)
         if (pose.bias.b1)
             b1_z = std::max(b1_z, pose.bias.b1->translation_mm.z());
     EXPECT_GT(b1_z, 1.0);
@@ -149,12 +149,12 @@ TEST(Qualification, GoesOnWithoutTheFewPosesThatWereNotDetected) {
         return render(at);
     };
     const Qualification result = qualify(input);
-    EXPECT_THAT(rendered_at, Contains(input.poses[45].bias.predicted.translation));
-    EXPECT_THAT(rendered_at, Not(Contains(input.poses[44].bias.predicted.translation)));
+    EXPECT_THAT(rendered_at, Contains(result.poses[45].bias.predicted.translation));
+    EXPECT_THAT(rendered_at, Not(Contains(result.poses[44].bias.predicted.translation)));
     EXPECT_EQ(result.verdict, Outcome::pass);
     EXPECT_NEAR(result.detection.rate(), 66.0 / 70.0, 1e-12);
-    EXPECT_FALSE(input.poses[44].used);
-    EXPECT_FALSE(input.poses[44].bias.b3);
+    EXPECT_FALSE(result.poses[44].used);
+    EXPECT_FALSE(result.poses[44].bias.b3);
 }
 
 TEST(Qualification, JudgesRotationsWhenTheLimitsAskForThem) {
@@ -253,9 +253,9 @@ TEST(Qualification, MeasuresNothingElseWhereOnlyVerdictsAreRead) {
     const SimulatedRun run = demo_run();
     QualificationInput input = input_of(run, 12);
     const Qualification all = qualify(input);
-    const NoiseDraws draws(input.seed);
-    input.known_draws = &draws;
-    input.measure_reported = false;
+    const NoiseDraws draws(input.options.seed);
+    input.options.known_draws = &draws;
+    input.options.measure_reported = false;
     const Qualification judged = qualify(input);
     EXPECT_TRUE(judged.reported.empty());
     EXPECT_FALSE(judged.rotation_field || judged.lengths);

@@ -74,7 +74,7 @@ TEST(Rec709, DoesNotKeepAPerfectCameraFromPassing) {
             sensor.expose(radiance(truth), NoiseKey{1, static_cast<std::uint32_t>(i)});
         const auto found = detector->detect(photo).corners;
         ASSERT_TRUE(found) << i;
-        Pose& pose = input.poses[i];
+        VisitedPose& pose = input.poses[i];
         pose.corners = found->pixels;
         pose.corner_noise.reset();
         if (i % 4 == 0)
@@ -99,7 +99,7 @@ TEST(Rec709, DoesNotKeepAPerfectCameraFromPassing) {
         EXPECT_LT(each.value, each.expanded_uncertainty) << each.name;
     }
     double b1_mm = 0.0;
-    for (const Pose& pose : input.poses)
+    for (const AnalysedPose& pose : result.poses)
         if (pose.hold_out && pose.bias.b1)
             b1_mm = std::max(b1_mm, pose.bias.b1->translation_mm.norm());
     EXPECT_GT(b1_mm, 3.0);  // 0.05 mm is left of it

@@ -238,7 +238,7 @@ inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) 
     input.points_mm = run.points_mm;
     const std::vector<std::vector<double>> all = positions(run, run.plan_seed.value_or(seed));
     for (std::size_t i = 0; i < all.size(); ++i) {
-        Pose pose;
+        VisitedPose pose;
         pose.hold_out = static_cast<int>(i) >= run.training;
         pose.index = static_cast<int>(i);
         pose.base_from_carriage = base_from_carriage(run.axes, all[i]);
@@ -268,8 +268,8 @@ inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) 
     input.marker_flatness_mm = 0.01;
     input.temperature = DeclaredTemperature{0.5, 9e-6, 11e-6};
     input.limits = run.limits;
-    input.look_for_causes = run.look_for_causes;
-    input.seed = seed;
+    input.options.look_for_causes = run.look_for_causes;
+    input.options.seed = seed;
     return input;
 }
 

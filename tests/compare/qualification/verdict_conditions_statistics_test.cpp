@@ -58,13 +58,12 @@ TEST(BiasedDetector, LeavesNoTraceInB3NorB4) {
     const double least_b1_mm[] = {9.9, 5.0, 0.2};  // 2 % of 300 mm and more; half a pixel at 300 mm
     for (int i = 0; i < 3; ++i) {
         run.detector = detectors[i];
-        QualificationInput input = input_of(run, 1);
-        const Qualification result = qualify(input);
+        const Qualification result = qualify(input_of(run, 1));
         EXPECT_EQ(result.verdict, Outcome::pass) << i;
         ASSERT_EQ(result.quantities.size(), 4u);
         for (const JudgedQuantity& each : result.quantities)
             EXPECT_LT(each.value, each.expanded_uncertainty) << i << " " << each.name;
-        for (const Pose& pose : input.poses)
+        for (const AnalysedPose& pose : result.poses)
             if (pose.hold_out) {
                 EXPECT_GT(pose.bias.b1->translation_mm.norm(), least_b1_mm[i]) << i;
             }
@@ -89,7 +88,7 @@ TEST(PhotometricField, IsSkippedWithoutPhotometricPoses) {
     SimulatedRun run = demo_run();
     run.limits.b4_position_field_rms_mm = 0.16;
     QualificationInput input = input_of(run, 1);
-    for (Pose& pose : input.poses)
+    for (VisitedPose& pose : input.poses)
         pose.photometric.reset();
     const Qualification result = qualify(input);
     EXPECT_EQ(result.verdict, Outcome::inconclusive);
@@ -102,7 +101,7 @@ TEST(Rest, IsSkippedWhereTheNoiseIsNotKnown) {
     run.limits.b3_position_rest_rms_mm = 0.2;
     QualificationInput input = input_of(run, 1);
     EXPECT_EQ(qualify(input).verdict, Outcome::pass);
-    for (Pose& pose : input.poses)
+    for (VisitedPose& pose : input.poses)
         pose.corner_noise.reset();
     const Qualification result = qualify(input);
     EXPECT_EQ(quantity_named(result, quantity::lack_of_fit_rms).outcome, Outcome::skipped);
@@ -158,7 +157,7 @@ TEST(CalibrationCovariance, IsShownAndNotCounted) {
 TEST(MonteCarlo, StaysBelowTheSimultaneousBandsAndNearThem) {
     const SimulatedRun run = demo_run();
     QualificationInput input = input_of(run, 1);
-    input.monte_carlo = true;
+    input.options.monte_carlo = true;
     const Qualification result = qualify(input);
     for (const char* name :
          {quantity::position_rms, quantity::position_max, quantity::length_max}) {
@@ -202,7 +201,7 @@ TEST(Conditions, WithholdPassWhenACornerOfTheVolumeWasNotSeen) {
 TEST(Conditions, WithholdPassWhenTheResidualsAreLargerThanTheStatedNoise) {
     const SimulatedRun run = demo_run();
     QualificationInput input = input_of(run, 1);
-    for (Pose& pose : input.poses)
+    for (VisitedPose& pose : input.poses)
         pose.corner_noise->variance_px2 /= 9.0;
     for (DeclaredRepeatability& each : input.repeatability)
         each.marker_mm = 0.0;  // so that the corners' noise is all that is stated

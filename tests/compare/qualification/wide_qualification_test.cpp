@@ -24,9 +24,9 @@ std::vector<std::string> best_names(const Qualification& result) {
 }
 
 // Angles to the axis of the marker's places, deg: the least and the largest.
-std::pair<double, double> angles_deg(const std::vector<Pose>& poses) {
+std::pair<double, double> angles_deg(const std::vector<AnalysedPose>& poses) {
     std::pair<double, double> ends{180.0, 0.0};
-    for (const Pose& pose : poses) {
+    for (const AnalysedPose& pose : poses) {
         const double angle =
             std::acos(pose.bias.predicted.translation.normalized().z()) * deg_per_rad;
         ends = {std::min(ends.first, angle), std::max(ends.second, angle)};
@@ -37,11 +37,10 @@ std::pair<double, double> angles_deg(const std::vector<Pose>& poses) {
 TEST(WideQualification, PassesALensThatIsAsDeclaredBeyondNinetyDegreesToo) {
     for (const double aside : {0.67, 1.35}) {
         const SimulatedRun run = wide_run(aside);
-        QualificationInput input = input_of(run, 1);
-        const Qualification result = qualify(input);
+        const Qualification result = qualify(input_of(run, 1));
         EXPECT_EQ(result.verdict, Outcome::pass);
         EXPECT_THAT(result.reasons, testing::IsEmpty());
-        const auto [least, largest] = angles_deg(input.poses);
+        const auto [least, largest] = angles_deg(result.poses);
         EXPECT_LT(least, aside < 1.0 ? 25.0 : 62.0);
         EXPECT_GT(largest, aside < 1.0 ? 60.0 : 90.0);
     }

@@ -21,7 +21,7 @@ std::string run_line() {
     result.station = read_station(write_input("given/station.yaml", station));
     copy_inputs(result.station.inputs, input_folder());
     for (const double x : {-7.5, 3.25}) {
-        Pose pose;
+        VisitedPose pose;
         pose.target = {x, 1.5, -20.0, 0.125};
         pose.hold_out = x > 0.0;
         result.plan.poses.push_back(pose);
@@ -38,7 +38,7 @@ void read_run(std::string_view text) {
     Progress progress(nowhere, false, clock);
     const RecordedRun run = read_record(input_folder(), progress, {});
     require_finite(run.end_s);
-    for (const Pose& pose : run.result.poses)
+    for (const VisitedPose& pose : run.result.poses)
         require_all_finite(pose.read_back);
 }
 

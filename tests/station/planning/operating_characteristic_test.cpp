@@ -6,6 +6,7 @@
 #include <tbb/task_arena.h>
 
 #include <cmath>
+#include <numeric>
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
@@ -60,9 +61,9 @@ TEST_F(SimulatedRun, LeavesNothingWhenAllIsAsTold) {
         EXPECT_LT(quantity.value, 1e-4 * quantity.limit) << quantity.name;
 }
 
-Eigen::VectorXd hold_out_errors(const QualificationInput& run) {
+Eigen::VectorXd hold_out_errors(const Qualification& run) {
     std::vector<double> errors;
-    for (const Pose& pose : run.poses)
+    for (const AnalysedPose& pose : run.poses)
         if (pose.is_judged())
             errors.insert(errors.end(), pose.bias.b3->translation_mm.begin(),
                           pose.bias.b3->translation_mm.end());
@@ -75,9 +76,8 @@ Eigen::VectorXd hold_out_errors(const QualificationInput& run) {
 // bias, whose correction stops at 0.002 px.
 TEST_F(SimulatedRun, EveryErrorLeavesTheFieldThatItsSignatureSays) {
     const RunSimulator unbiased(station_, plan_, made_up_study(plan_.poses.size(), 0.0, 0.01));
-    QualificationInput exact = unbiased.exact(unbiased.as_told());
-    const Qualification told = qualify(exact);
-    const Eigen::VectorXd zero = hold_out_errors(exact);
+    const Qualification told = qualify(unbiased.exact(unbiased.as_told()));
+    const Eigen::VectorXd zero = hold_out_errors(told);
     std::vector<std::string> names;
     for (const InjectedError& error : unbiased.errors()) {
         names.push_back(error.name);
@@ -87,9 +87,8 @@ TEST_F(SimulatedRun, EveryErrorLeavesTheFieldThatItsSignatureSays) {
         RunTruth truth = unbiased.as_told();
         error.apply(truth, error.size);
         QualificationInput input = unbiased.exact(truth);
-        input.known_run = &told;
-        qualify(input);
-        const Eigen::VectorXd left = hold_out_errors(input) - zero;
+        input.options.known_run = &told;
+        const Eigen::VectorXd left = hold_out_errors(qualify(input)) - zero;
         const Eigen::VectorXd expected = error.size / signature->size * signature->after;
         const double allowed = 0.35 * expected.norm() + 1e-4 * signature->before.norm();
         EXPECT_LT((left - expected).norm(), allowed) << error.name;
@@ -110,7 +109,7 @@ TEST_F(SimulatedRun, DrawsTheSameRunForTheSameNumberAndAnotherForAnother) {
 // said, which the photograph's pixels show.
 TEST_F(SimulatedRun, LeavesNoPoseOutWhereTheDetectorSlips) {
     QualificationInput input = simulator_.draw(simulator_.as_told(), 5, 7);
-    const auto slipped = std::ranges::find(input.poses, true, &Pose::hold_out);
+    const auto slipped = std::ranges::find(input.poses, true, &VisitedPose::hold_out);
     for (Eigen::Vector2d& corner : slipped->corners)
         corner += Eigen::Vector2d(2.4, -1.8);
     EXPECT_TRUE(qualify(input).outlying.empty());
@@ -133,13 +132,24 @@ TEST(RunShare, HasWilsonsInterval) {
     EXPECT_THROW(run_share(8, 7), NumericalError);
 }
 
+OperatingCharacteristic of_one_process(const RunSimulator& simulator,
+                                       const CharacteristicRequest& request) {
+    const CharacteristicRuns runs(simulator, request);
+    OperatingCharacteristic result = runs.planned();
+    std::vector<std::size_t> all(static_cast<std::size_t>(request.runs));
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    runs.simulate(all,
+                  [&](std::size_t, std::span<const PointRun> points) { add_run(result, points); });
+    return result;
+}
+
 class Characteristic : public SimulatedRun {
 protected:
     OperatingCharacteristic study(const std::vector<std::string>& errors, int runs) const {
         CharacteristicRequest request;
         request.runs = runs;
         request.errors = errors;
-        return operating_characteristic(simulator_, request);
+        return of_one_process(simulator_, request);
     }
 };
 
@@ -243,7 +253,7 @@ void expect_same(const CharacteristicPoint& one, const CharacteristicPoint& othe
 }
 
 TEST_F(ShardedCharacteristic, MergedIsThatOfOneProcess) {
-    const OperatingCharacteristic whole = operating_characteristic(simulator_, request_);
+    const OperatingCharacteristic whole = of_one_process(simulator_, request_);
     const StationCharacteristic merged = merged_characteristic({two(), one()});
     EXPECT_EQ(merged.station, "test");
     EXPECT_EQ(merged.detector.seen, 23);

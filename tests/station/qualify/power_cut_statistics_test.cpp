@@ -123,7 +123,8 @@ std::size_t poses_kept(const Moment& moment) {
     return log == moment.kept.end() ? 0 : poses_in(log->second);
 }
 
-void expect_the_first_of(const std::vector<Pose>& found, const std::vector<Pose>& all) {
+void expect_the_first_of(const std::vector<AnalysedPose>& found,
+                         const std::vector<AnalysedPose>& all) {
     ASSERT_LE(found.size(), all.size());
     for (std::size_t i = 0; i < found.size(); ++i) {
         EXPECT_EQ(found[i].readings, all[i].readings);
@@ -137,7 +138,7 @@ TEST(PowerCut, LosesAtMostThePoseInFlightAndInventsNone) {
     constexpr int states_each = 5, gone_on_with = 12;
     StationOfMocks mocks;
     const std::vector<Moment> moments = moments_of(mocks);
-    const std::vector<Pose> all = mocks.read().result.poses;
+    const std::vector<AnalysedPose> all = mocks.read().result.poses;
     ASSERT_GE(states_each * moments.size(), 500u);
     int states = 0, unread = 0, resumed = 0;
     for (std::size_t m = 0; m < moments.size(); ++m) {

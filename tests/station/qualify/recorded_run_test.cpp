@@ -329,8 +329,8 @@ TEST(RecordedRun, TakesWhatTheSameProgramFoundInTheSamePixels) {
     const std::string kept = read_text(path);
     const auto known = [&] {
         const KeptPixels pixels(result);
-        return std::ranges::count_if(result.poses,
-                                     [&](const Pose& pose) { return pixels.of(pose) != nullptr; });
+        return std::ranges::count_if(
+            result.poses, [&](const VisitedPose& pose) { return pixels.of(pose) != nullptr; });
     };
     EXPECT_EQ(known(), 25);
     analyse_record(mocks.read(), mocks.progress, {});

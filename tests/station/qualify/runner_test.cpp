@@ -146,7 +146,7 @@ TEST(Runner, TakesThePoseFromWhatItReadsDuringTheExposures) {
     };
     const QualifyResult result = mocks.run();
     ASSERT_EQ(result.poses.size(), 2u);
-    const Pose& pose = result.poses[0];
+    const AnalysedPose& pose = result.poses[0];
     EXPECT_NEAR(pose.read_back[0] - pose.target[0], 0.6, 1e-12);
     EXPECT_NEAR(pose.read_back_deviation[0], std::sqrt(0.13), 1e-12);
     EXPECT_NEAR(pose.read_back_uncertainty[0], std::sqrt(0.13 / 3), 1e-12);
@@ -303,7 +303,7 @@ TEST(Runner, TakesFramesOnlyAfterTheStageHasSettled) {
     StationOfMocks mocks;
     mocks.stop_before(3);
     const QualifyResult result = mocks.run();
-    for (const Pose& pose : result.poses) {
+    for (const AnalysedPose& pose : result.poses) {
         EXPECT_NEAR(*pose.settled_s - pose.move_start_s, 0.040, 1e-9);
         EXPECT_GT(pose.frames[0].exposure_start_s, *pose.settled_s);
         EXPECT_GT(pose.frames[1].exposure_start_s, pose.frames[0].exposure_start_s);
@@ -354,11 +354,11 @@ TEST(Runner, PassesATrueCamera) {
     EXPECT_EQ(mocks.run_file()["detection"]["rate"], 1.0);
     EXPECT_EQ(mocks.run_file()["measurements"].size(), 2u);
     int renders = 0;
-    for (const Pose& pose : result.poses)
+    for (const AnalysedPose& pose : result.poses)
         renders += !pose.render_file.empty() &&
                    std::filesystem::exists(mocks.folder / "record" / pose.render_file);
     EXPECT_EQ(renders, 15);
-    for (const Pose& pose : result.poses) {
+    for (const AnalysedPose& pose : result.poses) {
         EXPECT_EQ(pose.residual.has_value(), pose.hold_out);
         if (pose.residual) {
             EXPECT_LT(pose.residual->rms_gray, 1.0) << "pose " << pose.index;

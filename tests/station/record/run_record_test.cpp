@@ -82,7 +82,7 @@ TEST(RunRecord, KnowsTheTimesThatItWrites) {
 TEST(RunRecord, LogsAPoseOnlyWhenItsFramesAreWritten) {
     const TemporaryFolder folder;
     RunRecord record(folder / "run");
-    Pose pose;
+    VisitedPose pose;
     pose.index = 3;
     pose.target = {7, -5};
     pose.read_back = {7.001, -5.002};
@@ -108,7 +108,7 @@ QualifyResult result_of(const TemporaryFolder& folder) {
     result.plan = make_plan(result.station.plan, result.station.stage.axes, {});
     result.started_utc = "2026-03-07T14:05:09Z";
     result.software = software_versions();
-    Pose pose = result.plan.poses.front();
+    AnalysedPose pose{VisitedPose{result.plan.poses.front()}};
     pose.target = {7, -5, 3, 0.5};
     pose.read_back = {7.25, -5, 3, 0.5};
     pose.read_back_deviation = {0.125, 0, 0, 0};

@@ -91,9 +91,9 @@ TEST(StageRegistration, AQualificationOfDegenerateTrainingPosesIsRefused) {
     PhotographedStation set;
     const StationFile station = set.station();
     const Projector projector(station.camera.model);
-    std::vector<Pose> poses(30);
+    std::vector<VisitedPose> poses(30);
     for (std::size_t i = 0; i < poses.size(); ++i) {
-        Pose& pose = poses[i];
+        VisitedPose& pose = poses[i];
         pose.hold_out = i % 2 == 1;
         pose.read_back = {0.0, 0.0, 2.0 * static_cast<double>(i), 0.0};
         pose.read_back_uncertainty.assign(4, 0.0);

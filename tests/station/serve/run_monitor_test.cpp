@@ -35,11 +35,11 @@ void expect_end(const RunMonitor& watch, const QualifyResult& result) {
     EXPECT_EQ(watch.outcome(), name(result.outcome));
     ASSERT_EQ(watch.poses().size(), result.plan.poses.size());
     EXPECT_EQ(watch.figures().visited, static_cast<int>(result.poses.size()));
-    const auto seen = std::ranges::count_if(result.poses, &Pose::detections);
+    const auto seen = std::ranges::count_if(result.poses, &VisitedPose::detections);
     EXPECT_EQ(watch.figures().seen, seen);
     EXPECT_EQ(watch.latest_pose(), result.poses.back().index);
     EXPECT_EQ(watch.camera_serial(), "CAM-7");
-    for (const Pose& pose : result.poses) {
+    for (const VisitedPose& pose : result.poses) {
         const WatchedPose& watched = watch.poses()[static_cast<std::size_t>(pose.index)];
         EXPECT_EQ(watched.target, pose.target);
         EXPECT_EQ(watched.photo, first_whole(pose)->file);

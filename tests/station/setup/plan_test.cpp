@@ -45,7 +45,7 @@ TEST(Plan, FillsTheVolumeAndStaysInside) {
     for (std::size_t k = 0; k < axes.size(); ++k) {
         const auto [low, high] = wanted.volume[k];
         double smallest = high, largest = low;
-        for (const Pose& pose : plan.poses) {
+        for (const PlannedPose& pose : plan.poses) {
             smallest = std::min(smallest, pose.target[k]);
             largest = std::max(largest, pose.target[k]);
         }
@@ -64,7 +64,7 @@ TEST(Plan, SpreadsTrainingAndHoldOutEachOverTheWholeVolume) {
     for (const bool hold_out : {false, true}) {
         int total = 0;
         std::vector<int> low_half(axes.size());
-        for (const Pose& pose : plan.poses) {
+        for (const PlannedPose& pose : plan.poses) {
             if (pose.hold_out != hold_out)
                 continue;
             ++total;
@@ -103,7 +103,7 @@ TEST(Plan, ComesToEachAxisFromBothSides) {
     }
 }
 
-double travelled_s(const std::vector<Pose>& poses) {
+double travelled_s(const std::vector<PlannedPose>& poses) {
     double sum = 0.0;
     for (std::size_t i = 1; i < poses.size(); ++i)
         sum +=
@@ -115,7 +115,7 @@ double travelled_s(const std::vector<Pose>& poses) {
 TEST(Plan, TravelsLessThanHalfOfWhatARandomOrderWould) {
     const Plan plan = plan_of(request());
     // A random order: every pose to the one half the plan further on.
-    std::vector<Pose> shuffled;
+    std::vector<PlannedPose> shuffled;
     for (std::size_t i = 0; i < plan.poses.size(); ++i)
         shuffled.push_back(plan.poses[i * 37 % plan.poses.size()]);
     EXPECT_LT(travelled_s(plan.poses), 0.5 * travelled_s(shuffled));
@@ -134,7 +134,7 @@ TEST(Plan, IsTheSameForTheSameSeedAndAnotherForAnother) {
 TEST(Plan, KeepsAnAxisThatIsNotToMoveWhereItIs) {
     PlanRequest wanted = request();
     wanted.volume[1] = {17, 17};
-    for (const Pose& pose : plan_of(wanted).poses)
+    for (const PlannedPose& pose : plan_of(wanted).poses)
         EXPECT_EQ(pose.target[1], 17);
 }
 
@@ -165,7 +165,7 @@ TEST(Plan, KeepsOutOfForbiddenBoxesOnItsWayAsWell) {
     const Plan plan = make_plan(wanted, axes, std::chrono::milliseconds(5), rules);
     ASSERT_EQ(plan.poses.size(), 75u);
     ASSERT_EQ(plan.legs.size(), 75u);
-    EXPECT_EQ(std::ranges::count(plan.poses, true, &Pose::hold_out), 40);
+    EXPECT_EQ(std::ranges::count(plan.poses, true, &PlannedPose::hold_out), 40);
     const std::vector<double> home = {0, 0, 0};
     std::size_t split = 0;
     Duration travel{};
@@ -188,7 +188,7 @@ TEST(Plan, LeavesOutWhatIsOfNoUse) {
     };
     const Plan plan = make_plan(request(), axes, {}, {}, is_useful);
     ASSERT_EQ(plan.poses.size(), 75u);
-    for (const Pose& pose : plan.poses)
+    for (const PlannedPose& pose : plan.poses)
         EXPECT_TRUE(is_useful(pose.target));
 }
 
@@ -241,7 +241,7 @@ TEST(Plan, KeepsToWhatTheCameraSees) {
     const Plan plan = plan_of(station);
     const Projector projector(station.camera.model);
     EXPECT_EQ(std::ssize(plan.poses), station.plan.poses + station.plan.repeats);
-    for (const Pose& pose : plan.poses) {
+    for (const PlannedPose& pose : plan.poses) {
         const Rigid camera_from_marker = *station.camera_from_base_nominal *
                                          base_from_carriage(station.stage.axes, pose.target) *
                                          station.carriage_from_marker_nominal;

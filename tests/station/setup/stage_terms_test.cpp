@@ -24,14 +24,14 @@ std::vector<Axis> xy_rz() {
     return axes;
 }
 
-Pose visited(const std::vector<double>& position) {
-    Pose pose;
+VisitedPose visited(const std::vector<double>& position) {
+    VisitedPose pose;
     pose.read_back = position;
     pose.read_back_uncertainty.assign(position.size(), 0.0);
     return pose;
 }
 
-const std::vector<Pose> visits = {visited({70, -50, 0.0}), visited({-30, 20, 1.2})};
+const std::vector<VisitedPose> visits = {visited({70, -50, 0.0}), visited({-30, 20, 1.2})};
 
 const DeclaredStageTerm& named(const std::vector<DeclaredStageTerm>& terms,
                                const std::string& name) {

@@ -113,7 +113,7 @@ TEST(StationFile, TakesAWideLensWithAPlanThatIsRendered) {
     const StationFile station = read_station(folder / "station.yaml");
     EXPECT_EQ(station.camera.model.projection.kind, Projection::equidistant);
     double widest = 0.0;
-    for (const Pose& pose : plan_of(station).poses) {
+    for (const PlannedPose& pose : plan_of(station).poses) {
         const Rigid at = expected_pose(station, pose.target);
         EXPECT_TRUE(is_rendered(station.marker.grid, at, station.camera.model));
         widest = std::max(widest, std::acos(at.translation.normalized().z()));

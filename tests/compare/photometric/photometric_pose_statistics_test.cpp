@@ -56,14 +56,13 @@ Radiance tag_reference() {
     return 0.8 * radiance;
 }
 
-const auto camera = std::make_shared<const PhotometricCamera>(noisy_camera());
+const auto noisy = std::make_shared<const PhotometricCamera>(noisy_camera());
 
 PhotoOfMarker photo(const Rigid& near, std::uint64_t seed) {
-    const CodeImage image = SensorModel(camera->model()).expose(tag_reference(), NoiseKey{seed, 0});
-    return {
-        gray_of(image), tag().grid,
-        pixel_uses(camera->projector(), near, compared_area(tag(), {}, "test")) != pixel_outside,
-        255, 1.0};
+    const CodeImage image = SensorModel(noisy->model()).expose(tag_reference(), NoiseKey{seed, 0});
+    return {gray_of(image), tag().grid,
+            pixel_uses(noisy->projector(), near, compared_area(tag(), {}, "test")) != pixel_outside,
+            255, 1.0};
 }
 
 constexpr PhotometricTerms planes_only{.level_terms = 3, .psf = false, .tone = false};
@@ -76,7 +75,7 @@ Rigid displaced_start() {
 }
 
 PhotometricPose pose_from(const PhotoOfMarker& seen, const Rigid& start) {
-    return photometric_pose(seen, camera, starting_state(seen, *camera, start, planes_only),
+    return photometric_pose(seen, noisy, starting_state(seen, *noisy, start, planes_only),
                             planes_only);
 }
 
@@ -206,14 +205,14 @@ TEST(PhotometricPose, RefusesWhatDeterminesNoPose) {
     PhotoOfMarker seen = photo(tag_pose(), 6);
     PhotoOfMarker nothing = seen;
     nothing.use = cv::Mat(seen.use.size(), CV_8UC1, cv::Scalar(0));
-    EXPECT_THROW(starting_state(nothing, *camera, tag_pose(), planes_only), NumericalError);
-    const PhotoState start = starting_state(seen, *camera, tag_pose(), planes_only);
-    EXPECT_THROW(photometric_pose(nothing, camera, start, planes_only), NumericalError);
+    EXPECT_THROW(starting_state(nothing, *noisy, tag_pose(), planes_only), NumericalError);
+    const PhotoState start = starting_state(seen, *noisy, tag_pose(), planes_only);
+    EXPECT_THROW(photometric_pose(nothing, noisy, start, planes_only), NumericalError);
     PhotoOfMarker other_size = seen;
     other_size.gray = cv::Mat(20, 30, CV_32FC1, cv::Scalar(100));
-    EXPECT_THROW(photometric_pose(other_size, camera, start, planes_only), NumericalError);
+    EXPECT_THROW(photometric_pose(other_size, noisy, start, planes_only), NumericalError);
     seen.gray.at<float>(45, 60) = std::numeric_limits<float>::quiet_NaN();
-    EXPECT_THROW(photometric_pose(seen, camera, start, planes_only), NumericalError);
+    EXPECT_THROW(photometric_pose(seen, noisy, start, planes_only), NumericalError);
 }
 
 }  // namespace

@@ -293,7 +293,7 @@ std::vector<std::string> bias_row(const std::string& label, const std::vector<An
 }
 
 void add_biases(HtmlPage& page, const std::vector<AnalysedPose>& poses) {
-    page.add_heading("AnalysedPose biases on the hold-out poses");
+    page.add_heading("Pose biases on the hold-out poses");
     page.add_paragraph(
         "Mean and scatter by component, in the camera frame. Judged is the field of B3 and, where "
         "there is a limit, of B4; B1 and B2 are reported.");
@@ -606,7 +606,7 @@ HtmlPage::Figure pose_figure(const QualifyResult& result, const Extreme& shown) 
     constexpr double gain = 4.0;
     const AnalysedPose& pose = *shown.pose;
     const std::string caption = fmt::format(
-        "AnalysedPose {} ({}): photograph, render, and their difference enlarged {:.0f} times "
+        "Pose {} ({}): photograph, render, and their difference enlarged {:.0f} times "
         "(red: the "
         "photograph is brighter, cyan: the render is). A coloured rim is an edge out of place.",
         pose.index, shown.label, gain);

@@ -227,6 +227,10 @@ Sharpening measure_sharpening(std::span<const StraightEdge> edges, const CameraM
     return sharpening_of(mean_profile(edges, fit_edges(edges, gaussian), gaussian));
 }
 
+BlurWidth estimate_gaussian(std::span<const StraightEdge> edges, const CameraModel& camera) {
+    return width_of(fit_edges(edges, gaussian_of_edges(edges, camera)));
+}
+
 PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
                                           const CameraModel& camera) {
     const BlurModel gaussian = gaussian_of_edges(edges, camera);

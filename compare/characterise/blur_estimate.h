@@ -84,6 +84,9 @@ struct PointSpreadEstimate {
 // will do (EdgeSelection::with_clipped). Errors as below.
 Sharpening measure_sharpening(std::span<const StraightEdge> edges, const CameraModel& camera);
 
+// The width of the edges' blur alone; edges and errors as below.
+BlurWidth estimate_gaussian(std::span<const StraightEdge> edges, const CameraModel& camera);
+
 // Edges of one or several photographs (all with one camera). Throws NumericalError for fewer than 4
 // edges and when a fit does not converge. About 0.1 ms an edge for a width, ten times that for the
 // profile. Safe from every thread.

@@ -358,7 +358,7 @@ std::vector<BlurAtDepth> blur_by_depth(std::vector<StraightEdge> edges, CameraMo
         double depth = 0.0;
         for (const StraightEdge& edge : group)
             depth += 1.0 / edge.depth_term / static_cast<double>(group.size());
-        const BlurWidth width = estimate_point_spread(group, camera).gaussian;
+        const BlurWidth width = estimate_gaussian(group, camera);
         result.push_back({depth, width.sigma_px, width.standard_uncertainty_px});
     }
     return result;

@@ -146,11 +146,11 @@ void add_drift(std::vector<ErrorCandidate>& all, const CandidateRequest& request
 }
 
 // What photographs tell of camera and light that corners hardly do.
-struct PixelSuspect {
+struct PixelErrorCandidate {
     const char *name, *unit, *remedy;
     double size;
 };
-constexpr PixelSuspect pixel_suspects[] = {
+constexpr PixelErrorCandidate pixel_error_candidates[] = {
     {"f-number", "", "set the lens' aperture as in the calibration's file, or measure it again",
      0.1},
     {"focus distance", "1/mm",
@@ -195,7 +195,7 @@ void add_pixel_candidates(std::vector<ErrorCandidate>& all, const CandidateReque
         shrink->pixels = row_of("edge shrink", shrink->size);
     const auto rows =
         static_cast<Eigen::Index>(2 * request.chain.points_mm.size() * request.chain.poses.size());
-    for (const PixelSuspect& each : pixel_suspects) {
+    for (const PixelErrorCandidate& each : pixel_error_candidates) {
         if (!has(each.name))
             continue;
         ErrorCandidate candidate{each.name,

@@ -54,8 +54,8 @@ struct Line {
     std::vector<std::string> words;
 };
 
-std::vector<std::string> words_of(std::string_view line) {
-    std::istringstream stream{std::string(line)};
+std::vector<std::string> words_of(const std::string& line) {
+    std::istringstream stream{line};
     return {std::istream_iterator<std::string>(stream), {}};
 }
 
@@ -64,9 +64,9 @@ std::vector<Line> camera_lines(const std::filesystem::path& path) {
     int number = 0;
     for (const std::string& line : split(read_text(path), '\n')) {
         ++number;
-        const std::string_view content = trimmed(line);
-        if (!content.empty() && content.front() != '#')
-            cameras.push_back({{path.string(), number, ""}, words_of(content)});
+        std::vector<std::string> words = words_of(line);
+        if (!words.empty() && words.front().front() != '#')
+            cameras.push_back({{path.string(), number, ""}, std::move(words)});
     }
     return cameras;
 }

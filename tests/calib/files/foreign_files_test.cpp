@@ -385,6 +385,7 @@ TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
     EXPECT_THAT(foreign_error(with_other(colmap_text, "3072", "-5")),
                 HasSubstr("case:4: must be a whole"));
     EXPECT_THAT(foreign_error("1 PINHOLE\n"), HasSubstr("PARAMS: PINHOLE has 4 parameters, not 0"));
+    EXPECT_EQ(read_foreign(colmap_text + "\v\n \f#\n", "3").width, 3072);
 }
 
 // A camera of which every tool's model holds all coefficients up to the given one.

@@ -34,9 +34,15 @@ if ! { cmake --install build/release --component Unspecified --prefix build/fuzz
     exit 1
 fi
 
-# Seeds that lie elsewhere, as what they are.
+# Where a target begins: the inputs of its archive, of which each reaches edges that no other does, and
+# files that lie elsewhere. New ones, in build/fuzz/corpus/TARGET, are added by hand: unpack, then
+# cmake -E tar cf TARGET.zip --format=zip FILES.
 seeds_of() {
-    echo "tests/fuzz/corpus/$1"
+    local unpacked=build/fuzz/seeds/$1
+    rm -rf "$unpacked"
+    mkdir -p "$unpacked"
+    (cd "$unpacked" && cmake -E tar xf "$OLDPWD/tests/fuzz/corpus/$1.zip")
+    echo "$unpacked"
     if [ "$1" = own_files ]; then
         echo examples/demo examples/study examples/every-key stage/profiles tests/vm/qualify
     fi

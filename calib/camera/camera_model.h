@@ -141,6 +141,8 @@ struct CameraUncertainty {
     // Of each density of PointSpread::profile and of each code of Transfer::table, in their
     // units; empty where not known.
     std::vector<double> psf_density, transfer_code;
+
+    bool operator==(const CameraUncertainty&) const = default;
 };
 
 struct CameraModel {

@@ -169,20 +169,4 @@ LensProjection cahvor_projection(double alpha, double beta, double r0, double r1
 LensProjection splined_projection(int order, int columns, int rows, double field_of_view_deg,
                                   std::vector<double> control_points);
 
-// The part about numbers.
-void check_coefficients(std::span<const double> coefficients);
-
-// As onto_plane() and from_plane() of calib/camera/lens_projection.h, for a projection of each
-// kind. The first two are right to rounding; the splined one is inverted by Newton's method in some
-// us.
-std::optional<OnPlane> polynomial_onto_plane(const LensTable& table, const Eigen::Vector3d& ray);
-std::optional<Eigen::Vector3d> polynomial_from_plane(const LensTable& table,
-                                                     const Eigen::Vector2d& point);
-std::optional<OnPlane> cahvor_onto_plane(const LensTable& table, const Eigen::Vector3d& ray);
-std::optional<Eigen::Vector3d> cahvor_from_plane(const LensTable& table,
-                                                 const Eigen::Vector2d& point);
-std::optional<OnPlane> splined_onto_plane(const LensTable& table, const Eigen::Vector3d& ray);
-std::optional<Eigen::Vector3d> splined_from_plane(const LensTable& table,
-                                                  const Eigen::Vector2d& point);
-
 }  // namespace etalon

@@ -237,7 +237,7 @@ StabilityOutcome agrees_with_long_double(const Problem& problem) {
     const CameraFit fit =
         fit_camera(views.views, {problem.camera.width, problem.camera.height}, model);
     const Eigen::MatrixXd covariance =
-        fit.variance * inverse_information(view_equations(views.views, fit, model), model);
+        fit.variance * inverse_information(view_equations(views.views, fit), model);
     const Eigen::VectorXd u = covariance.diagonal().cwiseSqrt();
     const Eigen::VectorXd difference =
         parameters_of(fit.camera, model) - long_double_solution(problem, views, model, fit.pull);
@@ -270,7 +270,7 @@ StabilityOutcome same_for_every_length(const Problem& problem) {
                            "boards of 0.4 um to 400 km beside one of 400 mm"};
     const Views views = views_of(problem);
     const Eigen::VectorXd u =
-        (fit.variance * inverse_information(view_equations(views.views, fit, model), model))
+        (fit.variance * inverse_information(view_equations(views.views, fit), model))
             .diagonal()
             .cwiseSqrt();
     for (const double scale : {1e-6, 1e-3, 1e3, 1e6}) {

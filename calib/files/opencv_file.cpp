@@ -211,18 +211,16 @@ ForeignMatrix read_matrix(const OpenedFile& opened, const NamedNode& named) {
     return matrix;
 }
 
-// Of the coefficients that a file lists, in its order.
-std::array<const char*, 14> names_in_file(Projection projection) {
-    if (projection == Projection::equidistant)
-        return {"k1", "k2", "k3", "k7", "", "", "", "", "", "", "", "", "", ""};
-    std::array<const char*, 14> names{};
-    std::copy_n(distortion_names.begin(), names.size(), names.begin());
-    return names;
+const ParameterNames intrinsics_order{intrinsic_names.begin(), intrinsic_names.end()};
+
+// Of the coefficients that a file lists at most, in its order.
+ParameterNames names_in_file(Projection projection) {
+    return projection == Projection::equidistant ? kannala_brandt : first_coefficients(14);
 }
 
 // Standard deviations as OpenCV's interactive-calibration writes them: of fx fy cx cy, and of the
 // first coefficients. Those of parameters that were held fixed are 0 and say nothing.
-void append_deviations(const OpenedFile& opened, Names keys, std::span<const char* const> names,
+void append_deviations(const OpenedFile& opened, Names keys, const ParameterNames& names,
                        std::vector<std::pair<std::string, double>>& deviations) {
     const auto named = find(opened, keys);
     if (!named)
@@ -245,13 +243,11 @@ void append_deviations(const OpenedFile& opened, Names keys, std::span<const cha
 
 std::optional<ParameterCovariance> read_covariance(const OpenedFile& opened,
                                                    Projection projection) {
-    const auto names = names_in_file(projection);
-    const bool has_four = projection == Projection::equidistant;
     std::vector<std::pair<std::string, double>> deviations;
-    append_deviations(opened, {"camera_matrix_std_dev", "cameraMatrix_std_dev"}, intrinsic_names,
+    append_deviations(opened, {"camera_matrix_std_dev", "cameraMatrix_std_dev"}, intrinsics_order,
                       deviations);
     append_deviations(opened, {"distortion_coefficients_std_dev", "dist_coeffs_std_dev"},
-                      std::span(names).first(has_four ? 4 : names.size()), deviations);
+                      names_in_file(projection), deviations);
     if (deviations.empty())
         return std::nullopt;
     const auto n = static_cast<Eigen::Index>(deviations.size());
@@ -321,11 +317,26 @@ void read_wide_projection(const OpenedFile& opened, const ForeignMatrix& distort
     }
 }
 
+std::size_t checked_count(const ForeignMatrix& distortion) {
+    const std::size_t count = distortion.values.size();
+    const bool is_vector = distortion.rows == 1 || distortion.cols == 1;
+    if (!is_vector || (count != 4 && count != 5 && count != 8 && count != 12 && count != 14))
+        throw ConfigError(distortion.place,
+                          fmt::format("must be a row or column of 4, 5, 8, 12 or 14 coefficients, "
+                                      "not {}x{} with {} numbers",
+                                      distortion.rows, distortion.cols, count));
+    if (std::ranges::any_of(distortion.values, [](double x) { return !std::isfinite(x); }))
+        throw ConfigError(distortion.place, "has a number that is not finite");
+    return count;
+}
+
 CameraModel read_camera_from(const OpenedFile& opened) {
     refuse_other_models(opened);
     const ForeignMatrix camera_matrix = read_matrix(opened, require(opened, camera_matrix_names));
     const ForeignMatrix distortion = read_matrix(opened, require(opened, distortion_keys));
-    CameraModel camera = camera_from_matrices(camera_matrix, distortion);
+    CameraModel camera;
+    camera.intrinsics = intrinsics_of(camera_matrix);
+    set_parameters(camera, first_coefficients(checked_count(distortion)), distortion.values);
     read_wide_projection(opened, distortion, camera);
     camera.covariance = read_covariance(opened, camera.projection.kind);
     read_image_size(opened, camera);
@@ -333,23 +344,21 @@ CameraModel read_camera_from(const OpenedFile& opened) {
 }
 
 // Standard deviations of these parameters, 0 for those that the covariance does not have.
-template <std::size_t N>
-std::array<double, N> deviations_of(const CameraModel& camera,
-                                    const std::array<const char*, N>& names) {
-    std::array<double, N> deviations{};
+std::vector<double> deviations_of(const CameraModel& camera, const ParameterNames& names) {
+    std::vector<double> deviations(names.size());
     if (!camera.covariance)
         return deviations;
     const auto& [order, matrix] = *camera.covariance;
     for (std::size_t i = 0; i < order.size(); ++i)
-        if (const auto at = std::find(names.begin(), names.end(), order[i]); at != names.end()) {
+        if (const auto at = std::ranges::find(names, order[i]); at != names.end()) {
             const auto k = static_cast<Eigen::Index>(i);
             deviations[static_cast<std::size_t>(at - names.begin())] = std::sqrt(matrix(k, k));
         }
     return deviations;
 }
 
-// How many coefficients OpenCV would write to hold all that are not 0.
-int shortest_list(const std::array<double, 14>& values) {
+// How many of 14 coefficients OpenCV would write to hold all that are not 0.
+int shortest_list(const std::vector<double>& values) {
     int count = 14;
     for (const int shorter : {12, 8, 5})
         if (std::all_of(values.begin() + shorter, values.end(), [](double c) { return c == 0.0; }))
@@ -376,22 +385,16 @@ void write_opencv_camera(const std::filesystem::path& path, const CameraModel& c
     const bool is_fisheye = projection == Projection::equidistant;
     if (projection == Projection::perspective)
         require_no_skew(camera, path, "OpenCV's perspective model");
-    if (is_fisheye)
-        require_only(camera, kannala_brandt, path, format);
-    else
-        shortest_distortion(camera, {projection == Projection::unified ? 4 : 14}, path, format);
+    const ParameterNames names =
+        projection == Projection::unified ? first_coefficients(4) : names_in_file(projection);
+    require_only(camera, names, path, format);
     const Intrinsics& i = camera.intrinsics;
     const cv::Matx33d camera_matrix(i.fx, i.skew, i.cx, 0, i.fy, i.cy, 0, 0, 1);
-    auto coefficients = camera.distortion.in_opencv_order();
-    if (is_fisheye) {
-        coefficients = {};
-        const std::vector<double> k = parameters_of(camera, kannala_brandt);
-        std::copy(k.begin(), k.end(), coefficients.begin());
-    }
-    const auto deviations = deviations_of(camera, names_in_file(projection));
+    const std::vector<double> coefficients = parameters_of(camera, names),
+                              deviations = deviations_of(camera, names);
     const int count = projection == Projection::perspective
                           ? std::max(shortest_list(coefficients), shortest_list(deviations))
-                          : 4;
+                          : static_cast<int>(names.size());
 
     const std::string kind = path.extension();
     cv::FileStorage storage(kind == ".xml" || kind == ".json" ? kind : ".yml",
@@ -404,7 +407,7 @@ void write_opencv_camera(const std::filesystem::path& path, const CameraModel& c
     if (projection == Projection::unified)
         storage << "xi" << camera.projection.a;
     if (camera.covariance) {
-        storage << "cameraMatrix_std_dev" << cv::Mat(deviations_of(camera, intrinsic_names));
+        storage << "cameraMatrix_std_dev" << cv::Mat(deviations_of(camera, intrinsics_order));
         storage << "dist_coeffs_std_dev" << cv::Mat(deviations).rowRange(0, count);
     }
     write_text(path, storage.releaseAndGetString());

@@ -22,6 +22,19 @@
 namespace etalon {
 namespace {
 
+Eigen::Vector2d middle_of(cv::Size image_size) {
+    return {0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1)};
+}
+
+CameraModel centred_camera(cv::Size image_size, const LensProjection& projection,
+                           const Eigen::Vector2d& focal) {
+    const Eigen::Vector2d principal = middle_of(image_size);
+    return {.width = image_size.width,
+            .height = image_size.height,
+            .projection = projection,
+            .intrinsics = {focal.x(), focal.y(), principal.x(), principal.y()}};
+}
+
 // Moves points to their centroid and scales them to a mean square of 2.
 struct Normaliser {
     Eigen::Vector2d centre = Eigen::Vector2d::Zero();
@@ -258,13 +271,12 @@ std::vector<LensProjection> first_guesses(Projection kind) {
 // Poses of all views for a camera without distortion, and the sum of the squared distances that
 // they leave, px; nothing when it does not see all of them.
 struct PosedViews {
-    std::vector<BundlePose> poses;
+    std::vector<Rigid> camera_from_target;
     double squares = 0.0;
 };
 std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
                                       const std::vector<BundleView>& bundle_views,
                                       const CameraModel& camera) {
-    Bundle one{camera.projection, all_parameters(camera), {}};
     PosedViews posed;
     for (std::size_t v = 0; v < views.size(); ++v) {
         std::vector<Eigen::Vector2d> plane;
@@ -273,11 +285,12 @@ std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
         const auto pose = pose_from_plane(views[v].points_mm, plane, camera.projection);
         if (!pose)
             return std::nullopt;
-        posed.poses.push_back(bundle_pose(*pose, bundle_views[v].centre_mm));
-        one.poses = {posed.poses.back()};
-        const auto cost = bundle_cost({bundle_views[v]}, one, {});
+        const std::vector<BundleView> one{bundle_views[v]};
+        const Bundle bundle = bundle_of(camera, {&*pose, 1}, one);
+        const auto cost = bundle_cost(one, bundle, {});
         if (!cost)
             return std::nullopt;
+        posed.camera_from_target.push_back(poses_of(bundle, one).front());
         posed.squares += *cost;
     }
     return posed;
@@ -332,61 +345,47 @@ Rigid mirrored_pose(const Rigid& camera_from_target, const Eigen::Vector3d& cent
 }
 
 CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size image_size) {
-    const Eigen::Vector2d principal(0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1));
+    const Eigen::Vector2d principal = middle_of(image_size);
     const std::vector<Plane> planes = undistorted_planes(views, principal);
     const Eigen::Vector2d focal =
         searched_focal(planes, std::hypot(image_size.width, image_size.height), principal);
-    Bundle bundle{.camera = CameraParameters::Zero()};
-    bundle.camera.head<4>() << focal, principal;
+    CameraStart start{centred_camera(image_size, {}, focal), {}};
     std::vector<BundleView> undistorted;
     for (std::size_t i = 0; i < views.size(); ++i) {
         CalibrationView view = views[i];
         view.pixels = planes[i].seen;
         undistorted.push_back(bundle_view(view));
-        const Rigid pose = rigid_of(planes[i], fit_plane(planes[i], focal, principal).pose);
-        bundle.poses.push_back(bundle_pose(pose, undistorted[i].centre_mm));
+        start.camera_from_target.push_back(
+            rigid_of(planes[i], fit_plane(planes[i], focal, principal).pose));
     }
     constexpr int few = 20;
-    const auto solution =
-        adjust_bundle(undistorted, bundle, {.free = {0, 1}, .most_iterations = few});
-    if (solution)
+    Bundle bundle = bundle_of(start.camera, start.camera_from_target, undistorted);
+    if (const auto solution =
+            adjust_bundle(undistorted, bundle, {.free = {0, 1}, .most_iterations = few}))
         bundle = solution->bundle;
-    CameraStart start;
-    start.camera.width = image_size.width;
-    start.camera.height = image_size.height;
     set_all_parameters(start.camera, bundle.camera);
-    for (std::size_t i = 0; i < views.size(); ++i)
-        start.camera_from_target.push_back(rigid_from(bundle.poses[i], undistorted[i].centre_mm));
+    start.camera_from_target = poses_of(bundle, undistorted);
     return start;
 }
 
 std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView> views,
                                                  cv::Size image_size, Projection projection) {
     const double diagonal = std::hypot(image_size.width, image_size.height);
-    std::vector<BundleView> all;
-    for (const CalibrationView& view : views)
-        all.push_back(bundle_view(view));
+    const std::vector<BundleView> all = bundle_views(views);
     std::vector<CameraStart> starts;
     for (const LensProjection& guess : first_guesses(projection)) {
         std::optional<PosedViews> best;
         CameraStart start;
         for (double f = 0.05 * diagonal; f < 5.0 * diagonal; f *= 1.1) {
-            CameraModel camera;
-            camera.width = image_size.width;
-            camera.height = image_size.height;
-            camera.projection = guess;
-            camera.intrinsics = {f, f, 0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1)};
+            const CameraModel camera = centred_camera(image_size, guess, {f, f});
             auto posed = posed_views(views, all, camera);
             if (!posed || (best && posed->squares >= best->squares))
                 continue;
             best = std::move(posed);
-            start.camera = camera;
+            start = {camera, best->camera_from_target};
         }
-        if (!best)
-            continue;
-        for (std::size_t i = 0; i < views.size(); ++i)
-            start.camera_from_target.push_back(rigid_from(best->poses[i], all[i].centre_mm));
-        starts.push_back(std::move(start));
+        if (best)
+            starts.push_back(std::move(start));
     }
     if (starts.empty())
         throw NumericalError(
@@ -554,13 +553,8 @@ CameraStart telecentric_calibration_start(std::span<const CalibrationView> views
     const double fx = magnification(affine, ratio).mean, fy = ratio * fx;
     if (!std::isfinite(fx) || !(fx > 0.0))
         throw NumericalError("the pixels of a view do not make a plane");
-    CameraStart start;
-    start.camera.projection.kind = Projection::telecentric;
-    start.camera.width = image_size.width;
-    start.camera.height = image_size.height;
-    const Eigen::Vector2d principal(0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1));
-    start.camera.intrinsics = {fx, fy, principal.x(), principal.y()};
-    const Eigen::Vector2d to_mm(1.0 / fx, 1.0 / fy);
+    CameraStart start{centred_camera(image_size, {Projection::telecentric}, {fx, fy}), {}};
+    const Eigen::Vector2d principal = middle_of(image_size), to_mm(1.0 / fx, 1.0 / fy);
     for (AffineView& view : affine) {
         view.map = to_mm.asDiagonal() * view.map;
         view.middle = to_mm.cwiseProduct(view.middle - principal);

@@ -17,21 +17,20 @@ namespace {
 struct Half {
     CameraModel camera;
     std::size_t views = 0;
-    Eigen::MatrixXd formal, robust;
+    CalibrationCovariances covariances;
 };
 
-Half calibrated_half(std::span<const CalibrationView> views, std::size_t first, cv::Size image_size,
-                     const CalibrationModel& model, const CameraFit& all) {
+Half calibrated_half(std::span<const CalibrationView> views, std::size_t first,
+                     const CameraFit& all) {
     std::vector<CalibrationView> chosen;
-    CameraStart start{all.camera, {}};
+    std::vector<Rigid> poses;
     for (std::size_t i = first; i < views.size(); i += 2) {
         chosen.push_back(views[i]);
-        start.camera_from_target.push_back(all.camera_from_target[i]);
+        poses.push_back(all.camera_from_target[i]);
     }
-    const CameraFit fit = fit_camera(chosen, image_size, model, {.start = start});
-    const auto equations = view_equations(chosen, fit, model);
-    return {fit.camera, chosen.size(), formal_covariance(equations, model, fit.variance),
-            cluster_robust_covariance(equations, model)};
+    const CameraFit fit = refit_camera(chosen, all, std::move(poses));
+    return {fit.camera, chosen.size(),
+            covariances_of(view_equations(chosen, fit), fit.model, fit.variance)};
 }
 
 // The rays that the second camera sees too.
@@ -97,16 +96,16 @@ ProjectionDifference projection_difference(const CameraModel& second, const Imag
     return difference;
 }
 
-CrossValidation cross_validate(std::span<const CalibrationView> views, cv::Size image_size,
-                               const CalibrationModel& model, const CameraFit& fit) {
+CrossValidation cross_validate(std::span<const CalibrationView> views, const CameraFit& fit) {
     if (views.size() < min_cross_validation_views)
         throw NumericalError(fmt::format("{} views, {} are needed for two halves", views.size(),
                                          min_cross_validation_views));
-    const Half first = calibrated_half(views, 0, image_size, model, fit);
-    const Half second = calibrated_half(views, 1, image_size, model, fit);
-    const Eigen::MatrixXd formal = first.formal + second.formal;
+    const Half first = calibrated_half(views, 0, fit), second = calibrated_half(views, 1, fit);
+    const Eigen::MatrixXd formal = first.covariances.formal + second.covariances.formal,
+                          robust =
+                              first.covariances.cluster_robust + second.covariances.cluster_robust;
     const ImageRays rays = rays_among(image_rays(first.camera), all_pixels(views));
-    const Eigen::MatrixXd moved = parameter_jacobian(first.camera, rays, model);
+    const Eigen::MatrixXd moved = parameter_jacobian(first.camera, rays, fit.model);
     const Eigen::VectorXd deviations = ray_deviations(moved, formal);
     ProjectionDifference difference = projection_difference(second.camera, rays, deviations);
 
@@ -123,7 +122,7 @@ CrossValidation cross_validate(std::span<const CalibrationView> views, cv::Size 
     const Eigen::MatrixXd rotated =
         less_best_rotation(moved, rotation_jacobian(first.camera, rays), deviations);
     result.expected_formal_px = std::sqrt(mean_square(rotated, formal));
-    result.expected_robust_px = std::sqrt(mean_square(rotated, first.robust + second.robust));
+    result.expected_robust_px = std::sqrt(mean_square(rotated, robust));
     return result;
 }
 
@@ -184,14 +183,12 @@ std::vector<Element> without(std::span<const Element> all, std::size_t left_out)
 using ViewLeftOut = Result<double>;
 
 // The search starts from the fit to all views, which is near.
-ViewLeftOut leave_out(std::span<const CalibrationView> views, cv::Size image_size,
-                      const CalibrationModel& model, const CameraFit& all, std::size_t view) {
+ViewLeftOut leave_out(std::span<const CalibrationView> views, const CameraFit& all,
+                      std::size_t view) {
     return attempted([&] {
-        const std::vector<Rigid> poses =
-            without(std::span<const Rigid>(all.camera_from_target), view);
-        const CameraModel camera = fit_camera(without(views, view), image_size, model,
-                                              {.start = CameraStart{all.camera, poses}})
-                                       .camera;
+        const std::span<const Rigid> poses = all.camera_from_target;
+        const CameraModel camera =
+            refit_camera(without(views, view), all, without(poses, view)).camera;
         const Rigid pose = fit_view_pose(camera, views[view]);
         return sum_of_squares(view_residuals(camera, pose, views[view]));
     });
@@ -222,20 +219,17 @@ void for_each_index(std::size_t count, const Task& task) {
 }
 
 // What the views say of the model's projection where their points are.
-void set_determinacy(ModelScore& score, std::span<const CalibrationView> views, cv::Size image_size,
-                     const CalibrationModel& model) {
+void set_determinacy(ModelScore& score, std::span<const CalibrationView> views) {
     const CameraFit& fit = *score.fit;
     const auto deviation = attempted([&] {
-        const auto equations = view_equations(views, fit, model);
-        return projection_uncertainty(fit.camera, model,
-                                      stated_covariance(equations, model, fit.variance),
-                                      all_pixels(views))
+        const auto covariances =
+            covariances_of(view_equations(views, fit), fit.model, fit.variance);
+        return projection_uncertainty(fit.camera, fit.model, covariances.stated, all_pixels(views))
             .worst_among_points(&PixelUncertainty::rotated);
     });
     score.projection_deviation_px = deviation.value;
     if (views.size() >= min_cross_validation_views)
-        score.halves_px =
-            attempted([&] { return cross_validate(views, image_size, model, fit).rms_px; }).value;
+        score.halves_px = attempted([&] { return cross_validate(views, fit).rms_px; }).value;
 }
 
 // The smallest of a figure among the models that are not in doubt.
@@ -331,13 +325,13 @@ std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv:
     for_each_index(left_out.size(), [&](std::size_t i) {
         const std::size_t model = i / views.size(), view = i % views.size();
         if (is_asked(model))
-            left_out[i] = leave_out(views, image_size, models[model], *scores[model].fit, view);
+            left_out[i] = leave_out(views, *scores[model].fit, view);
     });
     for_each_index(models.size(), [&](std::size_t i) {
         if (!is_asked(i))
             return;
         set_left_out(scores[i], std::span(left_out).subspan(i * views.size(), views.size()), views);
-        set_determinacy(scores[i], views, image_size, models[i]);
+        set_determinacy(scores[i], views);
     });
     return scores;
 }

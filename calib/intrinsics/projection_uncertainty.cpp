@@ -96,9 +96,7 @@ Eigen::MatrixXd rotation_jacobian(const CameraModel& camera, const ImageRays& ra
     Eigen::MatrixXd jacobian(2 * count, 3);
     for (Eigen::Index i = 0; i < count; ++i) {
         const Eigen::Vector3d& r = rays.rays[static_cast<std::size_t>(i)];
-        Eigen::Matrix3d turned;
-        turned << 0, r.z(), -r.y(), -r.z(), 0, r.x(), r.y(), -r.x(), 0;
-        jacobian.middleRows<2>(2 * i) = model(r).of * turned;
+        jacobian.middleRows<2>(2 * i) = model(r).of * -cross_matrix(r);
     }
     return jacobian;
 }

@@ -322,16 +322,10 @@ void state_covariance(const Place& fit, const CalibrationModel& model,
         freedom += photo.pixels - static_cast<double>(photo.score.size()) +
                    static_cast<double>(model.parameters.size());
     }
-    const Eigen::MatrixXd formal = formal_covariance(equations, model, squares / freedom),
-                          robust = cluster_robust_covariance(equations, model),
-                          stated = stated_covariance(equations, model, squares / freedom);
-    for (Eigen::Index i = 0; i < formal.rows(); ++i)
-        result.deviations.push_back({model.parameters[static_cast<std::size_t>(i)],
-                                     std::sqrt(formal(i, i)),
-                                     std::sqrt(robust(i, i)),
-                                     {},
-                                     std::sqrt(stated(i, i))});
-    result.camera.covariance = ParameterCovariance{model.parameters, stated};
+    const CalibrationCovariances covariances =
+        covariances_of(equations, model, squares / freedom);
+    result.deviations = deviations_of(model, covariances);
+    result.camera.covariance = ParameterCovariance{model.parameters, covariances.stated};
 }
 
 void require_usable(std::span<const CodeImage> photos, std::span<const CalibrationView> views,

@@ -92,16 +92,16 @@ void remark_on_deviations(const CalibrationRun& run, std::vector<std::string>& r
             "Corners of one photo are not independent: what the photos say of each other makes "
             "standard deviations more than {:g} times the formal ones ({}).",
             suspicious_deviation_ratio, fmt::join(suspicious, ", ")));
-    std::vector<std::string> askew;
-    for (const std::size_t i : calibration.askew())
-        askew.push_back(fmt::format("{} {:.5g} to {:.5g}", calibration.model.parameters[i],
+    std::vector<std::string> skewed;
+    for (const std::size_t i : calibration.skewed_intervals())
+        skewed.push_back(fmt::format("{} {:.5g} to {:.5g}", calibration.model.parameters[i],
                                     calibration.intervals[i]->low, calibration.intervals[i]->high));
-    if (!askew.empty())
+    if (!skewed.empty())
         remarks.push_back(fmt::format(
             "Parameters that trade for each other so freely that a standard deviation does not say "
             "how far off each may be; their 95 % intervals: {}. What the camera projects is as "
             "certain as stated.",
-            fmt::join(askew, ", ")));
+            fmt::join(skewed, ", ")));
     if (!calibration.covariances.bootstrap)
         remarks.push_back(fmt::format(
             "No bootstrap: it needs {} photos, and nearly every resample of them must determine "

@@ -18,7 +18,7 @@ TEST(BoardShapeStatistics, TrueBoardsAreCalledBentAsRarelyAsStated) {
         int alarms = 0;
         for (int run = 0; run < runs; ++run) {
             const auto views = test::views_of(test::flat, count, 0.1, 100 + run);
-            alarms += check_board(views, model, fit_camera(views, test::image_size, model))
+            alarms += check_board(views, fit_camera(views, test::image_size, model))
                           ->is_distorted();
         }
         std::cout << count << " views: " << alarms << " false alarms of " << runs << "\n";

@@ -65,12 +65,12 @@ TEST(CalibrateStatistics, RobustDeviationsAreWhatPhotosDoWhoseCornersErrTogether
         for (CalibrationView& view : views)
             bend(view, random);
         const CameraFit fit = fit_camera(views, {640, 480}, model);
-        const auto equations = view_equations(views, fit, model);
+        const auto covariances = covariances_of(view_equations(views, fit), model, fit.variance);
         const Eigen::VectorXd found = parameters_of(fit.camera, model);
         sum += found;
         squares += found.cwiseAbs2();
-        robust += cluster_robust_covariance(equations, model).diagonal() / n;
-        formal += formal_covariance(equations, model, fit.variance).diagonal() / n;
+        robust += covariances.cluster_robust.diagonal() / n;
+        formal += covariances.formal.diagonal() / n;
     }
     const Eigen::Matrix<double, 6, 1> variance = (squares - sum.cwiseAbs2() / n) / (n - 1);
     for (int p = 0; p < 6; ++p)

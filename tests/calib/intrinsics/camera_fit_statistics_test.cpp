@@ -89,7 +89,7 @@ public:
         const CameraFit fit = fitted(observed);
         EXPECT_TRUE(fit.converged) << run;
         const Eigen::MatrixXd covariance =
-            fit.variance * inverse_information(view_equations(observed, fit, model_), model_);
+            fit.variance * inverse_information(view_equations(observed, fit), model_);
         Calibrated result;
         result.error = parameters_of(fit.camera, model_) - parameters_of(truth_, model_);
         result.u = covariance.diagonal().cwiseSqrt();
@@ -106,7 +106,7 @@ public:
         if (!fit.converged)
             return std::nullopt;
         const Eigen::MatrixXd covariance =
-            fit.variance * inverse_information(view_equations(observed, fit, model_), model_);
+            fit.variance * inverse_information(view_equations(observed, fit), model_);
         ImageRays seen{{}, rays_};
         Eigen::VectorXd error(2 * std::ssize(rays_));
         for (std::size_t i = 0; i < rays_.size(); ++i) {
@@ -321,29 +321,29 @@ TEST(CameraFitStatistics, ProfileIntervalsOfAnOmnidirectionalLensHoldTheTruth) {
     const Experiment experiment(truth, "omnidirectional", {230.0, 150.0}, test::wide_pose);
     const Eigen::VectorXd values = parameters_of(truth, experiment.model());
     Eigen::VectorXd inside = Eigen::VectorXd::Zero(values.size());
-    double askew = 0.0;
+    double skewness = 0.0;
     for (int run = 0; run < fewer; ++run) {
         const auto observed = experiment.noisy(run);
         const CameraFit fit = experiment.fitted(observed);
         const Eigen::MatrixXd formal =
-            fit.variance * inverse_information(view_equations(observed, fit, experiment.model()),
+            fit.variance * inverse_information(view_equations(observed, fit),
                                                experiment.model());
-        const auto intervals = profile_intervals(observed, test::image_size, experiment.model(),
-                                                 fit, formal.diagonal().cwiseSqrt());
+        const auto intervals =
+            profile_intervals(observed, fit, formal.diagonal().cwiseSqrt());
         for (Eigen::Index i = 0; i < values.size(); ++i) {
             const auto& interval = intervals[static_cast<std::size_t>(i)];
             ASSERT_TRUE(interval) << run << " " << i;
             inside[i] += interval->low <= values[i] && values[i] <= interval->high;
         }
         const double xi = parameters_of(fit.camera, experiment.model())[8];
-        askew += (intervals[8]->high - xi) / (xi - intervals[8]->low) / fewer;
+        skewness += (intervals[8]->high - xi) / (xi - intervals[8]->low) / fewer;
     }
     for (Eigen::Index i = 0; i < values.size(); ++i) {
         std::printf("%-4s %.4f\n", experiment.model().parameters[std::size_t(i)].c_str(),
                     inside[i] / fewer);
         EXPECT_NEAR(inside[i] / fewer, 0.95, 3.3 * std::sqrt(0.95 * 0.05 / fewer)) << i;
     }
-    EXPECT_LT(askew, 0.95);  // xi is farther below than above
+    EXPECT_LT(skewness, 0.95);  // xi is farther below than above
 }
 
 // Of the distortion of telecentric_truth() what a model has; with p1 and p2 a stronger one, which

@@ -34,7 +34,7 @@ double largest_difference_in_u(const CameraFit& fit, const Eigen::VectorXd& othe
                                const std::vector<CalibrationView>& views,
                                const CalibrationModel& model) {
     const Eigen::MatrixXd covariance =
-        fit.variance * inverse_information(view_equations(views, fit, model), model);
+        fit.variance * inverse_information(view_equations(views, fit), model);
     return (parameters_of(fit.camera, model) - other)
         .cwiseQuotient(covariance.diagonal().cwiseSqrt())
         .cwiseAbs()
@@ -237,7 +237,7 @@ TEST(CameraFit, InverseInformationIsThatOfTheWholeJacobianByDifferences) {
         }
     }
     const Eigen::MatrixXd expected = (jacobian.transpose() * jacobian).inverse();
-    const Eigen::MatrixXd inverse = inverse_information(view_equations(views, fit, model), model);
+    const Eigen::MatrixXd inverse = inverse_information(view_equations(views, fit), model);
     for (int i = 0; i < 9; ++i)
         for (int j = 0; j < 9; ++j)
             EXPECT_NEAR(inverse(i, j), expected(i, j),
@@ -252,7 +252,7 @@ TEST(CameraFit, ScoresCancelAtTheMinimum) {
     const CameraFit fit = fit_camera(views, test::image_size, model);
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(9), sizes = sum;
     double squares = 0.0;
-    for (const ViewEquations& view : view_equations(views, fit, model)) {
+    for (const ViewEquations& view : view_equations(views, fit)) {
         const Eigen::VectorXd score = view.triangle.transpose() * view.rhs;
         sum += score;
         sizes += score.cwiseAbs();

@@ -17,8 +17,7 @@ TEST(CrossValidationStatistics, HalvesDifferAsMuchAsTheirCovariancesSay) {
     double ratio = 0.0, robust = 0.0;
     for (int run = 0; run < runs; ++run) {
         const auto views = test::synthetic_views(test::calibration_truth(), 8, 0.2, 500 + run);
-        const auto halves = cross_validate(views, test::image_size, model,
-                                           fit_camera(views, test::image_size, model));
+        const auto halves = cross_validate(views, fit_camera(views, test::image_size, model));
         EXPECT_EQ(halves.views[0], 4u);
         EXPECT_EQ(halves.views[1], 4u);
         ratio += std::pow(halves.rms_px / halves.expected_formal_px, 2) / runs;

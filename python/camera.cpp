@@ -48,9 +48,9 @@ Projector from_opencv(const std::pair<int, int>& image_size, const py::object& m
     if (k.size() != 9 || k.at(1, 0) != 0.0 || k.at(2, 0) != 0.0 || k.at(2, 1) != 0.0 ||
         k.at(2, 2) != 1.0)
         throw ConfigError({"matrix"}, "must be [fx skew cx; 0 fy cy; 0 0 1]");
-    std::array<double, 14> coefficients{};
+    std::array<double, Distortion::count> coefficients{};  // k7, the last, is none of OpenCV's
     const std::vector<double> given = number_list(distortion, "distortion");
-    if (given.size() > coefficients.size())
+    if (given.size() >= coefficients.size())
         throw ConfigError({"distortion"}, "OpenCV has 14 coefficients at most");
     std::copy(given.begin(), given.end(), coefficients.begin());
     if (image_size.first < 1 || image_size.second < 1)
@@ -59,7 +59,7 @@ Projector from_opencv(const std::pair<int, int>& image_size, const py::object& m
     camera.width = image_size.first;
     camera.height = image_size.second;
     camera.intrinsics = {k.at(0, 0), k.at(1, 1), k.at(0, 2), k.at(1, 2), k.at(0, 1)};
-    camera.distortion = Distortion::from_opencv_order(coefficients);
+    camera.distortion = Distortion::of(coefficients);
     return Projector(camera);
 }
 

@@ -58,7 +58,7 @@ void read_kannala_brandt(const Value& root, CameraModel& camera) {
     for (std::size_t n = 1; n < k.size(); ++n)
         relative.push_back(k[n] / k[0]);
     if (std::any_of(relative.begin(), relative.end(), [](double x) { return !std::isfinite(x); }))
-        symmetric.fail("has coefficients that are too large beside the first");
+        symmetric.fail("has coefficients that are too large relative to the first");
     set_parameters(camera, kannala_brandt, relative);
 }
 

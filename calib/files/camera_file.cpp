@@ -7,8 +7,6 @@
 #include <numbers>
 #include <span>
 
-#include "calib/camera/camera_model.h"
-#include "calib/camera/lens_projection.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_file.h"
 #include "core/config/csv_file.h"

@@ -2,13 +2,8 @@
 // writers share. Principal points are in the tool's own pixels here (first_pixel_centre()).
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <initializer_list>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
 
 #include "calib/camera/camera_model.h"
 #include "core/config/strict_reader.h"

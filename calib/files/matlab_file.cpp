@@ -31,7 +31,6 @@
 
 #include <fmt/format.h>
 
-#include "calib/camera/lens_projection.h"
 #include "core/file/text.h"
 
 namespace etalon {

@@ -18,7 +18,6 @@
 
 #include <span>
 
-#include "calib/camera/lens_projection.h"
 #include "core/file/text.h"
 
 namespace etalon {

@@ -1,25 +1,22 @@
 // Calibrations as OpenCV's programs write them: YAML, XML or JSON of cv::FileStorage.
 //
-//   camera_matrix | cameraMatrix | Camera_Matrix                     3x3, [fx skew cx; 0 fy cy; 0 0
-//   1] distortion_coefficients | dist_coeffs | distCoeffs | Distortion_Coefficients
-//                                               4, 5, 8, 12 or 14, as a row or a column
+//   camera_matrix | cameraMatrix | Camera_Matrix      3x3, [fx skew cx; 0 fy cy; 0 0 1]
+//   distortion_coefficients | dist_coeffs | distCoeffs | Distortion_Coefficients
+//                                                     4, 5, 8, 12 or 14, as a row or a column
 //   image_width, image_height | image_Width, image_Height | cameraResolution    optional
 //   cameraMatrix_std_dev | camera_matrix_std_dev, dist_coeffs_std_dev |
-//   distortion_coefficients_std_dev             optional: a covariance without correlations
+//   distortion_coefficients_std_dev                   optional: a covariance without correlations
+//   fisheye_model, not 0                              the four coefficients are cv::fisheye's
+//   xi                                                cv::omnidir's, a number or a 1x1 matrix
 //
-//   fisheye_model, not 0                        the four coefficients are cv::fisheye's
-//   xi                                          cv::omnidir's, a number or a 1x1 matrix
-//
-// Of perspective cameras OpenCV's functions leave the skew out, so that none is written.
-//
-// Pixel (0, 0) is the centre of the top-left pixel there too. Four coefficients without one of
-// these two keys, which OpenCV's sample programs write, are k1 k2 p1 p2.
+// Four coefficients without one of the last two keys are k1 k2 p1 p2. OpenCV leaves the skew out of
+// perspective cameras.
 //
 // Written is OpenCV YAML, or XML or JSON for a path that ends so, with the shortest list of
 // coefficients that holds all that are not 0 or have a standard deviation (at least 5); numbers
-// read back as the same doubles. Of a covariance the standard deviations are written as
+// read back as the same doubles. Standard deviations of a covariance are written as
 // cameraMatrix_std_dev and dist_coeffs_std_dev (0: not known), whose squares read back within
-// rounding; correlations, serial, lens and sensor have no place in it.
+// rounding.
 #include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
@@ -27,7 +24,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
-#include <span>
+#include <regex>
 
 #include "core/file/text.h"
 
@@ -48,16 +45,10 @@ int line_at(const std::string& text, std::size_t at) {
 // cv::FileStorage does not say in which line a value stands: the first line that holds the key as
 // a word is where a reader will look.
 int line_of(const std::string& text, const std::string& key) {
-    const auto is_word = [](char c) {
-        return std::isalnum(static_cast<unsigned char>(c)) || c == '_';
-    };
-    for (std::size_t at = text.find(key); at != std::string::npos; at = text.find(key, at + 1)) {
-        const std::size_t end = at + key.size();
-        if ((at > 0 && is_word(text[at - 1])) || (end < text.size() && is_word(text[end])))
-            continue;
-        return line_at(text, at);
-    }
-    return 0;
+    std::smatch match;
+    return std::regex_search(text, match, std::regex("\\b" + key + "\\b"))
+               ? line_at(text, static_cast<std::size_t>(match.position()))
+               : 0;
 }
 
 // OpenCV's parsers descend by recursion, so that a hostile file could exhaust the stack. What opens
@@ -250,10 +241,10 @@ std::optional<ParameterCovariance> read_covariance(const OpenedFile& opened,
                       names_in_file(projection), deviations);
     if (deviations.empty())
         return std::nullopt;
-    const auto n = static_cast<Eigen::Index>(deviations.size());
+    const Eigen::Index n = std::ssize(deviations);
     ParameterCovariance covariance{{}, Eigen::MatrixXd::Zero(n, n)};
-    for (Eigen::Index i = 0; i < n; ++i) {
-        const auto& [name, deviation] = deviations[static_cast<std::size_t>(i)];
+    for (const auto& [name, deviation] : deviations) {
+        const Eigen::Index i = std::ssize(covariance.order);
         covariance.order.push_back(name);
         covariance.matrix(i, i) = deviation * deviation;
     }
@@ -275,22 +266,22 @@ void refuse_other_models(const OpenedFile& opened) {
 void read_image_size(const OpenedFile& opened, CameraModel& camera) {
     const auto width = find(opened, width_names), height = find(opened, height_names);
     const auto size = find(opened, {"cameraResolution"});
+    const auto side = [&](const cv::FileNode& node, const std::string& key) {
+        return checked_image_side(number(node, opened.place(key)), opened.place(key));
+    };
     if (width.has_value() != height.has_value())
         throw ConfigError(opened.place(width ? width->key : height->key),
                           "image width and height must be given together");
     if (size && width)
         throw ConfigError(opened.place(size->key), "is given as '" + width->key + "' too");
+    if (size && (!size->node.isSeq() || size->node.size() != 2))
+        throw ConfigError(opened.place(size->key), "must be width and height");
     if (width) {
-        const SourcePlace of_width = opened.place(width->key),
-                          of_height = opened.place(height->key);
-        camera.width = checked_image_side(number(width->node, of_width), of_width);
-        camera.height = checked_image_side(number(height->node, of_height), of_height);
+        camera.width = side(width->node, width->key);
+        camera.height = side(height->node, height->key);
     } else if (size) {
-        const SourcePlace place = opened.place(size->key);
-        if (!size->node.isSeq() || size->node.size() != 2)
-            throw ConfigError(place, "must be width and height");
-        camera.width = checked_image_side(number(size->node[0], place), place);
-        camera.height = checked_image_side(number(size->node[1], place), place);
+        camera.width = side(size->node[0], size->key);
+        camera.height = side(size->node[1], size->key);
     }
 }
 

@@ -366,9 +366,6 @@ BoardPrior first_prior(double extent_mm) {
     return {1e-4 * extent_mm, 1e-4 * extent_mm};
 }
 
-struct DisplacementSize {
-    double rms_mm, rms_deviation_mm, worst_mm;
-};
 DisplacementSize size_of(const BoardEstimate& estimate) {
     const Eigen::Index points = estimate.displacements.size() / 3;
     const Coordinates d(estimate.displacements.data(), 3, points);
@@ -421,7 +418,7 @@ void set_curvature(BoardShape& shape, const DrawnBoard& board, const BoardEstima
 
 BoardShape shape_of(const DrawnBoard& board, const BoardEstimate& estimate,
                     const MatrixXd& camera_of_board) {
-    BoardShape shape;
+    BoardShape shape{size_of(estimate)};
     for (std::size_t i = 0; i < board.ids.size(); ++i) {
         const Eigen::Index at = 3 * static_cast<Eigen::Index>(i);
         shape.points.push_back({board.ids[i], board.points[i],
@@ -429,10 +426,6 @@ BoardShape shape_of(const DrawnBoard& board, const BoardEstimate& estimate,
                                 estimate.covariance.diagonal().segment<3>(at).cwiseSqrt()});
     }
     set_curvature(shape, board, estimate);
-    const DisplacementSize size = size_of(estimate);
-    shape.rms_mm = size.rms_mm;
-    shape.rms_deviation_mm = size.rms_deviation_mm;
-    shape.worst_mm = size.worst_mm;
     shape.prior = estimate.prior;
     shape.variance = estimate.variance;
     shape.parameters = estimate.parameters;
@@ -510,18 +503,14 @@ std::optional<BoardFlatness> check_board(std::span<const CalibrationView> views,
     const Eigen::LLT<MatrixXd> solver(
         MatrixXd(system.information / variance + precision.of(prior)));
     const MatrixXd explained = solver.matrixL().solve(system.view_scores);
-    BoardFlatness flatness;
-    flatness.chance =
-        chance_of_signs(explained.transpose() * explained, system.observations / system.freedom);
     const BoardEstimate estimate =
         told_estimate(system, precision, VectorXd::Zero(board.unknowns()),
                       {.prior = prior, .variance = variance});
-    const DisplacementSize size = size_of(estimate);
+    BoardFlatness flatness{size_of(estimate)};
+    flatness.chance =
+        chance_of_signs(explained.transpose() * explained, system.observations / system.freedom);
     const double left = estimate.squares / (system.freedom - estimate.parameters);
     flatness.share = std::max(0.0, 1.0 - left / variance);
-    flatness.rms_mm = size.rms_mm;
-    flatness.rms_deviation_mm = size.rms_deviation_mm;
-    flatness.worst_mm = size.worst_mm;
     return flatness;
 }
 

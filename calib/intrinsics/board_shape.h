@@ -34,13 +34,15 @@ struct BoardPrior {
 };
 inline constexpr double prior_bow_per_extent = 0.01;
 
-struct BoardShape {
+struct DisplacementSize {
+    double rms_mm = 0.0, rms_deviation_mm = 0.0, worst_mm = 0.0;  // of the displacements' lengths
+};
+
+struct BoardShape : DisplacementSize {
     std::vector<ShapedPoint> points;  // by id
     // d2z/dx2, d2z/dxdy, d2z/dy2 of the surface of second order through the points; 1/mm.
     Eigen::Vector3d curvature_per_mm = Eigen::Vector3d::Zero();
     Eigen::Vector3d curvature_deviation_per_mm = Eigen::Vector3d::Zero();
-    double rms_mm = 0.0, rms_deviation_mm = 0.0;  // of the displacements' lengths
-    double worst_mm = 0.0;
     BoardPrior prior;         // its widths as the photos tell them
     double variance = 0.0;    // of a pixel coordinate of sigma 1
     double parameters = 0.0;  // how many the shape is worth: the trace of its leverage
@@ -71,11 +73,10 @@ BoardShape fit_board_shape(std::span<const CalibrationView> views, const CameraF
 inline constexpr double max_board_chance = 0.01;
 inline constexpr std::size_t min_board_views = 8;  // 2^7 signs: a chance of 1/128 can be seen
 
-struct BoardFlatness {
+// Its size is of the part of the displacements that no field in the image can stand in for.
+struct BoardFlatness : DisplacementSize {
     double chance = 1.0;
     double share = 0.0;  // of the variance of the residuals, less what noise would seem to
-    // The part of the displacements that no field in the image can stand in for.
-    double rms_mm = 0.0, rms_deviation_mm = 0.0, worst_mm = 0.0;
 
     bool is_distorted() const { return chance <= max_board_chance; }
 };

@@ -1,12 +1,11 @@
 // The nonlinear least-squares problem of calib/intrinsics/camera_fit.h.
 //
 // Levenberg-Marquardt on the parameters of the camera, of which `free` may move, and a pose per
-// view. Each view's Jacobian is brought to a triangle by Householder QR with the pose's
-// columns first; what is below them is the view's say about the camera. Damped trials start from
-// the triangles. Every iteration first tries the plain Gauss-Newton step, which converges in weak
-// directions too; damping only helps where the model's curvature asks for it.
+// view. Each view's Jacobian is brought to a triangle by Householder QR with the pose's columns
+// first: the rows below them are of the camera alone. Damped trials start from the triangles. Every
+// iteration first tries the plain Gauss-Newton step, which converges in weak directions too.
 //
-// No checks of the input: those are in calib/intrinsics/camera_fit.cpp.
+// The input is checked in calib/intrinsics/camera_fit.cpp.
 #pragma once
 
 #include "calib/camera/pixel_model.h"

@@ -9,7 +9,6 @@
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/calibration_start.h"
-#include "calib/intrinsics/camera_fit.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -103,13 +102,6 @@ double view_rms(double squares, const CalibrationView& view) {
     return std::sqrt(squares / static_cast<double>(view.pixels.size()));
 }
 
-double sum_of_squares(std::span<const Eigen::Vector2d> residuals) {
-    double sum = 0.0;
-    for (const Eigen::Vector2d& residual : residuals)
-        sum += residual.squaredNorm();
-    return sum;
-}
-
 std::vector<std::size_t> outlier_views(const KeptViews& kept, const ModelScore& score) {
     if (!score.leave_one_out_rms_px)
         return {};
@@ -182,10 +174,7 @@ std::string telecentric_hint(std::span<const CalibrationView> views, cv::Size im
         const auto fit = attempted([&] { return fit_camera(views, image_size, model); });
         if (!fit)
             continue;
-        double squares = 0.0;
-        for (const auto& residuals : fit.value->residuals_px)
-            squares += sum_of_squares(residuals);
-        const double rms = std::sqrt(squares / static_cast<double>(point_count(views)));
+        const double rms = fit.value->rms_px();
         if (rms <= max_noise_over_scatter * corner_scatter_px(views, fit.value->residuals_px))
             return fmt::format(
                 "; the lens may be telecentric: model {}, which has to be named, leaves {:.2g} px",
@@ -399,11 +388,7 @@ bool CameraCalibration::overfits() const {
 
 CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv::Size image_size,
                                    const CalibrationOptions& options) {
-    if (views.size() < min_views)
-        throw NumericalError(fmt::format("{} views, three are needed", views.size()));
-    for (std::size_t i = 0; i < views.size(); ++i)
-        check_view(views[i], i, min_view_points);
-
+    check_views(views);
     CameraCalibration calibration;
     Selection selection = select_with_hint(views, image_size, options);
     calibration.flatness = attempted([&] {

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/calibration_start.h"
 #include "core/program/errors.h"
 #include "core/statistics/covariance.h"
@@ -86,69 +85,6 @@ std::optional<Eigen::VectorXd> resampled(std::span<const CalibrationView> views,
         .value;
 }
 
-}  // namespace
-
-double ParameterDeviation::ratio() const {
-    return formal > 0.0 ? stated / formal : 1.0;
-}
-
-CalibrationCovariances covariances_of(std::span<const ViewEquations> equations,
-                                      const CalibrationModel& model, double variance) {
-    const Eigen::MatrixXd root = inverse_information_root(equations, model);
-    const Eigen::MatrixXd effects = view_effects(equations, root), moved = root * effects;
-    Eigen::MatrixXd stated = Eigen::MatrixXd::Zero(root.rows(), root.rows());
-    if (variance > 0.0)
-        stated = variance * root * excess_scatter(effects / std::sqrt(variance)) * root.transpose();
-    return {variance * (root * root.transpose()), moved * moved.transpose(), stated};
-}
-
-std::vector<ParameterDeviation> deviations_of(const CalibrationModel& model,
-                                              const CalibrationCovariances& covariances) {
-    std::vector<ParameterDeviation> deviations;
-    for (std::size_t p = 0; p < model.parameters.size(); ++p) {
-        const auto i = static_cast<Eigen::Index>(p);
-        const auto of = [&](const Eigen::MatrixXd& each) { return std::sqrt(each(i, i)); };
-        deviations.push_back({model.parameters[p], of(covariances.formal),
-                              of(covariances.cluster_robust), std::nullopt,
-                              of(covariances.stated)});
-        if (covariances.bootstrap)
-            deviations.back().bootstrap = of(*covariances.bootstrap);
-    }
-    return deviations;
-}
-
-// The factor takes out that draws scatter about the mean of n views, not about the truth.
-Eigen::MatrixXd Bootstrap::covariance(std::size_t views) const {
-    const Eigen::Index size = parameters.empty() ? 0 : parameters.front().size();
-    const double draws = static_cast<double>(parameters.size()), n = static_cast<double>(views);
-    Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
-    for (const Eigen::VectorXd& each : parameters)
-        mean += each / draws;
-    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size, size);
-    for (const Eigen::VectorXd& each : parameters)
-        sum += (each - mean) * (each - mean).transpose();
-    return n / (n - 1.0) / (draws - 1.0) * sum;
-}
-
-Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, const CameraFit& fit,
-                                 int resamples, std::uint64_t seed) {
-    std::vector<std::optional<Eigen::VectorXd>> all(static_cast<std::size_t>(resamples));
-    cv::parallel_for_(cv::Range(0, resamples), [&](const cv::Range& range) {
-        for (int i = range.start; i < range.end; ++i)
-            all[static_cast<std::size_t>(i)] =
-                resampled(views, fit, drawn_views(views.size(), seed, i));
-    });
-    Bootstrap bootstrap;
-    for (const auto& each : all)
-        if (each)
-            bootstrap.parameters.push_back(*each);
-        else
-            ++bootstrap.without_result;
-    return bootstrap;
-}
-
-namespace {
-
 // The pixels' sigma that the mean weight belongs to.
 double typical_sigma(std::span<const CalibrationView> views) {
     double weights = 0.0;
@@ -210,29 +146,6 @@ void check_centre(const std::string& name, double deviation, const CameraFit& fi
             "deviation of {:.2g} px; the distortion is too weak for model {}",
             name, deviation, fit.model.name));
 }
-
-}  // namespace
-
-void check_determinacy(std::span<const CalibrationView> views, const CameraFit& fit,
-                       std::span<const ViewEquations> equations) {
-    const CalibrationModel& model = fit.model;
-    const double noise = noise_of(views, fit);
-    const bool is_telecentric = model.projection == Projection::telecentric;
-    if (is_telecentric && frees(model, "fx") && frees(model, "fy"))
-        check_tilts(fit, equations, noise);
-    const Eigen::MatrixXd inverse = inverse_information(equations, model);
-    const Eigen::VectorXd values = parameters_of(fit.camera, model);
-    for (Eigen::Index i = 0; i < values.size(); ++i) {
-        const std::string& name = model.parameters[static_cast<std::size_t>(i)];
-        const double deviation = noise * std::sqrt(inverse(i, i));
-        if (name == "fx" || name == "fy")
-            check_focal_length(name, values[i], deviation, equations, model);
-        else if (is_telecentric && (name == "cx" || name == "cy"))
-            check_centre(name, deviation, fit);
-    }
-}
-
-namespace {
 
 // The least sum of squares over all parameters but one, which is held.
 class Profile {
@@ -307,6 +220,84 @@ private:
 };
 
 }  // namespace
+
+double ParameterDeviation::ratio() const {
+    return formal > 0.0 ? stated / formal : 1.0;
+}
+
+CalibrationCovariances covariances_of(std::span<const ViewEquations> equations,
+                                      const CalibrationModel& model, double variance) {
+    const Eigen::MatrixXd root = inverse_information_root(equations, model);
+    const Eigen::MatrixXd effects = view_effects(equations, root), moved = root * effects;
+    Eigen::MatrixXd stated = Eigen::MatrixXd::Zero(root.rows(), root.rows());
+    if (variance > 0.0)
+        stated = variance * root * excess_scatter(effects / std::sqrt(variance)) * root.transpose();
+    return {variance * (root * root.transpose()), moved * moved.transpose(), stated};
+}
+
+std::vector<ParameterDeviation> deviations_of(const CalibrationModel& model,
+                                              const CalibrationCovariances& covariances) {
+    std::vector<ParameterDeviation> deviations;
+    for (std::size_t p = 0; p < model.parameters.size(); ++p) {
+        const auto i = static_cast<Eigen::Index>(p);
+        const auto of = [&](const Eigen::MatrixXd& each) { return std::sqrt(each(i, i)); };
+        deviations.push_back({model.parameters[p], of(covariances.formal),
+                              of(covariances.cluster_robust), std::nullopt,
+                              of(covariances.stated)});
+        if (covariances.bootstrap)
+            deviations.back().bootstrap = of(*covariances.bootstrap);
+    }
+    return deviations;
+}
+
+// The factor takes out that draws scatter about the mean of n views, not about the truth.
+Eigen::MatrixXd Bootstrap::covariance(std::size_t views) const {
+    const Eigen::Index size = parameters.empty() ? 0 : parameters.front().size();
+    const double draws = static_cast<double>(parameters.size()), n = static_cast<double>(views);
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
+    for (const Eigen::VectorXd& each : parameters)
+        mean += each / draws;
+    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size, size);
+    for (const Eigen::VectorXd& each : parameters)
+        sum += (each - mean) * (each - mean).transpose();
+    return n / (n - 1.0) / (draws - 1.0) * sum;
+}
+
+Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, const CameraFit& fit,
+                                 int resamples, std::uint64_t seed) {
+    std::vector<std::optional<Eigen::VectorXd>> all(static_cast<std::size_t>(resamples));
+    cv::parallel_for_(cv::Range(0, resamples), [&](const cv::Range& range) {
+        for (int i = range.start; i < range.end; ++i)
+            all[static_cast<std::size_t>(i)] =
+                resampled(views, fit, drawn_views(views.size(), seed, i));
+    });
+    Bootstrap bootstrap;
+    for (const auto& each : all)
+        if (each)
+            bootstrap.parameters.push_back(*each);
+        else
+            ++bootstrap.without_result;
+    return bootstrap;
+}
+
+void check_determinacy(std::span<const CalibrationView> views, const CameraFit& fit,
+                       std::span<const ViewEquations> equations) {
+    const CalibrationModel& model = fit.model;
+    const double noise = noise_of(views, fit);
+    const bool is_telecentric = model.projection == Projection::telecentric;
+    if (is_telecentric && frees(model, "fx") && frees(model, "fy"))
+        check_tilts(fit, equations, noise);
+    const Eigen::MatrixXd inverse = inverse_information(equations, model);
+    const Eigen::VectorXd values = parameters_of(fit.camera, model);
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+        const std::string& name = model.parameters[static_cast<std::size_t>(i)];
+        const double deviation = noise * std::sqrt(inverse(i, i));
+        if (name == "fx" || name == "fy")
+            check_focal_length(name, values[i], deviation, equations, model);
+        else if (is_telecentric && (name == "cx" || name == "cy"))
+            check_centre(name, deviation, fit);
+    }
+}
 
 double profile_quantile(std::span<const CalibrationView> views, const CalibrationModel& model) {
     const int freedom = static_cast<int>(2 * point_count(views) - model.parameters.size()) -

@@ -3,20 +3,12 @@
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <Eigen/SVD>
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <limits>
 #include <numbers>
-#include <string>
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/bundle_adjustment.h"
-#include "calib/intrinsics/calibration_model.h"
-#include "calib/intrinsics/camera_fit.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -195,22 +187,18 @@ Eigen::Vector2d searched_focal(const std::vector<Plane>& planes, double diagonal
     return focal;
 }
 
-// q about the principal point over 1 + lambda |q|^2.
-std::vector<Eigen::Vector2d> divided(const std::vector<Eigen::Vector2d>& pixels,
-                                     const Eigen::Vector2d& principal, double lambda) {
-    std::vector<Eigen::Vector2d> undistorted;
-    for (const Eigen::Vector2d& pixel : pixels) {
-        const Eigen::Vector2d arm = pixel - principal;
-        undistorted.push_back(principal + arm / (1.0 + lambda * arm.squaredNorm()));
-    }
-    return undistorted;
-}
-
+// Of pixels q about the principal point over 1 + lambda |q|^2.
 std::vector<Plane> planes_of(std::span<const CalibrationView> views,
                              const Eigen::Vector2d& principal, double lambda) {
     std::vector<Plane> planes;
-    for (const CalibrationView& view : views)
-        planes.push_back(plane_of(view.points_mm, divided(view.pixels, principal, lambda)));
+    for (const CalibrationView& view : views) {
+        std::vector<Eigen::Vector2d> undistorted;
+        for (const Eigen::Vector2d& pixel : view.pixels) {
+            const Eigen::Vector2d arm = pixel - principal;
+            undistorted.push_back(principal + arm / (1.0 + lambda * arm.squaredNorm()));
+        }
+        planes.push_back(plane_of(view.points_mm, undistorted));
+    }
     return planes;
 }
 
@@ -294,6 +282,126 @@ std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
         posed.squares += *cost;
     }
     return posed;
+}
+
+constexpr double max_noise_over_scatter = 1.5, either_angle_deg = 40.0, wide_angle_deg = 50.0;
+
+// Infinite where there is no fit.
+struct Misfit {
+    double rms_px = std::numeric_limits<double>::infinity();
+    double scatter_px = 0.0;  // of neighbouring residuals
+    double angle_deg = 0.0;   // of the outermost point to the axis
+};
+
+double outermost_angle_deg(std::span<const CalibrationView> views, const CameraFit& fit) {
+    double least_cosine = 1.0;
+    for (std::size_t v = 0; v < views.size(); ++v)
+        for (const Eigen::Vector3d& point : views[v].points_mm)
+            least_cosine =
+                std::min(least_cosine, (fit.camera_from_target[v] * point).normalized().z());
+    return std::acos(std::clamp(least_cosine, -1.0, 1.0)) * 180.0 / std::numbers::pi;
+}
+
+Misfit misfit_of(const std::string& model, std::span<const CalibrationView> views, cv::Size size) {
+    const auto fit = attempted([&] { return fit_camera(views, size, calibration_model(model)); });
+    if (!fit)
+        return {};
+    return {fit.value->rms_px(), corner_scatter_px(views, fit.value->residuals_px),
+            outermost_angle_deg(views, *fit.value)};
+}
+
+constexpr double nearly_flat_rad = 0.035;  // 2 degrees
+
+// A view's affine map, about the middle of its points.
+struct AffineView {
+    Eigen::Vector3d centre_mm;
+    Eigen::Vector2d middle;  // where the centre is seen
+    Eigen::Matrix2d map;     // d seen / d (x, y)
+    double reach_mm;         // of the farthest point
+};
+
+AffineView affine_view(const std::vector<Eigen::Vector3d>& points_mm,
+                       const std::vector<Eigen::Vector2d>& seen) {
+    const double count = static_cast<double>(seen.size());
+    AffineView view{Eigen::Vector3d::Zero(), Eigen::Vector2d::Zero(), {}, 0.0};
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        view.centre_mm += points_mm[i] / count;
+        view.middle += seen[i] / count;
+    }
+    Eigen::Matrix2d seen_by_point = Eigen::Matrix2d::Zero(), scatter = Eigen::Matrix2d::Zero();
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        const Eigen::Vector2d arm = (points_mm[i] - view.centre_mm).head<2>();
+        seen_by_point += (seen[i] - view.middle) * arm.transpose();
+        scatter += arm * arm.transpose();
+        view.reach_mm = std::max(view.reach_mm, arm.norm());
+    }
+    view.map = seen_by_point * scatter.inverse();
+    return view;
+}
+
+double larger_singular_value(const Eigen::Matrix2d& map) {
+    return Eigen::JacobiSVD<Eigen::Matrix2d>(map).singularValues()[0];
+}
+
+// What the views make of the magnification along x where that along y is `ratio` times it.
+struct Magnification {
+    double mean = 0.0, scatter = std::numeric_limits<double>::infinity();  // relative, squared
+};
+
+Magnification magnification(const std::vector<AffineView>& views, double ratio) {
+    const double count = static_cast<double>(views.size());
+    double mean = 0.0, squares = 0.0;
+    for (const AffineView& view : views) {
+        const double value =
+            larger_singular_value(Eigen::Vector2d(1.0, 1.0 / ratio).asDiagonal() * view.map);
+        mean += value / count;
+        squares += value * value / count;
+    }
+    return {mean, squares / (mean * mean) - 1.0};
+}
+
+// Square pixels, unless others halve the scatter: what is left of the distortion would choose any.
+double searched_ratio(const std::vector<AffineView>& views) {
+    double ratio = 1.0, least = 0.5 * magnification(views, 1.0).scatter;
+    const auto consider = [&](double candidate) {
+        const double scatter = magnification(views, candidate).scatter;
+        if (scatter < least) {
+            least = scatter;
+            ratio = candidate;
+        }
+    };
+    for (int i = -70; i <= 70; ++i)
+        consider(std::exp2(i / 70.0));
+    for (double step = 0.005; step > 1e-5; step *= 0.5) {
+        const double middle = ratio;
+        consider(middle * (1.0 - step));
+        consider(middle * (1.0 + step));
+    }
+    return ratio;
+}
+
+// Of a plane seen by the view's map in mm. Below `flat_rad` no tilt at all.
+Rigid pose_of(const AffineView& view, double flat_rad) {
+    const Eigen::JacobiSVD<Eigen::Matrix2d> svd(view.map,
+                                                Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const double larger = svd.singularValues()[0];
+    double cosine = larger > 0.0 ? svd.singularValues()[1] / larger : 0.0;
+    if (cosine >= std::cos(flat_rad))
+        cosine = 1.0;
+    const double sine = std::sqrt((1.0 - cosine) * (1.0 + cosine));
+    const auto turned = [](const Eigen::Matrix2d& in_plane) {
+        Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
+        turn.topLeftCorner<2, 2>() = in_plane;
+        turn(2, 2) = in_plane.determinant() > 0.0 ? 1.0 : -1.0;
+        return turn;
+    };
+    Eigen::Matrix3d tilt;
+    tilt << 1, 0, 0, 0, cosine, -sine, 0, sine, cosine;
+    const Eigen::Quaterniond rotation(
+        Eigen::Matrix3d(turned(svd.matrixU()) * tilt * turned(svd.matrixV()).transpose()));
+    const Eigen::Vector3d place(view.middle.x(), view.middle.y(), 2.0 * view.reach_mm);
+    const Rigid pose{rotation.normalized(), place - rotation.normalized() * view.centre_mm};
+    return cosine < 1.0 ? pose : flat_on(pose, view.centre_mm);
 }
 
 }  // namespace
@@ -393,41 +501,6 @@ std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView
     return starts;
 }
 
-namespace {
-
-constexpr double max_noise_over_scatter = 1.5, either_angle_deg = 40.0, wide_angle_deg = 50.0;
-
-// Infinite where there is no fit.
-struct Misfit {
-    double rms_px = std::numeric_limits<double>::infinity();
-    double scatter_px = 0.0;  // of neighbouring residuals
-    double angle_deg = 0.0;   // of the outermost point to the axis
-};
-
-double outermost_angle_deg(std::span<const CalibrationView> views, const CameraFit& fit) {
-    double least_cosine = 1.0;
-    for (std::size_t v = 0; v < views.size(); ++v)
-        for (const Eigen::Vector3d& point : views[v].points_mm)
-            least_cosine =
-                std::min(least_cosine, (fit.camera_from_target[v] * point).normalized().z());
-    return std::acos(std::clamp(least_cosine, -1.0, 1.0)) * 180.0 / std::numbers::pi;
-}
-
-Misfit misfit_of(const std::string& model, std::span<const CalibrationView> views, cv::Size size) {
-    const auto fit = attempted([&] { return fit_camera(views, size, calibration_model(model)); });
-    if (!fit)
-        return {};
-    double squares = 0.0;
-    for (const auto& residuals : fit.value->residuals_px)
-        for (const Eigen::Vector2d& residual : residuals)
-            squares += residual.squaredNorm();
-    return {std::sqrt(squares / static_cast<double>(point_count(views))),
-            corner_scatter_px(views, fit.value->residuals_px),
-            outermost_angle_deg(views, *fit.value)};
-}
-
-}  // namespace
-
 LensAngle lens_angle(std::span<const CalibrationView> views, cv::Size image_size) {
     Misfit perspective;
     for (const char* model : {"standard", "rational"}) {
@@ -445,104 +518,6 @@ LensAngle lens_angle(std::span<const CalibrationView> views, cv::Size image_size
     }
     return perspective.angle_deg < either_angle_deg ? LensAngle::ordinary : LensAngle::either;
 }
-
-namespace {
-
-constexpr double nearly_flat_rad = 0.035;  // 2 degrees
-
-// A view's affine map, about the middle of its points.
-struct AffineView {
-    Eigen::Vector3d centre_mm;
-    Eigen::Vector2d middle;  // where the centre is seen
-    Eigen::Matrix2d map;     // d seen / d (x, y)
-    double reach_mm;         // of the farthest point
-};
-
-AffineView affine_view(const std::vector<Eigen::Vector3d>& points_mm,
-                       const std::vector<Eigen::Vector2d>& seen) {
-    const double count = static_cast<double>(seen.size());
-    AffineView view{Eigen::Vector3d::Zero(), Eigen::Vector2d::Zero(), {}, 0.0};
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-        view.centre_mm += points_mm[i] / count;
-        view.middle += seen[i] / count;
-    }
-    Eigen::Matrix2d seen_by_point = Eigen::Matrix2d::Zero(), scatter = Eigen::Matrix2d::Zero();
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-        const Eigen::Vector2d arm = (points_mm[i] - view.centre_mm).head<2>();
-        seen_by_point += (seen[i] - view.middle) * arm.transpose();
-        scatter += arm * arm.transpose();
-        view.reach_mm = std::max(view.reach_mm, arm.norm());
-    }
-    view.map = seen_by_point * scatter.inverse();
-    return view;
-}
-
-double larger_singular_value(const Eigen::Matrix2d& map) {
-    return Eigen::JacobiSVD<Eigen::Matrix2d>(map).singularValues()[0];
-}
-
-// What the views make of the magnification along x where that along y is `ratio` times it.
-struct Magnification {
-    double mean = 0.0, scatter = std::numeric_limits<double>::infinity();  // relative, squared
-};
-
-Magnification magnification(const std::vector<AffineView>& views, double ratio) {
-    const double count = static_cast<double>(views.size());
-    double mean = 0.0, squares = 0.0;
-    for (const AffineView& view : views) {
-        const double value =
-            larger_singular_value(Eigen::Vector2d(1.0, 1.0 / ratio).asDiagonal() * view.map);
-        mean += value / count;
-        squares += value * value / count;
-    }
-    return {mean, squares / (mean * mean) - 1.0};
-}
-
-// Square pixels, unless others halve the scatter: what is left of the distortion would choose any.
-double searched_ratio(const std::vector<AffineView>& views) {
-    double ratio = 1.0, least = 0.5 * magnification(views, 1.0).scatter;
-    const auto consider = [&](double candidate) {
-        const double scatter = magnification(views, candidate).scatter;
-        if (scatter < least) {
-            least = scatter;
-            ratio = candidate;
-        }
-    };
-    for (int i = -70; i <= 70; ++i)
-        consider(std::exp2(i / 70.0));
-    for (double step = 0.005; step > 1e-5; step *= 0.5) {
-        const double middle = ratio;
-        consider(middle * (1.0 - step));
-        consider(middle * (1.0 + step));
-    }
-    return ratio;
-}
-
-// Of a plane seen by the view's map in mm. Below `flat_rad` no tilt at all.
-Rigid pose_of(const AffineView& view, double flat_rad) {
-    const Eigen::JacobiSVD<Eigen::Matrix2d> svd(view.map,
-                                                Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const double larger = svd.singularValues()[0];
-    double cosine = larger > 0.0 ? svd.singularValues()[1] / larger : 0.0;
-    if (cosine >= std::cos(flat_rad))
-        cosine = 1.0;
-    const double sine = std::sqrt((1.0 - cosine) * (1.0 + cosine));
-    const auto turned = [](const Eigen::Matrix2d& in_plane) {
-        Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
-        turn.topLeftCorner<2, 2>() = in_plane;
-        turn(2, 2) = in_plane.determinant() > 0.0 ? 1.0 : -1.0;
-        return turn;
-    };
-    Eigen::Matrix3d tilt;
-    tilt << 1, 0, 0, 0, cosine, -sine, 0, sine, cosine;
-    const Eigen::Quaterniond rotation(
-        Eigen::Matrix3d(turned(svd.matrixU()) * tilt * turned(svd.matrixV()).transpose()));
-    const Eigen::Vector3d place(view.middle.x(), view.middle.y(), 2.0 * view.reach_mm);
-    const Rigid pose{rotation.normalized(), place - rotation.normalized() * view.centre_mm};
-    return cosine < 1.0 ? pose : flat_on(pose, view.centre_mm);
-}
-
-}  // namespace
 
 CameraStart telecentric_calibration_start(std::span<const CalibrationView> views,
                                           cv::Size image_size) {

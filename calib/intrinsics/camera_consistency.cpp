@@ -9,7 +9,6 @@
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/calibration_start.h"
-#include "calib/intrinsics/camera_fit.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 
@@ -31,6 +30,12 @@ const CalibrationModel& telecentric_model() {
 }
 
 constexpr double least_noise_px = 0.01;  // exact points are taken to be no better
+
+Indices first_indices(std::size_t count) {
+    Indices all(count);
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    return all;
+}
 
 std::vector<CalibrationView> chosen(std::span<const CalibrationView> views, const Indices& which) {
     std::vector<CalibrationView> some;
@@ -156,8 +161,6 @@ Split settled(std::span<const CalibrationView> views, cv::Size size, Split split
     return split;
 }
 
-// ---- where to begin ---------------------------------------------------------------------------
-
 // What is left of the common equations when the views aside have parameters of their own.
 double equations_left(std::span<const ViewEquations> equations, const Indices& aside) {
     const Eigen::Index p = equations.front().triangle.cols(), n = std::ssize(equations);
@@ -187,8 +190,7 @@ Indices by_own_wish(std::span<const ViewEquations> equations, const Eigen::Vecto
                         double(informations.size());
     for (std::size_t i = 0; i < wishes.size(); ++i)
         wishes[i] /= informations[i] + mean;
-    Indices order(equations.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
+    Indices order = first_indices(equations.size());
     std::ranges::stable_sort(order, {}, [&](std::size_t i) { return wishes[i]; });
     return order;
 }
@@ -198,9 +200,7 @@ std::vector<Indices> orders(std::span<const ViewEquations> equations, const Came
     Eigen::VectorXd zoom = Eigen::VectorXd::Zero(p);
     zoom[0] = camera.intrinsics.fx;
     zoom[1] = camera.intrinsics.fy;
-    Indices as_given(equations.size());
-    std::iota(as_given.begin(), as_given.end(), std::size_t{0});
-    return {as_given, by_own_wish(equations, zoom),
+    return {first_indices(equations.size()), by_own_wish(equations, zoom),
             by_own_wish(equations, Eigen::VectorXd::Unit(p, 2)),
             by_own_wish(equations, Eigen::VectorXd::Unit(p, 3))};
 }
@@ -241,8 +241,6 @@ std::optional<Split> best_split(std::span<const CalibrationView> views, cv::Size
     }
     return best;
 }
-
-// ---- whether it is needed ---------------------------------------------------------------------
 
 // The number of views that would say as much of the dispersion if all erred alike: of normal
 // equations with p rows each (sum y)^2 / sum y^2 is n p / (p + 2).
@@ -287,8 +285,6 @@ bool is_needed_with_richest(std::span<const CalibrationView> views, cv::Size siz
     return !common || !richest ||
            log_chance(*richest, common->squares) < std::log(mixed_views_false_alarms);
 }
-
-// ---- what is told -----------------------------------------------------------------------------
 
 CameraGroup described(Indices which, const Intrinsics& camera, double variance, double of_focal) {
     return {std::move(which), 0.5 * (camera.fx + camera.fy), std::sqrt(variance * of_focal)};
@@ -339,8 +335,7 @@ CameraGroup of_indices(CameraGroup group, const Indices& indices) {
 // As camera_groups(), of views that show planes, in any order.
 std::vector<CameraGroup> groups_among(std::span<const CalibrationView> views, cv::Size size,
                                       const CalibrationModel& model) {
-    Indices all(views.size());
-    std::iota(all.begin(), all.end(), std::size_t{0});
+    const Indices all = first_indices(views.size());
     auto common = attempted([&] { return fit_first(views, size, model); });
     if (!common || views.size() < min_mixed_views)
         return {{all}};

@@ -31,10 +31,7 @@ void check_input(std::span<const CalibrationView> views, cv::Size size,
                  const CalibrationModel& model) {
     if (size.width <= 0 || size.height <= 0)
         throw NumericalError(fmt::format("no image has {} x {} px", size.width, size.height));
-    if (views.size() < min_views)
-        throw NumericalError(fmt::format("{} views, three are needed", views.size()));
-    for (std::size_t i = 0; i < views.size(); ++i)
-        check_view(views[i], i, min_view_points);
+    check_views(views);
     const std::size_t unknowns =
         model.parameters.size() +
         static_cast<std::size_t>(pose_parameters(model.projection)) * views.size();
@@ -429,6 +426,22 @@ CameraFit refit_camera(std::span<const CalibrationView> views, const CameraFit& 
                        std::vector<Rigid> poses) {
     return fit_camera(views, {fit.camera.width, fit.camera.height}, fit.model,
                       {.start = CameraStart{fit.camera, std::move(poses)}});
+}
+
+double sum_of_squares(std::span<const Eigen::Vector2d> residuals) {
+    double sum = 0.0;
+    for (const Eigen::Vector2d& residual : residuals)
+        sum += residual.squaredNorm();
+    return sum;
+}
+
+double CameraFit::rms_px() const {
+    double squares = 0.0, points = 0.0;
+    for (const auto& residuals : residuals_px) {
+        squares += sum_of_squares(residuals);
+        points += static_cast<double>(residuals.size());
+    }
+    return std::sqrt(squares / points);
 }
 
 double weighted_squares(std::span<const CalibrationView> views, const CameraFit& fit) {

@@ -41,6 +41,8 @@ struct CameraFit {
     int iterations = 0;
     bool converged = false;         // the last step was below 1e-8 standard deviations
     double condition_number = 0.0;  // of the pose-eliminated Jacobian with columns of length 1
+
+    double rms_px() const;  // over all points, of the distance in the image
 };
 
 struct CameraStart {
@@ -68,6 +70,7 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
 CameraFit refit_camera(std::span<const CalibrationView> views, const CameraFit& fit,
                        std::vector<Rigid> poses);
 
+double sum_of_squares(std::span<const Eigen::Vector2d> residuals);
 // Of the residuals in their points' sigmas.
 double weighted_squares(std::span<const CalibrationView> views, const CameraFit& fit);
 

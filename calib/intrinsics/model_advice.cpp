@@ -8,7 +8,6 @@
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_covariance.h"
-#include "calib/intrinsics/projection_uncertainty.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -33,35 +32,6 @@ Half calibrated_half(std::span<const CalibrationView> views, std::size_t first,
             covariances_of(view_equations(chosen, fit), fit.model, fit.variance)};
 }
 
-// The rays that the second camera sees too.
-struct Seen {
-    ImageRays rays;
-    Eigen::VectorXd differences, deviations;  // two rows, one row for each
-};
-
-Seen seen_by_second(const ImageRays& rays, const Projector& second, const Rigid& motion,
-                    const Eigen::VectorXd& deviations) {
-    Seen seen;
-    const auto most = static_cast<Eigen::Index>(rays.pixels.size());
-    seen.differences.resize(2 * most);
-    seen.deviations.resize(most);
-    Eigen::Index count = 0;
-    for (std::size_t i = 0; i < rays.pixels.size(); ++i) {
-        const auto pixel = second.project(motion * rays.rays[i]);
-        if (!pixel)
-            continue;
-        seen.rays.pixels.push_back(rays.pixels[i]);
-        seen.rays.rays.push_back(rays.rays[i]);
-        seen.differences.segment<2>(2 * count) = *pixel - rays.pixels[i];
-        seen.deviations[count++] = deviations[static_cast<Eigen::Index>(i)];
-    }
-    if (count < 3)
-        throw NumericalError("two calibrations of one camera have no rays in common");
-    seen.differences.conservativeResize(2 * count);
-    seen.deviations.conservativeResize(count);
-    return seen;
-}
-
 // Of the rays, which of a telecentric camera have Z = 1 mm: a turn of theirs about x or y is a
 // shift, which need not be small.
 Rigid motion_of_rays(const Eigen::Vector3d& turn, Projection projection) {
@@ -76,69 +46,6 @@ double mean_square(const Eigen::MatrixXd& moved, const Eigen::MatrixXd& covarian
            (0.5 * static_cast<double>(moved.rows()));
 }
 
-}  // namespace
-
-// Gauss-Newton; the rotation is small and the problem nearly linear.
-ProjectionDifference projection_difference(const CameraModel& second, const ImageRays& rays,
-                                           const Eigen::VectorXd& deviations) {
-    const Projector projector(second);
-    Rigid motion;
-    for (int iteration = 0; iteration < 5; ++iteration) {
-        const Seen seen = seen_by_second(rays, projector, motion, deviations);
-        const Eigen::Vector3d step =
-            -best_rotation(seen.differences, rotation_jacobian(second, seen.rays), seen.deviations);
-        motion = motion_of_rays(step, second.projection.kind) * motion;
-    }
-    const Seen seen = seen_by_second(rays, projector, motion, deviations);
-    ProjectionDifference difference{seen.rays.pixels, {}};
-    for (Eigen::Index i = 0; i < seen.differences.size(); i += 2)
-        difference.differences_px.emplace_back(seen.differences.segment<2>(i));
-    return difference;
-}
-
-CrossValidation cross_validate(std::span<const CalibrationView> views, const CameraFit& fit) {
-    if (views.size() < min_cross_validation_views)
-        throw NumericalError(fmt::format("{} views, {} are needed for two halves", views.size(),
-                                         min_cross_validation_views));
-    const Half first = calibrated_half(views, 0, fit), second = calibrated_half(views, 1, fit);
-    const Eigen::MatrixXd formal = first.covariances.formal + second.covariances.formal,
-                          robust =
-                              first.covariances.cluster_robust + second.covariances.cluster_robust;
-    const ImageRays rays = rays_among(image_rays(first.camera), all_pixels(views));
-    const Eigen::MatrixXd moved = parameter_jacobian(first.camera, rays, fit.model);
-    const Eigen::VectorXd deviations = ray_deviations(moved, formal);
-    ProjectionDifference difference = projection_difference(second.camera, rays, deviations);
-
-    CrossValidation result{{first.views, second.views},
-                           std::move(difference.pixels),
-                           std::move(difference.differences_px)};
-    double squares = 0.0;
-    for (const Eigen::Vector2d& each : result.differences_px) {
-        squares += each.squaredNorm();
-        result.worst_px = std::max(result.worst_px, each.norm());
-    }
-    result.rms_px = std::sqrt(squares / static_cast<double>(result.differences_px.size()));
-
-    const Eigen::MatrixXd rotated =
-        less_best_rotation(moved, rotation_jacobian(first.camera, rays), deviations);
-    result.expected_formal_px = std::sqrt(mean_square(rotated, formal));
-    result.expected_robust_px = std::sqrt(mean_square(rotated, robust));
-    return result;
-}
-
-namespace {
-
-double sum_of_squares(const std::vector<Eigen::Vector2d>& residuals) {
-    double sum = 0.0;
-    for (const Eigen::Vector2d& residual : residuals)
-        sum += residual.squaredNorm();
-    return sum;
-}
-
-double rms(double sum, std::span<const CalibrationView> views) {
-    return std::sqrt(sum / static_cast<double>(point_count(views)));
-}
-
 ModelScore fitted_score(std::span<const CalibrationView> views, cv::Size image_size,
                         const CalibrationModel& model) {
     ModelScore score;
@@ -149,10 +56,7 @@ ModelScore fitted_score(std::span<const CalibrationView> views, cv::Size image_s
     score.failure = fit.cause;
     if (!score.fit)
         return score;
-    double squares = 0.0;
-    for (const auto& residuals : score.fit->residuals_px)
-        squares += sum_of_squares(residuals);
-    score.rms_px = rms(squares, views);
+    score.rms_px = score.fit->rms_px();
     return score;
 }
 
@@ -207,7 +111,7 @@ void set_left_out(ModelScore& score, std::span<const ViewLeftOut> left_out,
         score.left_out_squares.push_back(*left_out[i].value);
         sum += *left_out[i].value;
     }
-    score.leave_one_out_rms_px = rms(sum, views);
+    score.leave_one_out_rms_px = std::sqrt(sum / static_cast<double>(point_count(views)));
 }
 
 template <class Task>
@@ -308,6 +212,67 @@ bool predicts_worse(const ModelScore& richer, const ModelScore& advised) {
 }
 
 }  // namespace
+
+// Gauss-Newton; the rotation is small and the problem nearly linear.
+ProjectionDifference projection_difference(const CameraModel& second, const ImageRays& rays,
+                                           const Eigen::VectorXd& deviations) {
+    constexpr int steps = 5;
+    const Projector projector(second);
+    Rigid motion;
+    for (int step = 0;; ++step) {
+        ImageRays seen;
+        std::vector<Eigen::Vector2d> differences;
+        std::vector<double> of_seen;  // their deviations
+        for (std::size_t i = 0; i < rays.pixels.size(); ++i) {
+            const auto pixel = projector.project(motion * rays.rays[i]);
+            if (!pixel)
+                continue;
+            seen.pixels.push_back(rays.pixels[i]);
+            seen.rays.push_back(rays.rays[i]);
+            differences.push_back(*pixel - rays.pixels[i]);
+            of_seen.push_back(deviations[static_cast<Eigen::Index>(i)]);
+        }
+        if (of_seen.size() < 3)
+            throw NumericalError("two calibrations of one camera have no rays in common");
+        if (step == steps)
+            return {seen.pixels, differences};
+        using Column = Eigen::Map<const Eigen::VectorXd>;
+        const Eigen::Vector3d turn = -best_rotation(
+            Column(differences.front().data(), 2 * std::ssize(differences)),
+            rotation_jacobian(second, seen), Column(of_seen.data(), std::ssize(of_seen)));
+        motion = motion_of_rays(turn, second.projection.kind) * motion;
+    }
+}
+
+CrossValidation cross_validate(std::span<const CalibrationView> views, const CameraFit& fit) {
+    if (views.size() < min_cross_validation_views)
+        throw NumericalError(fmt::format("{} views, {} are needed for two halves", views.size(),
+                                         min_cross_validation_views));
+    const Half first = calibrated_half(views, 0, fit), second = calibrated_half(views, 1, fit);
+    const Eigen::MatrixXd formal = first.covariances.formal + second.covariances.formal,
+                          robust =
+                              first.covariances.cluster_robust + second.covariances.cluster_robust;
+    const ImageRays rays = rays_among(image_rays(first.camera), all_pixels(views));
+    const Eigen::MatrixXd moved = parameter_jacobian(first.camera, rays, fit.model);
+    const Eigen::VectorXd deviations = ray_deviations(moved, formal);
+    ProjectionDifference difference = projection_difference(second.camera, rays, deviations);
+
+    CrossValidation result{{first.views, second.views},
+                           std::move(difference.pixels),
+                           std::move(difference.differences_px)};
+    double squares = 0.0;
+    for (const Eigen::Vector2d& each : result.differences_px) {
+        squares += each.squaredNorm();
+        result.worst_px = std::max(result.worst_px, each.norm());
+    }
+    result.rms_px = std::sqrt(squares / static_cast<double>(result.differences_px.size()));
+
+    const Eigen::MatrixXd rotated =
+        less_best_rotation(moved, rotation_jacobian(first.camera, rays), deviations);
+    result.expected_formal_px = std::sqrt(mean_square(rotated, formal));
+    result.expected_robust_px = std::sqrt(mean_square(rotated, robust));
+    return result;
+}
 
 // Every fit is a problem of its own and has its own place for the result, so that the number of
 // threads cannot change it.

@@ -134,10 +134,7 @@ double ProjectionUncertainty::mean(double PixelUncertainty::*value) const {
 }
 
 double ProjectionUncertainty::worst(double PixelUncertainty::*value) const {
-    double worst = 0.0;
-    for (const PixelUncertainty& each : pixels)
-        worst = std::max(worst, each.*value);
-    return worst;
+    return std::ranges::max(pixels, {}, value).*value;
 }
 
 double ProjectionUncertainty::worst_among_points(double PixelUncertainty::*value) const {
@@ -149,8 +146,7 @@ double ProjectionUncertainty::worst_among_points(double PixelUncertainty::*value
 }
 
 double ProjectionUncertainty::share_among_points() const {
-    const auto among = std::count_if(pixels.begin(), pixels.end(),
-                                     [](const auto& each) { return each.among_points; });
+    const auto among = std::ranges::count(pixels, true, &PixelUncertainty::among_points);
     return static_cast<double>(among) / static_cast<double>(pixels.size());
 }
 

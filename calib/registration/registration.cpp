@@ -31,8 +31,6 @@ using RegistrationJacobian = Eigen::Matrix<double, Eigen::Dynamic, 12>;
 // A motion of the base frame, X' = X Exp(twist), that Y can undo: rotation, then translation.
 using Twist = Vector6d;
 
-// ------------------------------------------------------------------------------ the linear seed
-
 Eigen::Quaterniond nearest_rotation(const Eigen::Matrix3d& m) {
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
     const Eigen::Matrix3d product = svd.matrixU() * svd.matrixV().transpose();
@@ -120,8 +118,6 @@ XY registration_seed(std::span<const PosePair> poses) {
     return xy;
 }
 
-// ------------------------------------------------------------------------------------- the gauge
-
 // A single linear axis has 4; more means that the stage hardly moved.
 constexpr int max_freedoms = 4;
 // Relative to the largest singular value. The freedoms are exact (no pixel moves at all), so only
@@ -208,10 +204,8 @@ std::string direction_name(const Eigen::Vector3d& direction, double cosine = 1.0
                        direction.z());
 }
 
-std::string freedom_name(const Twist& twist) {
-    if (twist.head<3>().isZero())
-        return "shift along " + direction_name(twist.tail<3>()) + " between X and Y";
-    return "rotation about " + direction_name(twist.head<3>()) + " between X and Y";
+std::string motion_name(bool is_shift, const std::string& direction) {
+    return (is_shift ? "shift along " : "rotation about ") + direction + " between X and Y";
 }
 
 Vector6d prior_deviation(const Rigid& nominal, const Rigid& carriage_from_marker) {
@@ -258,25 +252,18 @@ PoorlyConstrainedDirection weak_direction(const Vector12d& direction, const Twis
     const Eigen::Vector3d turn = twist_at_middle.head<3>(), shift = twist_at_middle.tail<3>();
     const bool shifts = shift.norm() > prior_length_mm * turn.norm();
     const double size = shifts ? shift.norm() : turn.norm();
-    const std::string name = (shifts ? "shift along " : "rotation about ") +
-                             direction_name((shifts ? shift : turn) / size, within_5_deg) +
-                             " between X and Y";
-    return {name, direction / size, deviation * size, worth_poses};
+    const std::string name = direction_name((shifts ? shift : turn) / size, within_5_deg);
+    return {motion_name(shifts, name), direction / size, deviation * size, worth_poses};
 }
 
-struct RegistrationRank {
-    int rank = 0;
-    double condition_number = 0.0;  // of the column-scaled Jacobian, determined directions only
-    std::vector<Twist> freedoms;    // pure shifts first, each with a largest entry of about 1
-};
-
-// From the singular values of the column-scaled Jacobian.
-RegistrationRank registration_rank(const RegistrationJacobian& jacobian, const XY& xy) {
+// Sets rank and condition number, from the singular values of the column-scaled Jacobian, and gives
+// the freedoms: pure shifts first, each with a largest entry of about 1.
+std::vector<Twist> find_freedoms(const RegistrationJacobian& jacobian, const XY& xy,
+                                 Registration& result) {
     const Vector12d unscale = jacobian.colwise().norm().cwiseInverse();
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(jacobian * unscale.asDiagonal(),
                                                 Eigen::ComputeThinU | Eigen::ComputeFullV);
     const Eigen::VectorXd& values = svd.singularValues();
-    RegistrationRank result;
     result.rank = static_cast<int>((values.array() > null_singular_value * values[0]).count());
     const int freedoms = 12 - result.rank;
     if (freedoms > max_freedoms)
@@ -284,10 +271,9 @@ RegistrationRank registration_rank(const RegistrationJacobian& jacobian, const X
             "registration: {} of 12 directions are undetermined; the stage moved too little",
             freedoms));
     result.condition_number = values[0] / values[result.rank - 1];
-    if (freedoms > 0)
-        result.freedoms =
-            tidy_twists(as_twists(unscale.asDiagonal() * svd.matrixV().rightCols(freedoms), xy));
-    return result;
+    if (freedoms == 0)
+        return {};
+    return tidy_twists(as_twists(unscale.asDiagonal() * svd.matrixV().rightCols(freedoms), xy));
 }
 
 // With the name and the direction in (X, Y) that the report shows.
@@ -299,7 +285,7 @@ GaugeFreedom gauge_freedom(const Twist& twist, const XY& xy, const Rigid& base_f
     const Eigen::Vector3d v_carriage =
         -(carriage_from_base * (v + w.cross(base_from_carriage.translation)));
     GaugeFreedom freedom;
-    freedom.name = freedom_name(twist);
+    freedom.name = motion_name(w.isZero(), direction_name(w.isZero() ? v : w));
     freedom.direction << x * w, x * v, w_carriage,
         v_carriage + w_carriage.cross(xy.carriage_from_marker.translation);
     return freedom;
@@ -389,16 +375,6 @@ Matrix12d constrained_covariance(const RegistrationJacobian& jacobian,
     return half * inverse * half.transpose();
 }
 
-// Where the marker is on average, base frame.
-Eigen::Vector3d middle_of(std::span<const Rigid> stage, const XY& xy) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Rigid& base_from_carriage : stage)
-        sum += base_from_carriage * xy.carriage_from_marker.translation;
-    return sum / static_cast<double>(stage.size());
-}
-
-// --------------------------------------------------------------------- both kinds of registration
-
 // What X and Y are estimated from.
 struct Observations {
     std::vector<PosePair> poses;
@@ -460,18 +436,21 @@ Registration with_freedoms_fixed(
     const XY& solution, const StageMotion& motion, const Rigid& nominal_carriage_from_marker,
     const std::function<RegistrationJacobian(const XY&)>& jacobian_at) {
     const std::vector<Rigid>& stage = motion.without_noise;
-    const RegistrationRank rank = registration_rank(jacobian_at(solution), solution);
-    const XY xy =
-        nearest_to_prior(solution, rank.freedoms, stage.front(), nominal_carriage_from_marker);
-    Registration result{xy.camera_from_base, xy.carriage_from_marker};
-    result.rank = rank.rank;
-    result.condition_number = rank.condition_number;
+    Registration result;
+    const std::vector<Twist> freedoms = find_freedoms(jacobian_at(solution), solution, result);
+    const XY xy = nearest_to_prior(solution, freedoms, stage.front(), nominal_carriage_from_marker);
+    result.camera_from_base = xy.camera_from_base;
+    result.carriage_from_marker = xy.carriage_from_marker;
     result.motion = motion.words;
-    for (const Twist& twist : rank.freedoms)
+    for (const Twist& twist : freedoms)
         result.freedoms.push_back(gauge_freedom(twist, xy, stage.front()));
     const RegistrationJacobian jacobian = jacobian_at(xy);
     result.covariance = constrained_covariance(jacobian, result.freedoms);
-    result.weak = weak_directions(jacobian, xy, rank.freedoms, middle_of(stage, xy), stage.size());
+    Eigen::Vector3d middle_mm = Eigen::Vector3d::Zero();  // of the marker's positions
+    for (const Rigid& base_from_carriage : stage)
+        middle_mm += base_from_carriage * xy.carriage_from_marker.translation;
+    middle_mm /= static_cast<double>(stage.size());
+    result.weak = weak_directions(jacobian, xy, freedoms, middle_mm, stage.size());
     if (!result.covariance.allFinite() || !vector_from_rigid(result.camera_from_base).allFinite() ||
         !vector_from_rigid(result.carriage_from_marker).allFinite())
         throw NumericalError("registration gave a value that is not finite");
@@ -526,8 +505,6 @@ bool are_finite(const Rigid& base_from_carriage, const Rigid& camera_from_marker
     return vector_from_rigid(base_from_carriage).allFinite() &&
            vector_from_rigid(camera_from_marker).allFinite();
 }
-
-// ------------------------------------------------------------------------------------ on corners
 
 using Points = std::vector<Eigen::Vector3d>;
 using Poses = std::span<const RegistrationPose>;
@@ -599,8 +576,6 @@ std::optional<ResidualsAndJacobian> linearised(const Projector& projector, const
         }
     return all;
 }
-
-// ------------------------------------------------------------------------------- on whole poses
 
 using Matrix6x12 = Eigen::Matrix<double, 6, 12>;
 

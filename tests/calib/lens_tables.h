@@ -1,9 +1,19 @@
-// Projections with tables that several tests use.
+// Projections with tables that several tests use, and rays by their angle to the axis and about it.
 #pragma once
+
+#include <cmath>
+#include <numbers>
 
 #include "calib/camera/lens_projection.h"
 
 namespace etalon::test {
+
+inline constexpr double pi = std::numbers::pi;
+
+inline Eigen::Vector3d ray_at(double angle, double azimuth, double length = 1.0) {
+    return length * Eigen::Vector3d(std::sin(angle) * std::cos(azimuth),
+                                    std::sin(angle) * std::sin(azimuth), std::cos(angle));
+}
 
 // With and without an end before 180 degrees, and with a stretch matrix's lower half.
 inline std::vector<LensProjection> polynomials() {

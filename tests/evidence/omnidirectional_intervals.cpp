@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "calib/intrinsics/calibration_covariance.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 
 namespace etalon {
 namespace {

@@ -13,7 +13,7 @@
 #include "core/image/image.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/compare/rendered_targets.h"
 #include "tests/station/built_program.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/program/errors.h"
-#include "tests/calib/ray_at.h"
+#include "tests/calib/lens_tables.h"
 
 namespace etalon {
 namespace {

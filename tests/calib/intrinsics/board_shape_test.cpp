@@ -9,7 +9,8 @@
 
 #include "calib/camera/pixel_model.h"
 #include "core/program/errors.h"
-#include "tests/calib/intrinsics/bent_boards.h"
+#include "tests/calib/synthetic_views.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -201,12 +202,8 @@ TEST(BoardShape, APointInTwoPlacesIsRefused) {
     auto views = test::views_of(test::flat, 8, 0.1, 5);
     const CameraFit fit = fit_camera(views, test::image_size, standard());
     views[3].points_mm[4].x() += 1.0;
-    try {
-        fit_board_shape(views, fit);
-        FAIL();
-    } catch (const NumericalError& error) {
-        EXPECT_THAT(error.what(), HasSubstr("the point with id 4 is in two places"));
-    }
+    EXPECT_THAT(text_of_error<NumericalError>([&] { fit_board_shape(views, fit); }),
+                HasSubstr("the point with id 4 is in two places"));
 }
 
 }  // namespace

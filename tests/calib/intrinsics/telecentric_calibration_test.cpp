@@ -7,7 +7,7 @@
 #include "calib/intrinsics/calibration_start.h"
 #include "calib/intrinsics/camera_consistency.h"
 #include "core/program/errors.h"
-#include "tests/calib/telecentric_views.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 
 namespace etalon {

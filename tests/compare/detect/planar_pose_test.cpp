@@ -6,7 +6,7 @@
 #include "compare/detect/detector.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 
 namespace etalon {
 namespace {

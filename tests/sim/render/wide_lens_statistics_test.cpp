@@ -8,7 +8,7 @@
 #include "core/statistics/random.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/gray.h"
 
 namespace etalon {

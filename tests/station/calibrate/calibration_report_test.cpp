@@ -10,7 +10,7 @@
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "station/calibrate/commands.h"
-#include "tests/calib/intrinsics/bent_boards.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 #include "tests/pages.h"
 #include "tests/temporary_folder.h"

@@ -431,7 +431,7 @@ std::optional<Rigid> pose_from_plane(const std::vector<Eigen::Vector3d>& points_
     }
     const Eigen::Quaterniond turn = rotation_to_mean_direction(rays);
     const VisibleProjection seen = seen_across(turn, rays);
-    if (seen.kept.size() < etalon::min_view_points)
+    if (seen.kept.size() < min_view_points)
         return std::nullopt;
     std::vector<Eigen::Vector3d> points;
     for (const std::size_t i : seen.kept)

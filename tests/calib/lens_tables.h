@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <complex>
 #include <numbers>
 
 #include "calib/camera/lens_projection.h"
@@ -9,6 +10,23 @@
 namespace etalon::test {
 
 inline constexpr double pi = std::numbers::pi;
+using Complex = std::complex<double>;
+using ComplexRay = Eigen::Matrix<Complex, 3, 1>;
+using ComplexPoint = Eigen::Matrix<Complex, 2, 1>;
+
+// The imaginary part of f(x + i h) / h is the derivative to rounding.
+template <class Function, class Point>
+Eigen::MatrixXd complex_step(const Function& f, const Point& at) {
+    constexpr double h = 1e-30;
+    using ComplexArgument = Eigen::Matrix<Complex, Point::RowsAtCompileTime, 1>;
+    Eigen::MatrixXd derivatives(f(ComplexArgument(at.template cast<Complex>())).size(), at.size());
+    for (Eigen::Index i = 0; i < at.size(); ++i) {
+        ComplexArgument moved = at.template cast<Complex>();
+        moved[i] += Complex(0.0, h);
+        derivatives.col(i) = f(moved).imag() / h;
+    }
+    return derivatives;
+}
 
 inline Eigen::Vector3d ray_at(double angle, double azimuth, double length = 1.0) {
     return length * Eigen::Vector3d(std::sin(angle) * std::cos(azimuth),

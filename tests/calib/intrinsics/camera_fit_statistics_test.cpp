@@ -361,17 +361,8 @@ TEST(CameraFitStatistics, StatedCovariancesOfTelecentricLensesAreWhatNoiseDoes) 
         for (int run = 0; run < runs; ++run)
             all.push_back(experiment.calibrate(run));
         for (Eigen::Index i = 0; i < all.front().error.size(); ++i)
-            expect_stated(
-                model.parameters[std::size_t(i)],
-                column_of(all, [i](const Calibrated& r) { return std::pair(r.error[i], r.u[i]); }),
-                true, 3.9);
-        for (int i = 0; i < 18; ++i)
-            expect_stated("ray " + std::to_string(i / 2) + (i % 2 ? " y" : " x"),
-                          column_of(all,
-                                    [i](const Calibrated& r) {
-                                        return std::pair(r.pixel_error[i], r.pixel_u[i]);
-                                    }),
-                          false, 3.9);
+            expect_stated(model.parameters[std::size_t(i)], parameter_column(all, i), true, 3.9);
+        expect_stated_rays(all, 3.9);
     }
 }
 

@@ -322,8 +322,7 @@ void state_covariance(const Place& fit, const CalibrationModel& model,
         freedom += photo.pixels - static_cast<double>(photo.score.size()) +
                    static_cast<double>(model.parameters.size());
     }
-    const CalibrationCovariances covariances =
-        covariances_of(equations, model, squares / freedom);
+    const CalibrationCovariances covariances = covariances_of(equations, model, squares / freedom);
     result.deviations = deviations_of(model, covariances);
     result.camera.covariance = ParameterCovariance{model.parameters, covariances.stated};
 }

@@ -95,7 +95,8 @@ void remark_on_deviations(const CalibrationRun& run, std::vector<std::string>& r
     std::vector<std::string> skewed;
     for (const std::size_t i : calibration.skewed_intervals())
         skewed.push_back(fmt::format("{} {:.5g} to {:.5g}", calibration.model.parameters[i],
-                                    calibration.intervals[i]->low, calibration.intervals[i]->high));
+                                     calibration.intervals[i]->low,
+                                     calibration.intervals[i]->high));
     if (!skewed.empty())
         remarks.push_back(fmt::format(
             "Parameters that trade for each other so freely that a standard deviation does not say "

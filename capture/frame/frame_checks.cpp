@@ -3,9 +3,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <future>
+#include <thread>
 
 namespace etalon {
-
 namespace {
 
 constexpr std::uint64_t wrapping_ids = 65535;  // 1..65535, then 1 again
@@ -66,6 +67,13 @@ std::string code_fault(const CodeImage& image, const PixelFormat& format) {
         image.full_scale(), image.bits);
 }
 
+void unpack_into(Frame& frame, const PixelFormat& format, const RawImage& raw, int bits) {
+    frame.status_detail = unpack(format, raw, frame.image);
+    frame.status = frame.status_detail.empty() ? FrameStatus::complete : FrameStatus::short_frame;
+    if (frame.status == FrameStatus::complete)
+        frame.image.bits = bits;
+}
+
 namespace {
 
 bool nearly_equal(double a, double b) {
@@ -116,6 +124,23 @@ std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
     if (wanted.black_level && !nearly_equal(*wanted.black_level, *actual.black_level))
         return differs(fmt::format("black level {}", *wanted.black_level), *actual.black_level);
     return control_difference(wanted, actual);
+}
+
+bool run_bounded(std::function<void()> task, Duration limit) noexcept {
+    const auto done = std::make_shared<std::promise<void>>();
+    const std::future<void> is_done = done->get_future();
+    const auto job = std::make_shared<std::function<void()>>(std::move(task));
+    const auto run = [job, done] {
+        (*job)();
+        *job = nullptr;  // what it owned is gone when it is done
+        done->set_value();
+    };
+    try {
+        std::thread(run).detach();
+    } catch (const std::system_error&) {
+        run();  // no thread to be had
+    }
+    return is_done.wait_for(limit) == std::future_status::ready;
 }
 
 void wait_until_after(Clock& clock, Instant t, std::stop_token stop) {

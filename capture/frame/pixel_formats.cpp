@@ -20,9 +20,9 @@ using enum PixelPacking;
 // PFNC name and code, V4L2, libcamera, packing, bits, mosaic, big-endian
 constexpr PixelFormat formats[] = {
     {"Mono8", 0x01080001, "GREY", "R8", bytes, 8, Mosaic::none, false},
-    {"Mono10", 0x01100003, "Y10 ", "R10", words_low, 10, Mosaic::none, false},
-    {"Mono12", 0x01100005, "Y12 ", "R12", words_low, 12, Mosaic::none, false},
-    {"Mono16", 0x01100007, "Y16 ", "R16", words_low, 16, Mosaic::none, false},
+    {"Mono10", 0x01100003, "Y10", "R10", words_low, 10, Mosaic::none, false},
+    {"Mono12", 0x01100005, "Y12", "R12", words_low, 12, Mosaic::none, false},
+    {"Mono16", 0x01100007, "Y16", "R16", words_low, 16, Mosaic::none, false},
     {"", 0, "Y16 -BE", "", words_low, 16, Mosaic::none, true},
     {"", 0, "Y012", "", words_high, 12, Mosaic::none, false},
     {"Mono10p", 0x010A0046, "", "", bit_stream, 10, Mosaic::none, false},
@@ -315,8 +315,8 @@ const PixelFormat* find_pfnc_format(std::uint32_t code) {
     return find(&PixelFormat::pfnc_code, code);
 }
 
-const PixelFormat* find_v4l2_format(std::string_view characters) {
-    return find(&PixelFormat::v4l2, characters);
+const PixelFormat* find_v4l2_format(std::string_view name) {
+    return find(&PixelFormat::v4l2, name);
 }
 
 const PixelFormat* find_libcamera_format(std::string_view name) {

@@ -55,10 +55,7 @@ std::string split_payload(std::span<const std::uint8_t> payload, std::size_t ima
 
 namespace {
 
-constexpr const char* exposure_feature = "ChunkExposureTime";
-constexpr const char* gain_feature = "ChunkGain";
 constexpr const char* time_feature = "ChunkTimestamp";
-constexpr const char* frame_id_feature = "ChunkFrameID";
 
 constexpr int max_links = 8;              // from a feature to its register
 constexpr std::uint64_t max_bytes = 256;  // of a value's chunk
@@ -208,35 +205,30 @@ std::string layout_fault(const ChunkField& field, const PayloadParts& parts) {
     return "";
 }
 
-void store(const ChunkField& field, double value, ChunkValues& values) {
-    if (field.feature == exposure_feature)
-        values.exposure_us = value;
-    else if (field.feature == gain_feature)
-        values.gain_db = value;
-}
-
-void store(const ChunkField& field, std::uint64_t value, ChunkValues& values) {
-    if (field.feature == time_feature)
-        values.time_ns = nanoseconds_of_ticks(value, field.ticks_a_second);
-    else if (field.feature == frame_id_feature)
-        values.frame_id = value;
-    else
-        store(field, static_cast<double>(value), values);
-}
-
 std::string read_field(const ChunkField& field, ArvChunkParser* parser, ArvBuffer* buffer,
                        ChunkValues& values) {
     ErrorSlot error;
-    if (field.whole)
-        store(field,
-              static_cast<std::uint64_t>(arv_chunk_parser_get_integer_value(
-                  parser, buffer, field.feature.c_str(), error.out())),
-              values);
-    else
-        store(field,
-              arv_chunk_parser_get_float_value(parser, buffer, field.feature.c_str(), error.out()),
-              values);
-    return error ? field.feature + ": " + error.message() : "";
+    const char* name = field.feature.c_str();
+    std::uint64_t whole = 0;
+    double number = 0.0;
+    if (field.whole) {
+        whole = static_cast<std::uint64_t>(
+            arv_chunk_parser_get_integer_value(parser, buffer, name, error.out()));
+        number = static_cast<double>(whole);
+    } else {
+        number = arv_chunk_parser_get_float_value(parser, buffer, name, error.out());
+    }
+    if (error)
+        return field.feature + ": " + error.message();
+    if (field.feature == "ChunkExposureTime")
+        values.exposure_us = number;
+    else if (field.feature == "ChunkGain")
+        values.gain_db = number;
+    else if (field.whole && field.feature == time_feature)
+        values.time_ns = nanoseconds_of_ticks(whole, field.ticks_a_second);
+    else if (field.whole)
+        values.frame_id = whole;
+    return "";
 }
 
 }  // namespace

@@ -1,5 +1,3 @@
-#include "capture/genicam/genicam_description.h"
-
 #include <fmt/format.h>
 #include <libxml/parser.h>
 #include <libxml/tree.h>
@@ -14,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/program/errors.h"
+#include "capture/genicam/genicam_device.h"
 
 namespace etalon {
 namespace {

@@ -48,7 +48,7 @@ const PixelFormat* monochrome_format(const std::vector<CameraFormat>& offered, i
     };
     const PixelFormat* best = nullptr;
     for (const CameraFormat& format : offered) {
-        const PixelFormat* candidate = find_trimmed_v4l2_format(format.name);
+        const PixelFormat* candidate = find_v4l2_format(format.name);
         if (candidate && rank(*candidate) > (best ? rank(*best) : 0))
             best = candidate;
     }
@@ -233,7 +233,7 @@ private:
             if (!*abandoned)
                 system.ioctl(file, VIDIOC_REQBUFS, &none);
         };
-        if (!run_bounded(task)) {
+        if (!run_bounded(task, v4l2_patience)) {
             *abandoned = true;
             device_.set_lost();
         }
@@ -272,8 +272,6 @@ public:
         reconnect_every(look_again, deadline, stop);
     }
 
-    std::vector<std::string> remarks() const override { return remarks_; }
-
 private:
     void open(const std::string& node) {
         device_ = std::make_unique<V4l2Device>(system_, node, name_);
@@ -303,7 +301,7 @@ private:
         const double step_us = static_cast<double>(controls_->exposure_step().count());
         refuse_if(first_difference(wanted, actual, step_us));
         require_alive("configure");
-        remark_on_format();
+        remark_on_format(*image_format_.pixels, image_format_.pixels->v4l2);
         return actual;
     }
 
@@ -330,7 +328,7 @@ private:
         if (!wanted.format.empty() && std::none_of(offered.begin(), offered.end(), is_wanted))
             fail(request, "the device offers " + names_of(offered));
         const PixelFormat* format = wanted.format.empty() ? monochrome_format(offered, wanted.bits)
-                                                          : find_trimmed_v4l2_format(wanted.format);
+                                                          : find_v4l2_format(wanted.format);
         if (!format)
             fail(request,
                  wanted.format.empty()
@@ -366,8 +364,7 @@ private:
         actual.width = image_format_.width;
         actual.height = image_format_.height;
         actual.bits = wanted.bits ? wanted.bits : image_format_.pixels->bits;
-        actual.format = std::string(image_format_.pixels->v4l2.substr(
-            0, image_format_.pixels->v4l2.find_last_not_of(' ') + 1));
+        actual.format = image_format_.pixels->v4l2;
         actual.exposure = controls_->exposure().value_or(0us);
         actual.trigger = "none";
         if (wanted.black_level)
@@ -402,19 +399,6 @@ private:
         return std::max<Duration>(period, settings_->exposure);
     }
 
-    void remark_on_format() {
-        const PixelFormat& format = *image_format_.pixels;
-        if (format.lossy())
-            remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", format.v4l2));
-        if (format.luma_of_colours())
-            remark(fmt::format("of {} the luma is kept, which the camera made", format.v4l2));
-    }
-
-    void remark(const std::string& text) {
-        if (std::find(remarks_.begin(), remarks_.end(), text) == remarks_.end())
-            remarks_.push_back(text);
-    }
-
     // The first frame, good or bad, that is not older.
     Frame next_frame(Instant t, std::stop_token stop) override {
         wait_until_after(clock_, t, stop);
@@ -429,7 +413,7 @@ private:
                 std::optional<Frame> frame = judged(*buffer, t);
                 stream_->give_back(*buffer);
                 if (frame) {
-                    require_codes(*frame);
+                    require_codes(*frame, *image_format_.pixels);
                     return std::move(*frame);
                 }
                 ++too_old;
@@ -442,12 +426,9 @@ private:
                 clock_.wait_for(1ms, stop);
             announced = stream_->wait(look_around);
         } while (clock_.now() < deadline);
-        Frame frame;
-        frame.settings = *settings_;
-        frame.status_detail =
+        return nothing_came(
             fmt::format("no frame within {} ms{}", duration_cast<milliseconds>(limit).count(),
-                        too_old ? fmt::format(", but {} that were too old", too_old) : "");
-        return frame;
+                        too_old ? fmt::format(", but {} that were too old", too_old) : ""));
     }
 
     // Nothing for a frame that is too old.
@@ -460,11 +441,11 @@ private:
             return std::nullopt;
         frame.status = FrameStatus::corrupt;
         frame.status_detail = !buffer.fault.empty() ? buffer.fault : stamp_fault;
-        if (!frame.status_detail.empty())
-            return frame;
-        frame.status_detail = unpacked(buffer, frame.image);
-        frame.status =
-            frame.status_detail.empty() ? FrameStatus::complete : FrameStatus::short_frame;
+        if (frame.status_detail.empty())
+            unpack_into(frame, *image_format_.pixels,
+                        {buffer.data, image_format_.width, image_format_.height,
+                         image_format_.bytes_per_line},
+                        settings_->bits);
         return frame;
     }
 
@@ -473,25 +454,15 @@ private:
         if (start.source == TimeSource::request)
             remark(
                 "the driver's time stamps are of an unknown clock or lie ahead of the frames: "
-                "their "
-                "arrival is used");
+                "their arrival is used");
         Frame frame;
         frame.mosaic = image_format_.pixels->mosaic;
         frame.id = frame_id_;
-        frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
-        frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
+        date(frame, {start.earliest, start.latest});
         frame.time_source = start.source;
         frame.device_time_ns = static_cast<std::uint64_t>(buffer.stamp.count());
         frame.settings = *settings_;
         return frame;
-    }
-
-    void require_codes(const Frame& frame) const {
-        if (frame.status != FrameStatus::complete)
-            return;
-        const std::string fault = code_fault(frame.image, *image_format_.pixels);
-        if (!fault.empty())
-            fail("take a frame", fault);
     }
 
     // The driver's counter has 32 bits, and some stand still or begin anew; a frame's id only
@@ -509,21 +480,8 @@ private:
         last_sequence_ = sequence;
     }
 
-    // What is wrong with the pixels; empty if nothing.
-    std::string unpacked(const FilledBuffer& buffer, CodeImage& image) const {
-        const PixelFormat& format = *image_format_.pixels;
-        std::string fault = unpack(
-            format,
-            {buffer.data, image_format_.width, image_format_.height, image_format_.bytes_per_line},
-            image);
-        if (fault.empty())
-            image.bits = settings_->bits;
-        return fault;
-    }
-
     V4l2System& system_;
     V4l2Identity device_identity_;
-    std::vector<std::string> remarks_;
 
     // In this order, so that the stream ends before its device closes.
     std::unique_ptr<V4l2Device> device_;

@@ -121,22 +121,11 @@ const V4l2Controls::Control& V4l2Controls::named(const std::string& name,
     return *found;
 }
 
-int V4l2Controls::read(const Control& control, std::int64_t& value) {
+int V4l2Controls::transfer(unsigned long direction, const Control& control, std::int64_t& value) {
+    const bool is_wide = control.type == V4L2_CTRL_TYPE_INTEGER64;
     v4l2_ext_control one{};
     one.id = control.id;
-    v4l2_ext_controls request{};
-    request.which = V4L2_CTRL_WHICH_CUR_VAL;
-    request.count = 1;
-    request.controls = &one;
-    const int error = device_.ask(VIDIOC_G_EXT_CTRLS, &request);
-    value = control.type == V4L2_CTRL_TYPE_INTEGER64 ? one.value64 : one.value;
-    return error;
-}
-
-int V4l2Controls::write(const Control& control, std::int64_t value) {
-    v4l2_ext_control one{};
-    one.id = control.id;
-    if (control.type == V4L2_CTRL_TYPE_INTEGER64)
+    if (is_wide)
         one.value64 = value;
     else
         one.value = static_cast<std::int32_t>(value);
@@ -144,7 +133,17 @@ int V4l2Controls::write(const Control& control, std::int64_t value) {
     request.which = V4L2_CTRL_WHICH_CUR_VAL;
     request.count = 1;
     request.controls = &one;
-    return device_.ask(VIDIOC_S_EXT_CTRLS, &request);
+    const int error = device_.ask(direction, &request);
+    value = is_wide ? one.value64 : one.value;
+    return error;
+}
+
+int V4l2Controls::read(const Control& control, std::int64_t& value) {
+    return transfer(VIDIOC_G_EXT_CTRLS, control, value);
+}
+
+int V4l2Controls::write(const Control& control, std::int64_t value) {
+    return transfer(VIDIOC_S_EXT_CTRLS, control, value);
 }
 
 // ---- setting ---------------------------------------------------------------------------------
@@ -252,10 +251,10 @@ void V4l2Controls::set_exposure(microseconds exposure) {
 // ---- listing ---------------------------------------------------------------------------------
 
 std::vector<CameraControl> V4l2Controls::list() {
-    std::vector<CameraControl> described_controls;
+    std::vector<CameraControl> all;
     for (const Control& control : controls_)
-        described_controls.push_back(described(control));
-    return described_controls;
+        all.push_back(described(control));
+    return all;
 }
 
 CameraControl V4l2Controls::described(const Control& control) {
@@ -289,13 +288,12 @@ std::vector<std::string> V4l2Controls::choices(const Control& control) {
         item.index = static_cast<std::uint32_t>(i);
         if (device_.ask(VIDIOC_QUERYMENU, &item) != 0)
             continue;
-        if (control.type == V4L2_CTRL_TYPE_INTEGER_MENU) {
-            const std::int64_t number = item.value;
-            found.push_back(fmt::format("{}: {}", i, number));
-        } else {
-            const char* name = reinterpret_cast<const char*>(item.name);
-            found.push_back(fmt::format("{}: {}", i, std::string(name, strnlen(name, 32))));
-        }
+        const char* name = reinterpret_cast<const char*>(item.name);
+        const std::int64_t number = item.value;  // the other member of a packed union
+        found.push_back(fmt::format("{}: {}", i,
+                                    control.type == V4L2_CTRL_TYPE_INTEGER_MENU
+                                        ? std::to_string(number)
+                                        : std::string(name, strnlen(name, 32))));
     }
     return found;
 }

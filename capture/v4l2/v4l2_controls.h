@@ -51,6 +51,7 @@ private:
 
     const Control* find(std::uint32_t id) const;
     const Control& named(const std::string& name, const std::string& what) const;
+    int transfer(unsigned long direction, const Control& control, std::int64_t& value);
     int read(const Control& control, std::int64_t& value);
     int write(const Control& control, std::int64_t value);
     void set_checked(const Control& control, std::int64_t value, const std::string& what);

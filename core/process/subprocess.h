@@ -17,6 +17,7 @@
 #include <thread>
 #include <vector>
 
+#include "core/file/file_descriptor.h"
 #include "core/time/clock.h"
 
 namespace etalon {
@@ -75,8 +76,8 @@ private:
     SubprocessOptions options_;
     mutable std::mutex mutex_;
     std::condition_variable_any changed_;
-    int process_ = 0;                         // 0: it has ended
-    int talk_ = -1, errors_ = -1, end_ = -1;  // its stdin and stdout, its stderr, its pidfd
+    int process_ = 0;                     // 0: it has ended
+    FileDescriptor talk_, errors_, end_;  // its stdin and stdout, its stderr, its pidfd
     bool has_closed_output_ = false;
     std::string line_;  // of stderr, not yet whole
     SubprocessResult result_;

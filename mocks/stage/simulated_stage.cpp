@@ -1,5 +1,7 @@
 #include "mocks/stage/simulated_stage.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -12,6 +14,68 @@ using When = FaultTrigger::When;
 using Fault = StageFault::Kind;
 
 constexpr std::uint32_t noise_stream = 1U << 16;  // beside the axes' streams of drawn errors
+
+bool is_usable(const StageFault& fault, std::size_t axes) {
+    const bool alarm_fits =
+        fault.kind != StageFault::Kind::alarm || (fault.code >= 1 && fault.code <= 65535);
+    return fault.axis < axes && fault.at.value >= 0 && std::isfinite(fault.size) && alarm_fits;
+}
+
+void require_options(const std::vector<Axis>& axes, const SimulatedStageOptions& options) {
+    const SourcePlace place{"simulated stage"};
+    if (axes.empty())
+        throw ConfigError(place, "needs at least one axis");
+    if (!options.errors.empty())
+        require_usable(options.errors, axes);
+    if (!options.servos.empty() && options.servos.size() != axes.size())
+        throw ConfigError(place,
+                          fmt::format("{} servos for {} axes", options.servos.size(), axes.size()));
+    for (const auto& servo : options.servos)
+        if (servo && !(servo->window > 0.0 && std::isfinite(servo->window)))
+            throw ConfigError(place, "a servo's window must be finite and more than 0");
+    if (!options.power_on_position.empty())
+        require_within_limits(axes, options.power_on_position, place);
+    if (options.ramp.count() <= 0 || options.homing.count() < 0 || options.jerk.count() < 0)
+        throw ConfigError(place, "the ramp must be longer than 0 ms, homing and jerk not negative");
+    const StageTemperature& temperature = options.temperature;
+    if (!(std::isfinite(temperature.change) && std::isfinite(temperature.time_constant) &&
+          temperature.time_constant > 0.0))
+        throw ConfigError(place, "the temperature's time constant must be more than 0 s");
+    for (const StageFault& fault : options.faults)
+        if (!is_usable(fault, axes.size()))
+            throw ConfigError(place, "a fault of an axis, at a time, or with a size that is none");
+}
+
+// With an entry for every axis.
+SimulatedStageOptions complete(SimulatedStageOptions options, const std::vector<Axis>& axes) {
+    require_options(axes, options);
+    options.errors.resize(axes.size());
+    options.power_on_position.resize(axes.size(), 0.0);
+    options.servos.resize(axes.size());
+    return options;
+}
+
+std::vector<StageController> controllers_of(const std::vector<Axis>& axes) {
+    std::vector<StageController> controllers;
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        if (i == 0 || axes[i].unit != axes[i - 1].unit)
+            controllers.push_back({axes[i].unit, i, 0});
+        ++controllers.back().count;
+    }
+    return controllers;
+}
+
+AxisDynamics dynamics_of(const SimulatedStageOptions& options, const std::vector<Axis>& axes,
+                         std::size_t axis) {
+    const auto in_seconds = [](Duration time) {
+        return std::chrono::duration<double>(time).count();
+    };
+    AxisDynamics dynamics{.acceleration = axes[axis].speed / in_seconds(options.ramp),
+                          .servo = options.servos[axis]};
+    if (options.jerk.count() > 0)
+        dynamics.jerk = dynamics.acceleration / in_seconds(options.jerk);
+    return dynamics;
+}
 
 }  // namespace
 
@@ -34,12 +98,8 @@ SimulatedStage::SimulatedStage(std::vector<Axis> axes, SimulatedStageOptions opt
 
 // ---- time
 
-double SimulatedStage::seconds(Instant now) const {
-    return std::chrono::duration<double>(now - power_on_).count();
-}
-
 double SimulatedStage::catch_up() {
-    const double t = seconds(clock_.now());
+    const double t = std::chrono::duration<double>(clock_.now() - power_on_).count();
     while (!pending_.empty()) {
         const auto due = std::ranges::find_if(pending_, [t](const StageFault& fault) {
             return fault.at.when == When::time_ms && fault.at.value * 1e-3 <= t;
@@ -72,8 +132,8 @@ bool SimulatedStage::moves(const AxisState& axis, double t) const {
     return axis.physics.runs(t) || t < axis.homing_until;
 }
 
-bool SimulatedStage::any_moves(double t) const {
-    return std::ranges::any_of(states_, [&](const AxisState& axis) { return moves(axis, t); });
+bool SimulatedStage::any_moves(std::span<const AxisState> axes, double t) const {
+    return std::ranges::any_of(axes, [&](const AxisState& axis) { return moves(axis, t); });
 }
 
 // Noise is a function of the time, so that it does not matter who else reads.
@@ -210,10 +270,6 @@ void SimulatedStage::start(const std::vector<double>& target, const std::vector<
     fire(When::move, moves_started_, moves_started_, t);
 }
 
-void SimulatedStage::stop(std::size_t controller) {
-    now([&](double t) { brake(controller, t); });
-}
-
 void SimulatedStage::reset(std::size_t controller) {
     now([&](double) {
         if (emergency_stop_)
@@ -234,7 +290,7 @@ std::vector<AxisStatus> SimulatedStage::status() {
         statuses.push_back(status_of(axis, t));
     // An axis that lies may be photographed while it moves: the picture follows it.
     const bool lies = std::ranges::any_of(states_, &AxisState::claims_arrival);
-    const bool moves = any_moves(t);
+    const bool moves = any_moves(states_, t);
     if (!ready_ || (moves && !lies))
         return statuses;
     const auto ready = ready_;
@@ -255,21 +311,6 @@ std::vector<double> SimulatedStage::true_positions_at(double t) const {
     return with_lean(options_.errors, std::move(positions));
 }
 
-std::vector<double> SimulatedStage::true_positions() {
-    return now([&](double t) { return true_positions_at(t); });
-}
-
-bool SimulatedStage::is_moving() {
-    return now([&](double t) { return any_moves(t); });
-}
-
-bool SimulatedStage::is_moving(std::size_t controller) {
-    return now([&](double t) {
-        return std::ranges::any_of(axes_of(controller),
-                                   [&](const AxisState& axis) { return moves(axis, t); });
-    });
-}
-
 std::vector<double> SimulatedStage::target() {
     const std::scoped_lock lock(mutex_);
     std::vector<double> targets;
@@ -281,15 +322,6 @@ std::vector<double> SimulatedStage::target() {
 void SimulatedStage::hold_in_position_until(std::function<bool(const std::vector<double>&)> ready) {
     const std::scoped_lock lock(mutex_);
     ready_ = std::move(ready);
-}
-
-int SimulatedStage::moves_started() {
-    const std::scoped_lock lock(mutex_);
-    return moves_started_;
-}
-
-Duration SimulatedStage::uptime() {
-    return clock_.now() - power_on_;
 }
 
 // ---- faults
@@ -357,28 +389,12 @@ void SimulatedStage::notice_request(int first_written, int count) {
         fire(When::write_to, first_written, first_written + count - 1, t);
 }
 
-void SimulatedStage::raise_alarm(int code, std::size_t controller) {
-    now([&](double t) { fail(code, controller, t); });
-}
-
 void SimulatedStage::jam(std::size_t axis, bool jammed) {
     now([&](double t) {
         if (jammed)
             return jam_at(axis, t);
         states_.at(axis).jammed = false;
     });
-}
-
-void SimulatedStage::claim_arrival(std::size_t axis) {
-    now([&](double) { states_.at(axis).claims_arrival = true; });
-}
-
-void SimulatedStage::jump_encoder(std::size_t axis, double size) {
-    now([&](double) { states_.at(axis).physics.jump_encoder(size); });
-}
-
-void SimulatedStage::hit_limit(std::size_t axis) {
-    now([&](double t) { hit_limit_at(axis, t); });
 }
 
 void SimulatedStage::press_emergency_stop(bool pressed) {

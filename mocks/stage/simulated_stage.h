@@ -7,18 +7,76 @@
 // mm or rad.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "core/time/clock.h"
 #include "mocks/stage/simulated_axis.h"
-#include "mocks/stage/simulated_stage_options.h"
 #include "stage/motion/stage.h"
 
 namespace etalon {
+
+// When a scripted fault of the twin happens. One of (twin.yaml's `at`):
+//     {time_ms: 2500}   2.5 s after power-on
+//     {move: 7}         as the 7th move is started
+//     {request: 120}    with the 120th Modbus request, of all clients together
+//     {register: 200}   with the first request that writes it (coils: the same)
+struct FaultTrigger {
+    enum class When { time_ms, move, request, write_to };
+    When when = When::time_ms;
+    int value = 0;  // as above; moves and requests are counted from 1
+};
+
+// Faults of a stage, by name, at a scripted moment: what twin.yaml's `faults` lists beside those of
+// the link. They happen once. See SimulatedStage for what each does.
+struct StageFault {
+    enum class Kind {
+        stuck_axis,         // the axis stops dead, or does not start, and claims to move
+        false_in_position,  // the axis claims to have arrived, until its next command
+        encoder_jump,       // the encoder reads `size` more from now on, until homed
+        limit_hit,          // a limit switch: brakes with an alarm
+        emergency_stop,     // pressed for good: brakes, drives off, homing lost
+        alarm               // `code`: brakes
+    };
+    Kind kind = Kind::stuck_axis;
+    FaultTrigger at;
+    std::size_t axis = 0;  // of all but emergency_stop
+    double size = 0.0;     // of encoder_jump: mm or rad, signed
+    int code = 0;          // of alarm: 1 to 65535
+};
+
+// The simulated controllers' alarm codes; other values may be injected.
+struct StageAlarm {
+    static constexpr int none = 0;
+    static constexpr int not_ready = 1;       // asked to move while disabled, not homed or moving
+    static constexpr int outside_travel = 2;  // target outside the limits, or an unusable speed
+    static constexpr int watchdog = 3;        // the master fell silent during a motion
+    static constexpr int limit = 4;           // a limit switch was hit
+    static constexpr int emergency_stop = 5;  // stays while it is pressed
+};
+
+struct SimulatedStageOptions {
+    std::vector<AxisErrors> errors;                // one per axis, or empty: none
+    std::chrono::milliseconds ramp{50};            // from rest to the axis' declared speed; > 0
+    std::chrono::milliseconds homing{200};         // homing takes at least this long
+    std::vector<double> power_on_position;         // one per axis, or empty: 0
+    std::uint64_t seed = 1;                        // of the repeatability and the encoders' noise
+    std::chrono::milliseconds jerk{0};             // until the acceleration is there; 0: at once
+    std::vector<std::optional<AxisServo>> servos;  // one per axis, or empty; nothing: exactly
+    StageTemperature temperature;
+    std::vector<StageFault> faults;
+};
+
+// One controller drives consecutive axes with the same Modbus unit.
+struct StageController {
+    std::optional<int> unit;  // as the axes declare it
+    std::size_t first = 0, count = 0;
+};
 
 // Safe from every thread: the Modbus server commands it, the camera looks at it.
 class SimulatedStage {
@@ -37,18 +95,27 @@ public:
     void home(std::size_t controller = 0);             // to 0, or to the limit nearest to 0
     void start(const std::vector<double>& target, const std::vector<double>& speed,
                std::size_t controller = 0);
-    void stop(std::size_t controller = 0);   // brakes every axis from now on
+    // Brakes every axis from now on.
+    void stop(std::size_t controller = 0) {
+        now([&](double t) { brake(controller, t); });
+    }
     void reset(std::size_t controller = 0);  // clears the alarm and the limit switches
 
     // What the controllers know, of all axes: positions are the encoders'.
     std::vector<AxisStatus> status();
 
     // Where the carriage truly is, for the twin's camera.
-    std::vector<double> true_positions();
+    std::vector<double> true_positions() {
+        return now([&](double t) { return true_positions_at(t); });
+    }
 
     // Whether any axis moves now, whatever the controller claims.
-    bool is_moving();
-    bool is_moving(std::size_t controller);
+    bool is_moving() {
+        return now([&](double t) { return any_moves(states_, t); });
+    }
+    bool is_moving(std::size_t controller) {
+        return now([&](double t) { return any_moves(axes_of(controller), t); });
+    }
 
     // The axes' target, as last commanded.
     std::vector<double> target();
@@ -60,14 +127,22 @@ public:
     void hold_in_position_until(std::function<bool(const std::vector<double>&)> ready);
 
     // Faults. An alarm brakes every axis of the controller and stays until reset().
-    void raise_alarm(int code, std::size_t controller = 0);
+    void raise_alarm(int code, std::size_t controller = 0) {
+        now([&](double t) { fail(code, controller, t); });
+    }
     // A jammed axis stops dead, or does not start, while it reports to be moving until stop().
     void jam(std::size_t axis, bool jammed = true);
     // Says "in position" and "not moving" until its next command, wherever it is.
-    void claim_arrival(std::size_t axis);
+    void claim_arrival(std::size_t axis) {
+        now([&](double) { states_.at(axis).claims_arrival = true; });
+    }
     // The encoder reads `size` more until it is homed; the motion that runs ends there too.
-    void jump_encoder(std::size_t axis, double size);
-    void hit_limit(std::size_t axis);
+    void jump_encoder(std::size_t axis, double size) {
+        now([&](double) { states_.at(axis).physics.jump_encoder(size); });
+    }
+    void hit_limit(std::size_t axis) {
+        now([&](double t) { hit_limit_at(axis, t); });
+    }
     // All controllers: brakes, drives off. Nothing can be enabled and no alarm reset while pressed.
     void press_emergency_stop(bool pressed = true);
 
@@ -75,8 +150,11 @@ public:
     // Registers or coils first_written ... are written, none if the count is 0.
     void notice_request(int first_written, int count);
 
-    int moves_started();  // start() that moved something, of all controllers
-    Duration uptime();    // since power-on
+    // start() that moved something, of all controllers.
+    int moves_started() {
+        return now([&](double) { return moves_started_; });
+    }
+    Duration uptime() { return clock_.now() - power_on_; }  // since power-on
 
 private:
     struct AxisState {
@@ -90,19 +168,18 @@ private:
 
     // Does `work` with the time in seconds since power-on, after the faults that were due by then.
     template <class Work>
-    auto now(const Work& work) {
+    std::invoke_result_t<Work, double> now(const Work& work) {
         const std::scoped_lock lock(mutex_);
         return work(catch_up());
     }
 
     // All need the lock; t is in seconds since power-on.
     double catch_up();  // t of now, after the faults that were due by then
-    double seconds(Instant now) const;
     std::span<AxisState> axes_of(std::size_t controller);
     std::size_t index_of(const AxisState& axis) const;
     bool is_homed(const AxisState& axis, double t) const;
     bool moves(const AxisState& axis, double t) const;
-    bool any_moves(double t) const;
+    bool any_moves(std::span<const AxisState> axes, double t) const;
     AxisStatus status_of(const AxisState& axis, double t) const;
     double reading(const AxisState& axis, double t) const;
     double drawn_error(std::size_t axis) const;

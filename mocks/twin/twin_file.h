@@ -53,7 +53,7 @@ namespace etalon {
 //       servo:                           # by axis; without: it follows its plan exactly
 //         x: {bandwidth_hz: 30, damping: 0.7, window_um: 5,        # "in position" in the window
 //             drive_lag_us: 200, resonance_hz: 40, resonance_damping: 0.02}      # optional
-//       errors:                          # by axis, each optional (0): mocks/stage/stage_errors.h
+//       errors:                          # by axis, each optional (0): AxisErrors
 //         x: {scale_ppm: 0, repeatability_um: 0.5, backlash_um: 0, encoder_noise_um: 0.05,
 //             periodic_um: 0.8, period_mm: 2, phase_deg: 0,
 //             drift_um_per_k: 1.5, expansion_ppm_per_k: 11, lean_urad: {y: 150}}

@@ -1,4 +1,4 @@
-#include "capture/genicam/genicam_description.h"
+#include "capture/genicam/genicam_device.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

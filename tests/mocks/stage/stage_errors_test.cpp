@@ -1,4 +1,4 @@
-#include "mocks/stage/stage_errors.h"
+#include "mocks/stage/simulated_axis.h"
 
 #include <gtest/gtest.h>
 

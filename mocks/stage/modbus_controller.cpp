@@ -6,18 +6,11 @@ namespace etalon {
 namespace {
 
 RegisterSpace space_of(int function) {
-    switch (function) {
-        case 1:
-        case 5:
-        case 15:
-            return RegisterSpace::coils;
-        case 2:
-            return RegisterSpace::discrete_inputs;
-        case 4:
-            return RegisterSpace::input_registers;
-        default:
-            return RegisterSpace::holding_registers;
-    }
+    if (function == 1 || function == 5 || function == 15)
+        return RegisterSpace::coils;
+    return function == 2   ? RegisterSpace::discrete_inputs
+           : function == 4 ? RegisterSpace::input_registers
+                           : RegisterSpace::holding_registers;
 }
 
 }  // namespace
@@ -40,7 +33,14 @@ ModbusAnswer ModbusController::handle(const ModbusRequest& request) {
         std::ranges::find_if(units_, [&](const Unit& one) { return is(one, request.unit); });
     const bool writes = !request.values.empty();
     stage_.notice_request(request.address, writes ? request.count : 0);
-    ModbusAnswer answer{.reaction = ask_script(request), .values = {}};
+    ModbusScript script;
+    {
+        const std::scoped_lock lock(mutex_);
+        script = script_;
+    }
+    ModbusAnswer answer;
+    if (script)
+        answer.reaction = script(request);
     if (answer.reaction.exception != 0)
         answer.exception = answer.reaction.exception;
     else if (answer.reaction.carry_out)
@@ -63,15 +63,6 @@ void ModbusController::carry_out(StageRegisters& registers, const ModbusRequest&
     } else {
         answer.exception = illegal_address;
     }
-}
-
-ModbusReaction ModbusController::ask_script(const ModbusRequest& request) {
-    ModbusScript script;
-    {
-        const std::scoped_lock lock(mutex_);
-        script = script_;
-    }
-    return script ? script(request) : ModbusReaction{};
 }
 
 void ModbusController::tick() {

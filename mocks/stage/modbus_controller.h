@@ -43,7 +43,6 @@ private:
     };
 
     static bool is(const Unit& unit, int number) { return !unit.number || *unit.number == number; }
-    ModbusReaction ask_script(const ModbusRequest& request);
     void carry_out(StageRegisters& registers, const ModbusRequest& request, ModbusAnswer& answer);
 
     SimulatedStage& stage_;

@@ -5,12 +5,12 @@
 
 namespace etalon {
 
-double SimulatedRoom::temperature_at(double seconds) const {
-    return temperature_c + swing_k * std::sin(2.0 * std::numbers::pi * seconds / period_s);
-}
-
 ModbusAnswer RoomSensorServer::handle(const ModbusRequest& request) {
     constexpr int read_input_registers = 4;
+    const double seconds = std::chrono::duration<double>(clock_.now() - start_).count();
+    const double temperature =
+        room_.temperature_c +
+        room_.swing_k * std::sin(2.0 * std::numbers::pi * seconds / room_.period_s);
     ModbusAnswer answer;
     answer.reaction.reply = !is_silent_;
     const int end = request.address + request.count;
@@ -19,16 +19,13 @@ ModbusAnswer RoomSensorServer::handle(const ModbusRequest& request) {
     else if (request.address < 0 || end > 2)
         answer.exception = illegal_address;
     else
-        for (int address = request.address; address < end; ++address)
-            answer.values.push_back(value_at(address));
+        for (int address = request.address; address < end; ++address) {
+            const double number =
+                address == 0 ? 100.0 * temperature : 10.0 * room_.humidity_percent;
+            answer.values.push_back(
+                static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(number))));
+        }
     return answer;
-}
-
-std::uint16_t RoomSensorServer::value_at(int address) const {
-    const double passed = std::chrono::duration<double>(clock_.now() - start_).count();
-    const double number =
-        address == 0 ? 100.0 * room_.temperature_at(passed) : 10.0 * room_.humidity_percent;
-    return static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(number)));
 }
 
 }  // namespace etalon

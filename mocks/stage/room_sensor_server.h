@@ -14,8 +14,6 @@ namespace etalon {
 struct SimulatedRoom {
     double temperature_c = 20.0, swing_k = 0.0, period_s = 60.0;  // mean, amplitude of a sine
     double humidity_percent = 45.0;
-
-    double temperature_at(double seconds) const;
 };
 
 class RoomSensorServer final : public ModbusUnits {
@@ -34,8 +32,6 @@ public:
     ModbusAnswer handle(const ModbusRequest& request) override;
 
 private:
-    std::uint16_t value_at(int address) const;
-
     SimulatedRoom room_;
     const Clock& clock_;
     Instant start_;

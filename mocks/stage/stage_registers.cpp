@@ -11,11 +11,6 @@ namespace etalon {
 namespace {
 
 // Of a bit that all axes share: states hold of all of them, events of any.
-bool is_state(Signal signal) {
-    return signal == Signal::enabled || signal == Signal::ready || signal == Signal::homed ||
-           signal == Signal::in_position;
-}
-
 bool is_on_together(const std::vector<AxisStatus>& axes, Signal signal) {
     const auto on = [signal](const AxisStatus& axis) { return is_on(axis, signal); };
     return is_state(signal) ? std::ranges::all_of(axes, on) : std::ranges::any_of(axes, on);

@@ -54,9 +54,6 @@ public:
     // link that cannot be. Without a transport libmodbus is taken.
     ModbusLink(const StageLink& link, Clock& clock,
                std::unique_ptr<ModbusTransport> transport = nullptr);
-    ~ModbusLink();
-    ModbusLink(const ModbusLink&) = delete;
-    ModbusLink& operator=(const ModbusLink&) = delete;
 
     // Reads 1 to 125 registers, or 1 to 2000 coils or inputs. Tries up to `attempts` times, over a
     // fresh connection each time, then throws DeviceError; at most about
@@ -91,7 +88,6 @@ public:
     const std::string& device() const { return device_; }  // of the link's own unit
 
 private:
-    void send_write(const ModbusRequest& request, RegisterSpace space);
     ModbusReply transact(const ModbusRequest& request, RegisterSpace space);
     ModbusReply exchange(const ModbusRequest& request);
     std::chrono::milliseconds reply_time() const;

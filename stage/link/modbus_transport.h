@@ -16,7 +16,7 @@ namespace etalon {
 
 struct ModbusRequest {
     int unit = 1;
-    int function = 0;  // 1 to 6, 15, 16
+    int function = 0;  // 1 to 5, 15, 16; a controller is also asked for 6
     int address = 0, count = 0;
     std::vector<std::uint16_t> values;  // of a write; of coils 0 or 1
 };

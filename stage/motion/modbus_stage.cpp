@@ -42,8 +42,8 @@ constexpr auto start_time = 500ms;   // in which a start that was not answered m
 constexpr double implausible = 1.5;  // times the speed, beyond any overshoot
 constexpr auto stop_pause = 20ms;    // between attempts to stop
 
-std::string what_failed(const Condition& failed) {
-    return fmt::format("{}{}", failed.on ? "not " : "", name_of(failed.signal));
+bool all_hold(const AxisStatus& axis, const std::vector<Condition>& conditions) {
+    return std::ranges::all_of(conditions, [&](const Condition& c) { return holds(axis, c); });
 }
 
 class ModbusStage final : public Stage {
@@ -202,12 +202,12 @@ private:
         const char* request;          // "move", for errors
         std::vector<Condition> ends;  // end it as soon as a poll shows one of an axis
         std::stop_token stop;
-        std::span<const double> target;  // of a move
-        Statuses before;                 // when it began
-        std::vector<bool> started;       // axes that were seen to start since then
-        Statuses now;                    // the last poll
-        Instant polled{};                // when that began
-        bool fresh = false;              // nothing was written since then
+        std::span<const double> target = {};  // of a move
+        Statuses before = {};                 // when it began
+        std::vector<bool> started = {};       // axes that were seen to start since then
+        Statuses now = {};                    // the last poll
+        Instant polled{};                     // when that began
+        bool fresh = false;                   // nothing was written since then
     };
 
     void require_usable(const char* request) const {
@@ -241,13 +241,8 @@ private:
     Run begin(const char* request, std::vector<Condition> ends, std::stop_token stop) {
         if (stop.stop_requested())
             throw Interrupted();
-        Run run{.request = request,
-                .ends = std::move(ends),
-                .stop = std::move(stop),
-                .target = {},
-                .before = {},
-                .started = std::vector<bool>(axes_.size()),
-                .now = {}};
+        Run run{request, std::move(ends), std::move(stop)};
+        run.started.resize(axes_.size());
         poll(run);
         run.before = run.now;
         return run;
@@ -335,10 +330,8 @@ private:
 
     Statuses poll(int attempts = 3) {
         Statuses all;
-        for (StageUnit& unit : units_) {
-            const Statuses some = unit.poll(attempts);
-            all.insert(all.end(), some.begin(), some.end());
-        }
+        for (StageUnit& unit : units_)
+            std::ranges::copy(unit.poll(attempts), std::back_inserter(all));
         return all;
     }
 
@@ -352,7 +345,7 @@ private:
             check_plausible(run, axes, clock_.now());
         run.now = std::move(axes);
         for (std::size_t i = 0; i < run.before.size(); ++i)
-            run.started[i] = run.started[i] || has_started(run, run.now, i);
+            run.started[i] = run.started[i] || has_started(run, i);
         run.polled = start;
         run.fresh = true;
     }
@@ -405,10 +398,13 @@ private:
                 throw;
         }
         confirm_start(run, first_axis, count);
-        const bool pulses_bit = step.kind == Step::Kind::pulse &&
-                                profile_.inputs.at(step.input).act != InputPoint::Act::code;
-        if (pulses_bit)
+        if (pulses_bit(step))
             unit.set(step.input, false);
+    }
+
+    bool pulses_bit(const Step& step) const {
+        return step.kind == Step::Kind::pulse &&
+               profile_.inputs.at(step.input).act != InputPoint::Act::code;
     }
 
     // The reply to a start is missing and the register does not tell: the axes have to.
@@ -421,7 +417,7 @@ private:
             poll(run);
             bool started = true;
             for (std::size_t i = first_axis; i < first_axis + count; ++i)
-                started = started && has_started(run, run.now, i);
+                started = started && has_started(run, i);
             if (started)
                 return;
             if (clock_.now() >= deadline)
@@ -441,18 +437,16 @@ private:
                 if (!holds(run.now[i], condition))
                     throw DeviceError(
                         link_.device(), run.request,
-                        fmt::format("axis {} is {}", axes_[i].name, what_failed(condition)));
+                        fmt::format("axis {} is {}{}", axes_[i].name, condition.on ? "not " : "",
+                                    name_of(condition.signal)));
             }
         }
     }
 
     void wait(const Step& step, Run& run) {
         const auto done = [&](const Statuses& axes) {
-            return std::ranges::all_of(axes, [&](const AxisStatus& axis) {
-                return std::ranges::all_of(step.conditions, [&](const Condition& condition) {
-                    return holds(axis, condition);
-                });
-            });
+            return std::ranges::all_of(
+                axes, [&](const AxisStatus& axis) { return all_hold(axis, step.conditions); });
         };
         wait_until(run, done, std::max<Duration>(step.held, profile_.done.settle), step.within);
     }
@@ -519,8 +513,8 @@ private:
         }
     }
 
-    bool has_started(const Run& run, const Statuses& axes, std::size_t axis) const {
-        const AxisStatus &before = run.before[axis], &now = axes[axis];
+    bool has_started(const Run& run, std::size_t axis) const {
+        const AxisStatus &before = run.before[axis], &now = run.now[axis];
         if (now.moving || (before.in_position && !now.in_position))
             return true;
         const double came = std::abs(now.position - before.position);
@@ -570,20 +564,13 @@ private:
         return time;
     }
 
-    // With several units a silent one may not use up the others' time.
-    void hurry_unit(Instant deadline) {
-        const Instant now = clock_.now();
-        link_.hurry(now + (deadline - now) / static_cast<int>(units_.size()));
-    }
-
     bool stop_by(Instant deadline) {
-        for (;;) {
-            if (stop_once(deadline))
-                return true;
+        while (!stop_once(deadline)) {
             if (clock_.now() + stop_pause >= deadline)
                 return false;
             clock_.wait_for(stop_pause, {});
         }
+        return true;
     }
 
     // Steps after the confirmation only tidy up: the axes rest already.
@@ -607,10 +594,11 @@ private:
         bool all = true;
         for (StageUnit& unit : units_) {
             try {
-                hurry_unit(deadline);
+                // A silent one may not use up the others' time.
+                const Instant now = clock_.now();
+                link_.hurry(now + (deadline - now) / static_cast<int>(units_.size()));
                 unit.set_at_once(step.input, step.kind != Step::Kind::clear);
-                if (step.kind == Step::Kind::pulse &&
-                    profile_.inputs.at(step.input).act != InputPoint::Act::code)
+                if (pulses_bit(step))
                     unit.set_at_once(step.input, false);
             } catch (const std::exception&) {
                 link_.close();
@@ -621,11 +609,7 @@ private:
     }
 
     bool confirm(const Step& step, Instant deadline) {
-        const auto rests = [&](const AxisStatus& axis) {
-            return std::ranges::all_of(step.conditions, [&](const Condition& condition) {
-                return holds(axis, condition);
-            });
-        };
+        const auto rests = [&](const AxisStatus& axis) { return all_hold(axis, step.conditions); };
         for (int resting = 0; resting < profile_.done.stable_polls;) {
             if (clock_.now() >= deadline)
                 return false;

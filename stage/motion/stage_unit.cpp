@@ -10,6 +10,17 @@ namespace {
 
 constexpr int write_attempts = 3;
 
+// In the order of the signals; an alarm is a code.
+constexpr bool AxisStatus::*signal_flags[] = {&AxisStatus::enabled,
+                                              &AxisStatus::ready,
+                                              &AxisStatus::homed,
+                                              &AxisStatus::moving,
+                                              &AxisStatus::homing,
+                                              &AxisStatus::in_position,
+                                              nullptr,
+                                              &AxisStatus::emergency_stop,
+                                              &AxisStatus::limit};
+
 bool means_motion(Input input) {
     return input == Input::home || input == Input::start;
 }
@@ -123,7 +134,7 @@ StageUnit::StageUnit(ModbusLink& link, const StageProfile& profile, int unit,
 
 std::vector<AxisStatus> StageUnit::poll(int attempts) {
     const int more = static_cast<int>(axes_.size()) - 1;
-    std::vector<std::vector<std::uint16_t>> blocks;
+    Blocks blocks;
     for (const PollBlock& block : profile_.poll)
         blocks.push_back(link_.read(unit_, block.space, block.address,
                                     more * block.stride + block.count, attempts));
@@ -133,21 +144,13 @@ std::vector<AxisStatus> StageUnit::poll(int attempts) {
     return statuses;
 }
 
-AxisStatus StageUnit::decode(const std::vector<std::vector<std::uint16_t>>& blocks,
-                             std::size_t axis) const {
-    const auto signal = [&](Signal which, bool unavailable) {
-        return polled_signal(blocks, which, axis, unavailable);
-    };
+AxisStatus StageUnit::decode(const Blocks& blocks, std::size_t axis) const {
     AxisStatus status;
-    status.enabled = signal(Signal::enabled, true);
-    status.ready = signal(Signal::ready, true);
-    status.homed = signal(Signal::homed, true);
-    status.homing = signal(Signal::homing, false);
-    status.moving = status.homing || signal(Signal::moving, false);
-    status.in_position = signal(Signal::in_position, true);
-    status.emergency_stop = signal(Signal::emergency_stop, false);
-    status.limit = signal(Signal::limit, false);
-    if (signal(Signal::alarm, false)) {
+    for (std::size_t i = 0; i < std::size(signal_flags); ++i)
+        if (signal_flags[i])
+            status.*signal_flags[i] = polled_signal(blocks, static_cast<Signal>(i), axis);
+    status.moving = status.moving || status.homing;
+    if (polled_signal(blocks, Signal::alarm, axis)) {
         const double code =
             profile_.alarm_code ? polled_number(blocks, *profile_.alarm_code, axis) : 0.0;
         status.alarm = code != 0.0 ? static_cast<int>(code) : alarm_without_code;
@@ -161,8 +164,8 @@ AxisStatus StageUnit::decode(const std::vector<std::vector<std::uint16_t>>& bloc
 }
 
 // The profile's reader made sure that a block holds it.
-std::uint16_t StageUnit::polled(const std::vector<std::vector<std::uint16_t>>& blocks,
-                                RegisterSpace space, int address, std::size_t axis) const {
+std::uint16_t StageUnit::polled(const Blocks& blocks, RegisterSpace space, int address,
+                                std::size_t axis) const {
     for (std::size_t b = 0; b < blocks.size(); ++b) {
         const PollBlock& block = profile_.poll[b];
         const int offset = address - block.address;
@@ -173,19 +176,18 @@ std::uint16_t StageUnit::polled(const std::vector<std::vector<std::uint16_t>>& b
     throw ConfigError({"stage profile", 0, "poll"}, fmt::format("does not hold {}", address));
 }
 
-double StageUnit::polled_number(const std::vector<std::vector<std::uint16_t>>& blocks,
-                                const PolledNumber& number, std::size_t axis) const {
+double StageUnit::polled_number(const Blocks& blocks, const PolledNumber& number,
+                                std::size_t axis) const {
     std::vector<std::uint16_t> registers;
     for (int i = 0; i < registers_of(number.type); ++i)
         registers.push_back(polled(blocks, number.space, number.address + i, axis));
     return number_from_registers(registers, number.type, profile_.word_order);
 }
 
-bool StageUnit::polled_signal(const std::vector<std::vector<std::uint16_t>>& blocks, Signal signal,
-                              std::size_t axis, bool unavailable) const {
+bool StageUnit::polled_signal(const Blocks& blocks, Signal signal, std::size_t axis) const {
     const auto bits = profile_.signals.find(signal);
     if (bits == profile_.signals.end())
-        return unavailable;
+        return is_state(signal);
     return std::ranges::any_of(bits->second, [&](const SignalBit& bit) {
         const std::uint16_t word = polled(blocks, bit.space, bit.address, axis);
         return ((word >> bit.bit & 1) != 0) != bit.inverted;
@@ -282,14 +284,11 @@ void StageUnit::set(Input input, bool on) {
     write_level(input, on);
 }
 
-void StageUnit::write_code(Input input) {
-    const InputPoint& point = profile_.inputs.at(input);
-    write_verified({point.space, point.address}, {&point.code, 1}, false, !means_motion(input));
-}
-
 void StageUnit::pulse(Input input) {
-    if (profile_.inputs.at(input).act == InputPoint::Act::code)
-        return write_code(input);
+    const InputPoint& point = profile_.inputs.at(input);
+    if (point.act == InputPoint::Act::code)
+        return write_verified({point.space, point.address}, {&point.code, 1}, false,
+                              !means_motion(input));
     set(input, true);
     set(input, false);
 }
@@ -354,18 +353,8 @@ double StageUnit::commanded_speed(const Axis& axis, double speed_share) const {
 }
 
 bool is_on(const AxisStatus& axis, Signal signal) {
-    if (signal == Signal::alarm)
-        return axis.alarm != 0;
-    static constexpr bool AxisStatus::*flags[] = {&AxisStatus::enabled,
-                                                  &AxisStatus::ready,
-                                                  &AxisStatus::homed,
-                                                  &AxisStatus::moving,
-                                                  &AxisStatus::homing,
-                                                  &AxisStatus::in_position,
-                                                  nullptr,
-                                                  &AxisStatus::emergency_stop,
-                                                  &AxisStatus::limit};
-    return axis.*flags[static_cast<std::size_t>(signal)];
+    const auto flag = signal_flags[static_cast<std::size_t>(signal)];
+    return flag ? axis.*flag : axis.alarm != 0;
 }
 
 namespace {

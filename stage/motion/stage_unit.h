@@ -72,18 +72,16 @@ private:
         bool reads_back = true;
     };
 
-    AxisStatus decode(const std::vector<std::vector<std::uint16_t>>& blocks,
-                      std::size_t axis) const;
-    std::uint16_t polled(const std::vector<std::vector<std::uint16_t>>& blocks, RegisterSpace space,
-                         int address, std::size_t axis) const;
-    double polled_number(const std::vector<std::vector<std::uint16_t>>& blocks,
-                         const PolledNumber& number, std::size_t axis) const;
-    bool polled_signal(const std::vector<std::vector<std::uint16_t>>& blocks, Signal signal,
-                       std::size_t axis, bool unavailable) const;
+    // What one poll read of one axis.
+    using Blocks = std::vector<std::vector<std::uint16_t>>;
+    AxisStatus decode(const Blocks& blocks, std::size_t axis) const;
+    std::uint16_t polled(const Blocks& blocks, RegisterSpace space, int address,
+                         std::size_t axis) const;
+    double polled_number(const Blocks& blocks, const PolledNumber& number, std::size_t axis) const;
+    bool polled_signal(const Blocks& blocks, Signal signal, std::size_t axis) const;
 
     void get_to_know(Place place, Word& word);
     void write_level(Input input, bool on);
-    void write_code(Input input);
     void write_block(const TargetBlock& block, std::span<const double> target, double speed_share);
     void write_verified(Place place, std::span<const std::uint16_t> values, bool reads_back,
                         bool repeatable);
@@ -99,6 +97,13 @@ private:
 // A profile's signals as the fields of AxisStatus.
 
 bool is_on(const AxisStatus& axis, Signal signal);  // alarm: any code but 0
+
+// What lasts, in contrast to what happens: on where a controller does not say it, and of several
+// axes on when it is of all of them.
+constexpr bool is_state(Signal signal) {
+    return signal == Signal::enabled || signal == Signal::ready || signal == Signal::homed ||
+           signal == Signal::in_position;
+}
 
 inline bool holds(const AxisStatus& axis, const Condition& condition) {
     return is_on(axis, condition.signal) == condition.on;

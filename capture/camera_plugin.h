@@ -2,10 +2,6 @@
 // and GLib, libcamera.
 #pragma once
 
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "capture/frame/camera.h"
 
 namespace etalon {

@@ -1,7 +1,5 @@
 #include "capture/files_camera.h"
 
-#include <fmt/format.h>
-
 #include <cctype>
 
 #include "capture/frame/device_camera.h"

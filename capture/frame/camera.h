@@ -20,17 +20,11 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
-#include <cstdint>
 #include <memory>
-#include <optional>
-#include <stop_token>
-#include <string>
 #include <vector>
 
 #include "core/image/image.h"
 #include "core/program/errors.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 

@@ -1,12 +1,10 @@
 #include "capture/genicam/genicam_camera.h"
 
 #include <arv.h>
-#include <fmt/format.h>
 
 #include <set>
 
 #include "capture/frame/device_camera.h"
-#include "capture/genicam/genicam_device.h"
 #include "capture/genicam/genicam_settings.h"
 
 namespace etalon {

@@ -23,9 +23,6 @@
 // background. reconnect() makes all anew.
 #pragma once
 
-#include <memory>
-#include <string>
-
 #include "capture/frame/camera.h"
 
 namespace etalon {

@@ -6,12 +6,7 @@
 #pragma once
 
 #include <bit>
-#include <cstdint>
-#include <memory>
-#include <optional>
 #include <span>
-#include <string>
-#include <vector>
 
 #include "capture/genicam/genicam_device.h"
 

@@ -2,15 +2,10 @@
 #include <libxml/parser.h>
 #include <libxml/tree.h>
 
-#include <algorithm>
 #include <cctype>
 #include <cerrno>
 #include <cstdlib>
-#include <map>
-#include <memory>
 #include <set>
-#include <string_view>
-#include <vector>
 
 #include "capture/genicam/genicam_device.h"
 

@@ -4,11 +4,6 @@
 #pragma once
 
 #include <atomic>
-#include <chrono>
-#include <memory>
-#include <string>
-#include <type_traits>
-#include <vector>
 
 #include "capture/frame/camera.h"
 

@@ -1,7 +1,5 @@
 #include "capture/libcamera/libcamera_camera.h"
 
-#include <fmt/format.h>
-
 #include <cmath>
 
 #include "capture/frame/device_camera.h"

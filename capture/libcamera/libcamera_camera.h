@@ -15,10 +15,6 @@
 // reads such cameras back.
 #pragma once
 
-#include <functional>
-#include <memory>
-#include <string>
-
 #include "capture/libcamera/libcamera_device.h"
 
 namespace etalon {

@@ -1,6 +1,5 @@
 #include "capture/libcamera/libcamera_device.h"
 
-#include <fmt/format.h>
 #include <libcamera/camera.h>
 #include <libcamera/camera_manager.h>
 #include <libcamera/control_ids.h>

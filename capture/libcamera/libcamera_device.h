@@ -7,18 +7,7 @@
 // does not have.
 #pragma once
 
-#include <cstdint>
-#include <map>
-#include <memory>
-#include <optional>
-#include <span>
-#include <stop_token>
-#include <string>
-#include <vector>
-
-#include "capture/frame/camera.h"
 #include "capture/frame/frame_checks.h"
-#include "capture/frame/pixel_formats.h"
 #include "capture/v4l2/v4l2_timing.h"
 
 namespace etalon {

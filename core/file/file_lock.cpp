@@ -4,7 +4,6 @@
 #include <sys/file.h>
 
 #include <cerrno>
-#include <system_error>
 
 #include "core/program/errors.h"
 

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 
 #include <cerrno>
-#include <system_error>
 
 #include "core/file/file_descriptor.h"
 #include "core/program/errors.h"

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
 #include <opencv2/imgproc.hpp>
-#include <string_view>
 
 #include "core/file/file_writing.h"
 #include "core/image/picture_codec.h"

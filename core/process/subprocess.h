@@ -7,12 +7,7 @@
 // for that SIGTERM (PR_SET_PDEATHSIG).
 #pragma once
 
-#include <condition_variable>
 #include <functional>
-#include <mutex>
-#include <stop_token>
-#include <string>
-#include <string_view>
 #include <system_error>
 #include <thread>
 #include <vector>

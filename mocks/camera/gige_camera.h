@@ -9,12 +9,9 @@
 // client that died its control is free again 3 s later.
 #pragma once
 
-#include <chrono>
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "core/image/image.h"

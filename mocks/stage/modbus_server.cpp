@@ -14,8 +14,6 @@
 #include <cstring>
 #include <thread>
 
-#include "core/file/file_descriptor.h"
-
 namespace etalon {
 
 using namespace std::chrono_literals;

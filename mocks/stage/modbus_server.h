@@ -5,10 +5,6 @@
 // Function codes 1 to 6, 15 and 16; everything else is answered by an exception.
 #pragma once
 
-#include <chrono>
-#include <memory>
-#include <vector>
-
 #include "mocks/stage/modbus_fault.h"
 #include "mocks/stage/modbus_framing.h"
 #include "mocks/stage/serial_pair.h"

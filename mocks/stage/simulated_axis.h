@@ -7,10 +7,6 @@
 // last command. Positions mm or rad.
 #pragma once
 
-#include <limits>
-#include <optional>
-#include <vector>
-
 #include "sim/twin/servo.h"
 #include "stage/axes/axes.h"
 
@@ -75,37 +71,93 @@ struct AxisDynamics {
 class SimulatedAxis {
 public:
     // At rest. Throws NumericalError for a servo that cannot be.
-    SimulatedAxis(const AxisDynamics& dynamics, const AxisErrors& errors, double rest_at);
+    SimulatedAxis(const AxisDynamics& dynamics, const AxisErrors& errors, double rest_at)
+        : dynamics_(dynamics), errors_(errors), motion_(rest_at), target_(rest_at) {
+        if (dynamics.servo) {
+            servo_.emplace(dynamics.servo->parameters);
+            state_ = servo_->at_rest(rest_at);
+        }
+    }
 
     // From rest to `target` as the encoder counts it. `drawn` is this move's own error, taken on
     // along the way.
-    void move_to(double target, double speed, double drawn, double t);
+    void move_to(double target, double speed, double drawn_error, double t) {
+        const double from = motion_.end(), to = target - encoder_offset_;
+        target_ = target;
+        plan(Motion::between(from, to, {speed, dynamics_.acceleration, dynamics_.jerk}),
+             to == from ? drawn(t) : drawn_error, t);
+    }
 
     // The same, to where the motor truly is at `zero`; the encoder counts right from now on.
-    void find_zero(double zero, double speed, double drawn, double t);
+    void find_zero(double zero, double speed, double drawn_error, double t) {
+        encoder_offset_ = 0.0;
+        move_to(zero, speed, drawn_error, t);
+    }
 
-    void brake(double t);
+    void brake(double t) {
+        const double s = since_start(t);
+        plan(Motion::braking(motion_.position(s), motion_.velocity(s), motion_.acceleration(s),
+                             {1.0, dynamics_.acceleration, dynamics_.jerk}),
+             drawn(t), t);
+    }
 
     // Stops dead. Until the next command it claims to move.
-    void seize(double t);
+    void seize(double t) {
+        plan(Motion(motor(t)), drawn(t), t);
+        if (servo_)
+            state_ = servo_->with_motor_stopped(state_);
+        stuck_ = true;
+    }
 
     // The encoder reads so much more from now on; nothing moves.
     void jump_encoder(double size) { encoder_offset_ += size; }
 
     double target() const { return target_; }
-    bool runs(double t) const;  // its planned motion is not over, or it is stuck
+    bool runs(double t) const {
+        return stuck_ || since_start(t) < motion_.duration();
+    }  // its planned motion is not over, or it is stuck
     double ends() const { return started_ + motion_.duration(); }  // when that will be, if not
-    bool is_at_target(double t) const;
-    double encoder(double t) const;  // without noise
-    double true_position(double t, double kelvin) const;
+    bool is_at_target(double t) const {
+        constexpr double rounding = 1e-9;
+        const double window = dynamics_.servo ? dynamics_.servo->window : rounding;
+        return std::abs(encoder(t) - target_) <= window;
+    }
+    double encoder(double t) const { return motor(t) + encoder_offset_; }  // without noise
+    double true_position(double t, double kelvin) const {
+        const double carriage =
+            servo_ ? servo_->carriage(servo_state(t)) : motion_.position(since_start(t));
+        return carriage + error_at(errors_, carriage, kelvin) + drawn(t) + play(t);
+    }
 
 private:
     double since_start(double t) const { return t - started_; }
-    Servo::State servo_state(double t) const;
-    double motor(double t) const;
-    double play(double t) const;
-    double drawn(double t) const;
-    void plan(const Motion& motion, double drawn, double t);
+    Servo::State servo_state(double t) const {
+        return servo_->advance(state_, motion_, 0.0, since_start(t));
+    }
+    double motor(double t) const {
+        return servo_ ? servo_->motor(servo_state(t)) : motion_.position(since_start(t));
+    }
+    double play(double t) const {
+        return play_after(play_, motion_.position(since_start(t)) - motion_.start(),
+                          errors_.backlash);
+    }
+    double drawn(double t) const {
+        const double way = motion_.end() - motion_.start();
+        const double done =
+            way == 0.0 ? 1.0 : (motion_.position(since_start(t)) - motion_.start()) / way;
+        return drawn_before_ + done * (drawn_after_ - drawn_before_);
+    }
+    void plan(const Motion& motion, double drawn_after, double t) {
+        // The state of everything that has a memory at t becomes the new beginning.
+        if (servo_)
+            state_ = servo_state(t);
+        play_ = play(t);
+        drawn_before_ = drawn(t);
+        drawn_after_ = drawn_after;
+        motion_ = motion;
+        started_ = t;
+        stuck_ = false;
+    }
 
     AxisDynamics dynamics_;
     AxisErrors errors_;

@@ -7,15 +7,8 @@
 // mm or rad.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
-#include <functional>
-#include <mutex>
-#include <optional>
-#include <span>
-#include <vector>
 
-#include "core/time/clock.h"
 #include "mocks/stage/simulated_axis.h"
 #include "stage/motion/stage.h"
 

@@ -1,7 +1,5 @@
 #include "mocks/twin/twin.h"
 
-#include <fmt/format.h>
-
 #include "stage/axes/kinematics.h"
 
 namespace etalon {
@@ -16,18 +14,6 @@ SimulatedStageOptions stage_options(const TwinFile& file) {
 // A name for a new line, if the stage is on one.
 std::optional<std::filesystem::path> line_of(const TwinStage& stage) {
     return stage.serial.empty() ? std::nullopt : std::optional(stage.serial);
-}
-
-GigeCameraOptions camera_options(const TwinFile& file) {
-    const CameraModel& model = file.true_camera;
-    GigeCameraOptions options;
-    options.width = model.width;
-    options.height = model.height;
-    options.bits = model.sensor ? model.sensor->bits : 8;
-    if (!model.serial.empty())
-        options.serial = model.serial;
-    options.packet_loss = file.packet_loss;
-    return options;
 }
 
 }  // namespace
@@ -59,20 +45,6 @@ Radiance TwinRig::develop(const std::vector<double>& positions) const {
 double TwinRig::light(std::chrono::microseconds exposure, double gain_db) const {
     const double time = std::chrono::duration<double>(exposure) / nominal_exposure_;
     return time * std::pow(10.0, gain_db / 20.0);
-}
-
-Twin::Twin(const TwinFile& file) : TwinRig(file), camera_options_(camera_options(file)) {
-    plug_camera_in(camera_options_.serial);
-}
-
-void Twin::plug_camera_in(const std::string& serial) {
-    camera_options_.serial = serial;
-    camera_.emplace(camera_options_, [this](const CaptureSettings& s) { return expose(s); });
-}
-
-// On the camera's thread.
-CodeImage Twin::expose(const CaptureSettings& settings) {
-    return physics().expose(picture(), light(settings.exposure, settings.gain_db), frames_++);
 }
 
 }  // namespace etalon

@@ -9,18 +9,10 @@
 // show.
 #pragma once
 
-#include <atomic>
-#include <chrono>
-#include <cstdint>
-#include <optional>
-#include <string>
-
-#include "core/time/clock.h"
 #include "mocks/camera/gige_camera.h"
 #include "mocks/camera/scene_image_source.h"
 #include "mocks/stage/modbus_controller.h"
 #include "mocks/twin/twin_file.h"
-#include "sim/twin/twin_physics.h"
 
 namespace etalon {
 
@@ -60,17 +52,34 @@ private:
 class Twin : public TwinRig {
 public:
     // Throws as TwinRig does, and DeviceError when the camera's port is taken.
-    explicit Twin(const TwinFile& file);
+    explicit Twin(const TwinFile& file) : TwinRig(file), camera_options_(camera_options(file)) {
+        plug_camera_in(camera_options_.serial);
+    }
 
     // For tests, which script its faults.
     GigeCamera& camera() { return *camera_; }
 
     // The camera is gone; another comes in its place. Not while another thread uses camera().
     void unplug_camera() { camera_.reset(); }
-    void plug_camera_in(const std::string& serial);
+    void plug_camera_in(const std::string& serial) {
+        camera_options_.serial = serial;
+        camera_.emplace(camera_options_, [this](const CaptureSettings& s) {  // on its thread
+            return physics().expose(picture(), light(s.exposure, s.gain_db), frames_++);
+        });
+    }
 
 private:
-    CodeImage expose(const CaptureSettings& settings);
+    static GigeCameraOptions camera_options(const TwinFile& file) {
+        const CameraModel& model = file.true_camera;
+        GigeCameraOptions options;
+        options.width = model.width;
+        options.height = model.height;
+        options.bits = model.sensor ? model.sensor->bits : 8;
+        if (!model.serial.empty())
+            options.serial = model.serial;
+        options.packet_loss = file.packet_loss;
+        return options;
+    }
 
     std::atomic<std::uint32_t> frames_ = 0;
     GigeCameraOptions camera_options_;

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include "calib/files/camera_file.h"
-#include "core/geometry/units.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

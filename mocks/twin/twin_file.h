@@ -3,16 +3,7 @@
 // Every key with its meaning: examples/every-key/twin.yaml.
 #pragma once
 
-#include <chrono>
-#include <cstdint>
-#include <filesystem>
-#include <optional>
-#include <vector>
-
-#include "calib/camera/camera_model.h"
-#include "mocks/stage/modbus_fault.h"
 #include "mocks/stage/room_sensor_server.h"
-#include "sim/render/renderer.h"
 #include "sim/twin/twin_physics.h"
 #include "stage/profile/profile.h"
 

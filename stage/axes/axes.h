@@ -10,7 +10,6 @@
 // or rad. Pure data; the transform itself is stage/axes/kinematics.h's.
 #pragma once
 
-#include <optional>
 #include <span>
 
 #include "core/geometry/rigid.h"

@@ -12,19 +12,9 @@
 // find out by reading back. Blocks its caller; one thread at a time, except last_exchanges().
 #pragma once
 
-#include <chrono>
-#include <cstdint>
 #include <deque>
 #include <functional>
-#include <memory>
-#include <mutex>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
 
-#include "core/program/errors.h"
-#include "core/time/clock.h"
 #include "stage/link/modbus_transport.h"
 #include "stage/link/register_numbers.h"
 

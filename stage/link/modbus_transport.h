@@ -3,11 +3,7 @@
 // No retries and no judgement: those are ModbusLink's. One thread.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "core/time/clock.h"
 #include "stage/link/stage_link.h"

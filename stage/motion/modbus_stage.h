@@ -15,9 +15,6 @@
 // One owner thread; trace() from any.
 #pragma once
 
-#include <memory>
-#include <vector>
-
 #include "stage/link/modbus_transport.h"
 #include "stage/motion/stage.h"
 #include "stage/profile/profile.h"

@@ -9,15 +9,6 @@
 // Pure functions, no device; some 10 us a motion, with 8 axes and many boxes some milliseconds.
 #pragma once
 
-#include <functional>
-#include <limits>
-#include <memory>
-#include <span>
-#include <string>
-#include <vector>
-
-#include "core/time/clock.h"
-#include "stage/axes/axes.h"
 #include "stage/motion/stage.h"
 
 namespace etalon {

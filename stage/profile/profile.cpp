@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "core/file/text.h"
-#include "core/geometry/units.h"
 #include "stage/profile/profile_layers.h"
 
 namespace etalon {

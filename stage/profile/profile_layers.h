@@ -2,13 +2,8 @@
 // names the file that the faulty value stands in.
 #pragma once
 
-#include <optional>
 #include <set>
-#include <string>
-#include <utility>
-#include <vector>
 
-#include "core/config/strict_reader.h"
 #include "stage/profile/profile.h"
 
 namespace etalon {

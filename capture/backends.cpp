@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "capture/camera_plugin.h"
 #include "capture/files_camera.h"
 #include "capture/v4l2/v4l2_camera.h"
 #include "core/program/plugin.h"

@@ -135,6 +135,14 @@ struct CameraLink {
         interface;  // IP address of the network card to use; empty: the library looks for it
 };
 
+// A backend whose SDK is loaded when a camera of it is asked for (core/program/plugin.h): the
+// plugin's table.
+struct CameraPlugin {
+    std::vector<CameraIdentity> (*list)();
+    // `id` is what follows the colon of the URI.
+    std::unique_ptr<Camera> (*open)(const std::string& id, const CameraLink& link, Clock& clock);
+};
+
 // Opens by URI: `genicam:ID-or-IP`, `v4l2:/dev/video0`, `libcamera:ID`, `files:FOLDER`. Throws
 // ConfigError for a URI that no backend knows and DeviceError when the device does not answer.
 std::unique_ptr<Camera> open_camera(const std::string& uri, const CameraLink& link, Clock& clock);

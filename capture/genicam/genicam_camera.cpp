@@ -67,9 +67,6 @@ public:
             release_in_background(std::move(stream_));
     }
 
-    GenicamStream(const GenicamStream&) = delete;
-    GenicamStream& operator=(const GenicamStream&) = delete;
-
     // The next buffer that the library has done with; null where there is none (before the
     // deadline).
     Buffer waiting() { return Buffer(arv_stream_try_pop_buffer(stream_.get())); }
@@ -108,7 +105,7 @@ public:
         frame.id = arv_buffer_get_frame_id(buffer);
         frame.settings = settings;
         frame.mosaic = capture_.format->mosaic;
-        frame.device_time_ns = device_time_ns(buffer);
+        frame.device_time_ns = arv_buffer_get_timestamp(buffer);
         const BufferVerdict verdict = verdict_of_buffer(arv_buffer_get_status(buffer));
         reject(frame, verdict.status, verdict.detail);
         PayloadParts parts;
@@ -127,24 +124,16 @@ public:
         return frame;
     }
 
-    static std::uint64_t device_time_ns(ArvBuffer* buffer) {
-        return arv_buffer_get_timestamp(buffer);
-    }
-
-    // Packets, underruns and skipped frames of this acquisition.
-    CaptureStatistics statistics() const {
-        CaptureStatistics statistics;
-        guint64 completed = 0, failed = 0, underruns = 0;
+    // Adds the packets, underruns and skipped frames of this acquisition.
+    void add_to(CaptureStatistics& sum) const {
+        guint64 completed = 0, failed = 0, underruns = 0, resent = 0, missing = 0;
         arv_stream_get_statistics(stream_.get(), &completed, &failed, &underruns);
-        statistics.underruns = static_cast<long>(underruns);
-        statistics.skipped = skipped_;
-        if (ARV_IS_GV_STREAM(stream_.get())) {
-            guint64 resent = 0, missing = 0;
+        if (ARV_IS_GV_STREAM(stream_.get()))
             arv_gv_stream_get_statistics(ARV_GV_STREAM(stream_.get()), &resent, &missing);
-            statistics.resent_packets = static_cast<long>(resent);
-            statistics.missing_packets = static_cast<long>(missing);
-        }
-        return statistics;
+        sum.underruns += static_cast<long>(underruns);
+        sum.skipped += skipped_;
+        sum.resent_packets += static_cast<long>(resent);
+        sum.missing_packets += static_cast<long>(missing);
     }
 
     // Whether chunks came that the library cannot read.
@@ -219,7 +208,7 @@ private:
 
     // Both stamps lie in the exposure, so they cannot be further apart than it is long.
     std::string stamp_fault(ArvBuffer* buffer, const ChunkValues& values) const {
-        const std::uint64_t stamp = device_time_ns(buffer);
+        const std::uint64_t stamp = arv_buffer_get_timestamp(buffer);
         if (!values.time_ns || stamp == 0)
             return "";
         const microseconds allowed = capture_.settings.exposure + milliseconds(1);
@@ -264,13 +253,6 @@ private:
 
 // ---- the camera ------------------------------------------------------------------------------
 
-void add(const CaptureStatistics& of_stream, CaptureStatistics& sum) {
-    sum.missing_packets += of_stream.missing_packets;
-    sum.resent_packets += of_stream.resent_packets;
-    sum.underruns += of_stream.underruns;
-    sum.skipped += of_stream.skipped;
-}
-
 class GenicamCamera final : public DeviceCamera {
 public:
     GenicamCamera(const std::string& id, const CameraLink& link, Clock& clock)
@@ -280,8 +262,6 @@ public:
         identity_ = device_->identity();
     }
     ~GenicamCamera() override { disarm(); }
-    GenicamCamera(const GenicamCamera&) = delete;
-    GenicamCamera& operator=(const GenicamCamera&) = delete;
 
     CameraAbilities abilities() const override {
         require_alive("list abilities");
@@ -295,7 +275,7 @@ public:
     CaptureStatistics statistics() const override {
         CaptureStatistics now = statistics_;
         if (stream_)
-            add(stream_->statistics(), now);
+            stream_->add_to(now);
         return now;
     }
 
@@ -333,7 +313,7 @@ private:
 
     void stop_stream() noexcept override {
         if (stream_)
-            add(stream_->statistics(), statistics_);
+            stream_->add_to(statistics_);
         stream_.reset();
     }
 
@@ -422,7 +402,7 @@ private:
     void discard_stale_frames() {
         while (auto buffer = stream_->waiting()) {
             stream_->is_newer(buffer.get());
-            last_device_ns_ = GenicamStream::device_time_ns(buffer.get());
+            last_device_ns_ = arv_buffer_get_timestamp(buffer.get());
             stream_->give_back(std::move(buffer));
             ++statistics_.rejected;
         }

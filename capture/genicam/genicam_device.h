@@ -54,8 +54,6 @@ public:
     // control.
     GenicamDevice(const std::string& id, const CameraLink& link);
     ~GenicamDevice();
-    GenicamDevice(const GenicamDevice&) = delete;
-    GenicamDevice& operator=(const GenicamDevice&) = delete;
 
     ArvCamera* camera() const { return camera_.get(); }
     const CameraIdentity& identity() const { return identity_; }

@@ -41,14 +41,13 @@ public:
         for (const auto& [control, range] : device_->controls()) {
             const auto now = metadata_.find(control);
             abilities.controls.push_back(
-                {control,
-                 now == metadata_.end() ? "" : fmt::format("{}", now->second),
-                 control == "ExposureTime" ? "us" : "",
-                 range.low,
-                 range.high,
-                 {},
-                 {},
-                 false});
+                {.name = control,
+                 .value = now == metadata_.end() ? "" : fmt::format("{}", now->second),
+                 .unit = control == "ExposureTime" ? "us" : "",
+                 .low = range.low,
+                 .high = range.high,
+                 .step = {},
+                 .choices = {}});
         }
         return abilities;
     }
@@ -135,9 +134,8 @@ private:
                                                    in_words(control, actual->second)));
             }
         if (!unmentioned.empty())
-            remarks_.push_back(
-                "set but not read back, since the frames' metadata do not mention it: " +
-                unmentioned);
+            remark("set but not read back, since the frames' metadata do not mention it: " +
+                   unmentioned);
         if (!metadata_.count("ExposureTime"))
             remarks_.push_back(
                 "whatever libcamera has no control for stays as it is, such as the sharpening of a "
@@ -146,14 +144,17 @@ private:
                          stream_.limited_range ? ", from 16 to 235 only" : "");
     }
 
-    CaptureSettings with_metadata(CaptureSettings settings, const LibcameraValues& metadata) const {
-        for (auto& [control, value] : settings.controls)
-            if (const auto actual = metadata.find(control); actual != metadata.end())
-                value = actual->second;
-        if (const auto exposure = metadata.find("ExposureTime"); exposure != metadata.end())
-            settings.exposure = microseconds(std::llround(exposure->second));
-        if (const auto gain = metadata.find("AnalogueGain"); gain != metadata.end())
-            settings.gain_db = gain_db(gain->second);
+    static CaptureSettings with_metadata(CaptureSettings settings,
+                                         const LibcameraValues& metadata) {
+        for (const auto& [control, value] : metadata) {
+            if (const auto asked = settings.controls.find(control);
+                asked != settings.controls.end())
+                asked->second = value;
+            if (control == "ExposureTime")
+                settings.exposure = microseconds(std::llround(value));
+            else if (control == "AnalogueGain")
+                settings.gain_db = gain_db(value);
+        }
         return settings;
     }
 
@@ -180,14 +181,11 @@ private:
             placed(raw);
             metadata_ = raw.metadata;
             device_->give_back(raw.buffer);
-            if (frames >= warm_up_frames && settled())
+            if (frames >= warm_up_frames &&
+                !contradicted(plan_.asked, metadata_, exposure_step_us()) &&
+                !contradicted(plan_.automatics, metadata_, exposure_step_us()))
                 return;
         }
-    }
-
-    bool settled() const {
-        return !contradicted(plan_.asked, metadata_, exposure_step_us()) &&
-               !contradicted(plan_.automatics, metadata_, exposure_step_us());
     }
 
     LibcameraFrame next_while_settling() {

@@ -238,9 +238,6 @@ public:
         camera_.reset();  // before the manager
     }
 
-    Device(const Device&) = delete;
-    Device& operator=(const Device&) = delete;
-
     const CameraIdentity& identity() const override { return identity_; }
 
     std::vector<LibcameraFormat> formats() const override {

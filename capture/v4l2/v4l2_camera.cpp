@@ -432,8 +432,7 @@ public:
             device_.fail("take a frame", error);
         if (buffer.index >= mappings_.size())
             device_.fail("take a frame",
-                         fmt::format("the driver returns a buffer {} that it was not "
-                                     "given",
+                         fmt::format("the driver returns a buffer {} that it was not given",
                                      buffer.index));
         FilledBuffer filled;
         filled.index = buffer.index;

@@ -44,8 +44,6 @@ public:
     explicit Subprocess(const std::vector<std::string>& command, SubprocessOptions options = {});
     // SIGTERM, SIGKILL 10 s later, and waits.
     ~Subprocess();
-    Subprocess(const Subprocess&) = delete;
-    Subprocess& operator=(const Subprocess&) = delete;
 
     // SIGKILL goes to the whole group. False when it has ended before.
     bool send(int signal);

@@ -283,8 +283,6 @@ struct GigeCamera::Device {
         if (camera)
             g_object_unref(camera);  // joins its thread, which may still be filling a frame
     }
-    Device(const Device&) = delete;
-    Device& operator=(const Device&) = delete;
 
     ArvFakeCamera* registers() { return arv_gv_fake_camera_get_fake_camera(camera); }
     void set(guint32 which, int value) {

@@ -58,8 +58,6 @@ public:
     // Listens at once. Throws DeviceError when the port is taken, ConfigError for unusable options.
     GigeCamera(const GigeCameraOptions& options, Source source);
     ~GigeCamera();  // within 0.2 s; the client notices by missing answers
-    GigeCamera(const GigeCamera&) = delete;
-    GigeCamera& operator=(const GigeCamera&) = delete;
 
     // An edge on the input Line1. Exposes, if the client chose that.
     void pulse_line();

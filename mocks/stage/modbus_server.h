@@ -41,8 +41,6 @@ public:
     ModbusServer(ModbusUnits& units, const SerialPair& line);
 
     ~ModbusServer();  // closes every connection and returns within milliseconds
-    ModbusServer(const ModbusServer&) = delete;
-    ModbusServer& operator=(const ModbusServer&) = delete;
 
     int port() const;          // the bound one; 0 on a serial line
     void close_connections();  // those that are open now; a serial line has none

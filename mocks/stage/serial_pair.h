@@ -30,8 +30,6 @@ public:
     // of that name is a DeviceError.
     explicit SerialLink(std::filesystem::path path);
     ~SerialLink();  // the link is gone with the line
-    SerialLink(const SerialLink&) = delete;
-    SerialLink& operator=(const SerialLink&) = delete;
 
     const SerialPair& pair() const { return pair_; }
     const std::filesystem::path& path() const { return path_; }

@@ -1,6 +1,9 @@
 #include "mocks/twin/twin_file.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <variant>
 
 #include "calib/files/camera_file.h"
 #include "sim/marker/marker.h"
@@ -139,34 +142,36 @@ ModbusFault read_link_fault(const Value& value, ModbusFault::Kind kind) {
     return fault;
 }
 
-constexpr std::pair<const char*, StageFault::Kind> stage_fault_kinds[] = {
-    {"alarm", StageFault::Kind::alarm},
-    {"emergency_stop", StageFault::Kind::emergency_stop},
-    {"encoder_jump", StageFault::Kind::encoder_jump},
-    {"false_in_position", StageFault::Kind::false_in_position},
-    {"limit_hit", StageFault::Kind::limit_hit},
-    {"stuck_axis", StageFault::Kind::stuck_axis}};
-constexpr std::pair<const char*, ModbusFault::Kind> link_fault_kinds[] = {
-    {"exception", ModbusFault::Kind::exception},   {"garbage", ModbusFault::Kind::garbage},
-    {"half_open", ModbusFault::Kind::half_open},   {"late_reply", ModbusFault::Kind::late_reply},
-    {"reset", ModbusFault::Kind::reset},           {"silence", ModbusFault::Kind::silence},
-    {"slow_bytes", ModbusFault::Kind::slow_bytes}, {"wrong_id", ModbusFault::Kind::wrong_id}};
+constexpr std::pair<const char*, std::variant<StageFault::Kind, ModbusFault::Kind>> fault_kinds[] =
+    {{"alarm", StageFault::Kind::alarm},
+     {"emergency_stop", StageFault::Kind::emergency_stop},
+     {"encoder_jump", StageFault::Kind::encoder_jump},
+     {"false_in_position", StageFault::Kind::false_in_position},
+     {"limit_hit", StageFault::Kind::limit_hit},
+     {"stuck_axis", StageFault::Kind::stuck_axis},
+     {"exception", ModbusFault::Kind::exception},
+     {"garbage", ModbusFault::Kind::garbage},
+     {"half_open", ModbusFault::Kind::half_open},
+     {"late_reply", ModbusFault::Kind::late_reply},
+     {"reset", ModbusFault::Kind::reset},
+     {"silence", ModbusFault::Kind::silence},
+     {"slow_bytes", ModbusFault::Kind::slow_bytes},
+     {"wrong_id", ModbusFault::Kind::wrong_id}};
 
 void read_fault(const Value& value, TwinStage& stage) {
     const std::string name = value.at("fault").text();
-    std::string names;
-    for (const auto& [known, kind] : stage_fault_kinds) {
-        if (name == known)
-            return stage.options.faults.push_back(read_stage_fault(value, kind, stage.axes));
-        names += std::string(known) + ", ";
+    std::vector<const char*> names;
+    for (const auto& [known, kind] : fault_kinds) {
+        names.push_back(known);
+        if (name != known)
+            continue;
+        if (const auto* of_stage = std::get_if<StageFault::Kind>(&kind))
+            stage.options.faults.push_back(read_stage_fault(value, *of_stage, stage.axes));
+        else
+            stage.link_faults.push_back(read_link_fault(value, std::get<ModbusFault::Kind>(kind)));
+        return;
     }
-    for (const auto& [known, kind] : link_fault_kinds) {
-        if (name == known)
-            return stage.link_faults.push_back(read_link_fault(value, kind));
-        names += std::string(known) + ", ";
-    }
-    value.at("fault").fail(
-        fmt::format("'{}' is none of {}", name, names.substr(0, names.size() - 2)));
+    value.at("fault").fail(fmt::format("'{}' is none of {}", name, fmt::join(names, ", ")));
 }
 
 void read_errors(const Value& section, TwinStage& stage) {

@@ -103,9 +103,6 @@ public:
             stop();
     }
 
-    ModbusStage(const ModbusStage&) = delete;
-    ModbusStage& operator=(const ModbusStage&) = delete;
-
     const std::vector<Axis>& axes() const override { return axes_; }
 
     // Also resets alarms that are left from before; one that stays is a DeviceError.
@@ -115,8 +112,7 @@ public:
             const Statuses axes = poll();
             ever_enabled_ = true;
             if (is_stop_left_on() && !this->stop())
-                throw DeviceError(link_.device(), "enable",
-                                  "an earlier program's stop is still on and cannot be ended");
+                fail("enable", "an earlier program's stop is still on and cannot be ended");
             if (std::ranges::any_of(axes, [](const AxisStatus& axis) { return axis.alarm != 0; })) {
                 Run reset = begin("reset the alarms", {pressed}, stop);
                 carry_out(profile_.sequences.reset, reset);
@@ -131,7 +127,7 @@ public:
     void home(std::stop_token stop) override {
         require_usable("home");
         if (state_ == State::connected)
-            throw DeviceError(link_.device(), "home", "the axes are not enabled");
+            fail("home", "the axes are not enabled");
         guarded([&] {
             state_ = State::enabled;
             left_at_.clear();
@@ -147,9 +143,7 @@ public:
         require_usable("resume");
         require_homed(poll());
         if (is_stop_left_on())
-            throw DeviceError(
-                link_.device(), "resume",
-                "an earlier program's stop is still on: stop the axes again to end it");
+            fail("resume", "an earlier program's stop is still on: stop the axes again to end it");
         ever_enabled_ = true;
         state_ = State::homed;
     }
@@ -159,7 +153,7 @@ public:
     void move(std::span<const double> target, std::stop_token stop) override {
         require_usable("move");
         if (state_ != State::homed)
-            throw DeviceError(link_.device(), "move", "the axes are not homed");
+            fail("move", "the axes are not homed");
         require_within_limits(axes_, target, {link_.device(), 0, "move"});
         guarded([&] {
             Run run = begin("move", {pressed, at_limit, alarmed, disabled}, std::move(stop));
@@ -189,7 +183,7 @@ public:
         const std::string cause =
             disturbance(axes_, axes, std::array{pressed, at_limit, alarmed}, profile_);
         if (!cause.empty())
-            throw DeviceError(link_.device(), request, cause);
+            fail(request, cause);
         require_left_alone(request, axes);
         std::vector<double> positions;
         for (const AxisStatus& axis : axes)
@@ -244,11 +238,13 @@ private:
         bool fresh = false;                   // nothing was written since then
     };
 
+    [[noreturn]] void fail(const char* request, const std::string& cause) const {
+        throw DeviceError(link_.device(), request, cause);
+    }
+
     void require_usable(const char* request) const {
         if (state_ == State::faulted)
-            throw DeviceError(
-                link_.device(), request,
-                "the stage is faulted since an earlier error; only stopping is allowed");
+            fail(request, "the stage is faulted since an earlier error; only stopping is allowed");
     }
 
     // Runs `action`; whatever it throws goes on only after the axes were told to stop.
@@ -257,8 +253,7 @@ private:
             action();
         } catch (const Interrupted&) {
             if (!stop())
-                throw DeviceError(link_.device(), "stop",
-                                  "interrupted; the stop was NOT confirmed");
+                fail("stop", "interrupted; the stop was NOT confirmed");
             throw;
         } catch (const DeviceError& error) {
             state_ = State::faulted;
@@ -291,9 +286,8 @@ private:
             Statuses left = axes;
             for (std::size_t k = 0; k < left.size(); ++k)
                 left[k].position = left_at_[k];
-            throw DeviceError(link_.device(), request,
-                              fmt::format("the axes are not where they were left: {}, not {}",
-                                          describe(axes), describe(left)));
+            fail(request, fmt::format("the axes are not where they were left: {}, not {}",
+                                      describe(axes), describe(left)));
         }
     }
 
@@ -307,13 +301,11 @@ private:
 
     void require_homed(const Statuses& axes) const {
         if (!profile_.has(Signal::homed) && !taken_for_homed_)
-            throw DeviceError(
-                link_.device(), "resume",
-                "the controller does not tell whether its axes are homed: say that they "
-                "are (--homed), if they were homed since they were switched on");
+            fail("resume",
+                 "the controller does not tell whether its axes are homed: say that they "
+                 "are (--homed), if they were homed since they were switched on");
         const auto refuse = [&](std::size_t i, const std::string& what) {
-            throw DeviceError(link_.device(), "resume",
-                              fmt::format("axis {} {}", axes_[i].name, what));
+            fail("resume", fmt::format("axis {} {}", axes_[i].name, what));
         };
         for (std::size_t i = 0; i < axes.size(); ++i) {
             if (axes[i].alarm != 0)
@@ -335,8 +327,8 @@ private:
             return;
         const auto still = std::ranges::find(run.started, false);
         if (still != run.started.end())
-            throw DeviceError(
-                link_.device(), run.request,
+            fail(
+                run.request,
                 fmt::format("axis {} did not move, and its controller does not tell whether it is "
                             "homed: it may stand at its zero, or not have obeyed. Look at it, then "
                             "say that it is homed: --homed with qualify, stage move or stage jog",
@@ -374,7 +366,7 @@ private:
         const Instant start = clock_.now();
         Statuses axes = poll();
         if (const std::string cause = disturbance(axes_, axes, run.ends, profile_); !cause.empty())
-            throw DeviceError(link_.device(), run.request, cause);
+            fail(run.request, cause);
         if (!run.target.empty() && !run.now.empty())
             check_plausible(run, axes, clock_.now());
         run.now = std::move(axes);
@@ -455,10 +447,9 @@ private:
             if (started)
                 return;
             if (clock_.now() >= deadline)
-                throw DeviceError(
-                    link_.device(), run.request,
-                    "the start was not answered and no axis was seen to start; it is not "
-                    "given again");
+                fail(run.request,
+                     "the start was not answered and no axis was seen to start; it is not "
+                     "given again");
             clock_.wait_for(poll_period, run.stop);
         }
     }
@@ -469,10 +460,9 @@ private:
         for (std::size_t i = 0; i < axes_.size(); ++i) {
             for (const Condition& condition : step.conditions) {
                 if (!holds(run.now[i], condition))
-                    throw DeviceError(
-                        link_.device(), run.request,
-                        fmt::format("axis {} is {}{}", axes_[i].name, condition.on ? "not " : "",
-                                    name_of(condition.signal)));
+                    fail(run.request,
+                         fmt::format("axis {} is {}{}", axes_[i].name, condition.on ? "not " : "",
+                                     name_of(condition.signal)));
             }
         }
     }
@@ -518,15 +508,14 @@ private:
             if (stable == 0 && rests)
                 require_own_commands(run);
             if (now >= deadline)
-                throw DeviceError(
-                    link_.device(), run.request,
-                    fmt::format(
-                        "not done after {} ms: {}{}",
-                        std::chrono::duration_cast<std::chrono::milliseconds>(limit).count(),
-                        describe(run.now),
-                        rests ? "; nothing moves: another program or the operator may have "
-                                "stopped it"
-                              : ""));
+                fail(run.request,
+                     fmt::format(
+                         "not done after {} ms: {}{}",
+                         std::chrono::duration_cast<std::chrono::milliseconds>(limit).count(),
+                         describe(run.now),
+                         rests ? "; nothing moves: another program or the operator may have "
+                                 "stopped it"
+                               : ""));
             clock_.wait_for(poll_period, run.stop);
         }
     }
@@ -540,10 +529,9 @@ private:
             const double most =
                 implausible * axes_[i].speed * seconds + 10.0 * profile_.tolerance(axes_[i]);
             if (!(way <= most))
-                throw DeviceError(
-                    link_.device(), run.request,
-                    fmt::format("axis {} cannot have come so far in {:.1f} ms: {}, before {}",
-                                axes_[i].name, seconds * 1e3, describe(axes), describe(run.now)));
+                fail(run.request,
+                     fmt::format("axis {} cannot have come so far in {:.1f} ms: {}, before {}",
+                                 axes_[i].name, seconds * 1e3, describe(axes), describe(run.now)));
         }
     }
 

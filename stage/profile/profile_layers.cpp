@@ -1,5 +1,7 @@
 #include "stage/profile/profile_layers.h"
 
+#include <algorithm>
+
 namespace etalon {
 namespace {
 
@@ -20,21 +22,28 @@ void pass_over(const Value& value) {
 
 }  // namespace
 
-std::optional<Value> Layers::find(const std::string& key) const {
-    std::optional<Value> found;
+std::vector<Value> Layers::said(const std::string& key) const {
+    std::vector<Value> values;
     bool removed = false;
     for (const Value& mapping : mappings_) {
         const auto value = mapping.find(key);
         if (!value)
             continue;
-        if (found || removed)
+        removed = removed || is_removal(*value);
+        if (removed)
             pass_over(*value);
-        else if (is_removal(*value))
-            removed = true;
         else
-            found = value;
+            values.push_back(*value);
     }
-    return found;
+    return values;
+}
+
+std::optional<Value> Layers::find(const std::string& key) const {
+    const std::vector<Value> values = said(key);
+    if (values.empty())
+        return std::nullopt;
+    std::for_each(values.begin() + 1, values.end(), pass_over);
+    return values.front();
 }
 
 Value Layers::at(const std::string& key) const {
@@ -44,23 +53,11 @@ Value Layers::at(const std::string& key) const {
 }
 
 std::optional<Layers> Layers::find_section(const std::string& key) const {
-    std::vector<Value> sections;
-    bool removed = false;
-    for (const Value& mapping : mappings_) {
-        const auto value = mapping.find(key);
-        if (!value)
-            continue;
-        removed = removed || is_removal(*value);
-        if (removed)
-            pass_over(*value);
-        else if (value->is_mapping())
-            sections.push_back(*value);
-        else
-            value->fail("must be a mapping (key: value)");
-    }
-    if (sections.empty())
-        return std::nullopt;
-    return Layers(std::move(sections));
+    const std::vector<Value> sections = said(key);
+    for (const Value& section : sections)
+        if (!section.is_mapping())
+            section.fail("must be a mapping (key: value)");
+    return sections.empty() ? std::nullopt : std::optional(Layers(sections));
 }
 
 Layers Layers::section(const std::string& key) const {
@@ -71,12 +68,10 @@ Layers Layers::section(const std::string& key) const {
 
 std::set<std::string> Layers::keys() const {
     std::set<std::string> all;
-    for (const Value& mapping : mappings_) {
-        for (const std::string& key : mapping.keys()) {
+    for (const Value& mapping : mappings_)
+        for (const std::string& key : mapping.keys())
             if (find(key))
                 all.insert(key);
-        }
-    }
     return all;
 }
 

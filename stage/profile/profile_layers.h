@@ -25,6 +25,9 @@ public:
     Layers with_names() const;           // the keys are names that the files give
 
 private:
+    // What the mappings say of a key, the nearest first, up to one that removes it.
+    std::vector<Value> said(const std::string& key) const;
+
     std::vector<Value> mappings_;  // never empty
 };
 

@@ -11,12 +11,9 @@
 
 namespace etalon {
 
-// The system calls that the V4L2 backend makes, in one place, so that tests can put a scripted
-// device in the kernel's stead (tests/fakes/fake_v4l2.h). No knowledge of video: see
-// v4l2_device.h.
-//
-// Results are the kernel's: 0 or more, or the negative error number. Nothing throws or retries.
-
+// The system calls that the V4L2 backend makes, so that tests can put a scripted device in the
+// kernel's stead. Results are the kernel's: 0 or more, or the negative error number. Nothing throws
+// or retries.
 class V4l2System {
 public:
     virtual ~V4l2System() = default;

@@ -1,15 +1,12 @@
 // One connection to Modbus devices on TCP or a serial line, with the guards that libmodbus leaves
-// to its user: every request ends in time, a broken connection is closed at once and opened anew
-// with a growing pause (so that a late reply can never be taken for another one's), and requests
-// stay within the protocol's limits.
-//
-// A serial line keeps late replies, and a reply does not say which request it answers. After
-// opening it and after every failure the line is therefore read empty until it was quiet for long
-// enough, and a request is sent only after the silence that begins a frame.
+// to its user: every request ends in time and stays within the protocol's limits; a broken
+// connection is closed at once and opened anew with a growing pause, so that a late reply is never
+// taken for another one's. A serial line keeps late replies: after opening and after every failure
+// it is read empty until it was quiet for long enough.
 //
 // Reading has no effect on the device and is repeated after a failure. A write is NEVER repeated
-// here: when its reply is missing nobody knows whether it was carried out, and only the caller can
-// find out by reading back. Blocks its caller; one thread at a time, except last_exchanges().
+// here: when its reply is missing only the caller can find out by reading back. Blocks its caller;
+// one thread at a time, except last_exchanges().
 #pragma once
 
 #include <deque>

@@ -354,27 +354,4 @@ std::vector<MotionSegment> plan_motion(std::span<const Axis> axes, const MotionR
     return path;
 }
 
-LimitedStage::LimitedStage(std::unique_ptr<Stage> stage, MotionRules rules)
-    : stage_(std::move(stage)), rules_(std::move(rules)) {
-    stage_->limit_speed(rules_.slow_share);
-    stage_->limit_speed(speed_share_);
-}
-
-void LimitedStage::move(std::span<const double> target, std::stop_token stop) {
-    // Not position(): an axis that was homed to its limit switch stands there, and may leave.
-    Positions from;
-    for (const AxisStatus& status : stage_->status())
-        from.push_back(status.position);
-    for (const MotionSegment& segment :
-         plan_motion(axes(), rules_, from, target, {"stage", 0, "move"})) {
-        stage_->limit_speed(std::min(speed_share_, segment.speed_share));
-        stage_->move(segment.to, stop);
-    }
-}
-
-void LimitedStage::limit_speed(double share) {
-    stage_->limit_speed(share);  // refuses what is none
-    speed_share_ = share;
-}
-
 }  // namespace etalon

@@ -31,10 +31,9 @@ private:
     std::vector<Value> mappings_;  // never empty
 };
 
-// How a profile is read, in parts: internal to stage/profile/. Each part checks what it reads
-// as soon as it can, so that an error stands at the value that is wrong.
-
-// poll, position, alarm_code, signals, inputs, target and watchdog; needs max_axes.
+// The parts of a profile's reader. Each checks what it reads as soon as it can, so that an error
+// stands at the value that is wrong. poll, position, alarm_code, signals, inputs, target and
+// watchdog; needs max_axes.
 void read_profile_registers(const Layers& root, StageProfile& profile);
 
 // sequences; needs the registers.

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <deque>
-#include <functional>
 
 #include "capture/frame/device_camera.h"
 

@@ -2,9 +2,6 @@
 // once, and failures happen when the test says so. For one thread.
 #pragma once
 
-#include <functional>
-#include <vector>
-
 #include "stage/motion/stage.h"
 
 namespace etalon {

@@ -1,9 +1,5 @@
 #include "tests/fakes/memory_transport.h"
 
-#include <fmt/format.h>
-
-#include <algorithm>
-
 namespace etalon {
 namespace {
 

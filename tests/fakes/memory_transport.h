@@ -6,8 +6,6 @@
 // For one thread. A clock that is advanced by nobody else but the station's own waiting.
 #pragma once
 
-#include <vector>
-
 #include "core/time/clock.h"
 #include "mocks/stage/modbus_controller.h"
 #include "stage/link/modbus_transport.h"

@@ -3,9 +3,6 @@
 // them as two units on one bus.
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <numbers>
-
 #include "tests/error_text.h"
 #include "tests/loopback/stage_rig.h"
 

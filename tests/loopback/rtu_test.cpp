@@ -1,5 +1,4 @@
 // Modbus RTU through libmodbus and a pseudo-terminal: what a serial line adds to TCP.
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <time.h>
 

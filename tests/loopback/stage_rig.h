@@ -2,10 +2,6 @@
 // of the stage.
 #pragma once
 
-#include <memory>
-#include <utility>
-#include <vector>
-
 #include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"

@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "core/program/errors.h"
 #include "tests/error_text.h"
 

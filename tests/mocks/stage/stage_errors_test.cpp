@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "core/time/clock.h"
 #include "mocks/stage/simulated_stage.h"

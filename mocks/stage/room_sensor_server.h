@@ -4,7 +4,6 @@
 #pragma once
 
 #include <atomic>
-#include <cmath>
 
 #include "mocks/stage/modbus_server.h"
 

@@ -3,10 +3,6 @@
 // thread.
 #pragma once
 
-#include <fmt/format.h>
-
-#include <algorithm>
-#include <cmath>
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/stage_unit.h"
 

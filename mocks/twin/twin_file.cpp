@@ -1,9 +1,6 @@
 #include "mocks/twin/twin_file.h"
 
-#include <fmt/format.h>
 #include <fmt/ranges.h>
-
-#include <variant>
 
 #include "calib/files/camera_file.h"
 #include "sim/marker/marker.h"

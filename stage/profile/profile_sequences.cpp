@@ -1,7 +1,5 @@
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "stage/profile/profile_layers.h"
 
 namespace etalon {

@@ -42,10 +42,6 @@ void expect_at(StageRig& rig, Stage& stage, const std::vector<double>& target) {
     }
 }
 
-std::string failure_of_move(Stage& stage, const std::vector<double>& target) {
-    return device_error_of([&] { stage.move(target, {}); });
-}
-
 // Whether a request gives the command that starts a move.
 bool starts(const StageProfile& profile, const ModbusRequest& request) {
     if (request.values.empty())
@@ -111,7 +107,7 @@ TEST_P(ProfileOnAWire, AnAlarmStopsAllAxesAndIsResetWhenEnabledAgain) {
         }
         return ModbusReaction{};
     });
-    const std::string error = failure_of_move(*stage, {690.0, 1.0});
+    const std::string error = device_error_of([&] { stage->move(std::vector{690.0, 1.0}, {}); });
     EXPECT_NE(error.find(profile.alarm_code ? "axis x: alarm 17" : "axis x: alarm without a"),
               std::string::npos)
         << error;
@@ -148,8 +144,7 @@ INSTANTIATE_TEST_SUITE_P(Every, ProfileOnAWire,
                          [](const auto& one) {
                              std::string name = std::get<0>(one.param);
                              std::erase(name, '-');
-                             return name +
-                                    (std::get<1>(one.param) == Wire::tcp ? "OverTcp" : "OverRtu");
+                             return name + name_of(std::get<1>(one.param));
                          });
 
 }  // namespace

@@ -92,10 +92,6 @@ private:
     ModbusScript faults_;  // of the server's thread
 };
 
-std::string name_of(Wire wire) {
-    return wire == Wire::tcp ? "OverTcp" : "OverRtu";
-}
-
 // ---- faults of the link
 
 class LinkFaultInMotion : public testing::TestWithParam<std::tuple<LinkCase, Wire>> {

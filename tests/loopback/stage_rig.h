@@ -24,6 +24,9 @@ inline bool gives(const ModbusRequest& request, std::uint16_t bit) {
 }
 
 enum class Wire { tcp, rtu };
+inline std::string name_of(Wire wire) {
+    return wire == Wire::tcp ? "OverTcp" : "OverRtu";
+}
 
 class StageRig {
 public:

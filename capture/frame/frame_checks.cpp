@@ -16,6 +16,35 @@ std::uint64_t ahead(std::uint64_t last, std::uint64_t id) {
     return (id + wrapping_ids - last) % wrapping_ids;
 }
 
+// The full scale is all ones, so a code above it has a bit that lies above.
+template <typename Code>
+bool has_bit_above(const cv::Mat& pixels, int full_scale) {
+    Code bits = 0;
+    for (int y = 0; y < pixels.rows; ++y) {
+        const Code* row = pixels.ptr<Code>(y);
+        for (int x = 0; x < pixels.cols; ++x)
+            bits = static_cast<Code>(bits | row[x]);
+    }
+    return bits > full_scale;
+}
+
+bool nearly_equal(double a, double b) {
+    return std::abs(a - b) <= 1e-6 * std::max(std::abs(a), std::abs(b));
+}
+
+std::optional<SettingDifference> control_difference(const CaptureSettings& wanted,
+                                                    const CaptureSettings& actual) {
+    for (const auto& [control, value] : wanted.controls) {
+        const auto found = actual.controls.find(control);
+        if (found == actual.controls.end() || !nearly_equal(found->second, value))
+            return SettingDifference{fmt::format("set {} to {}", control, value),
+                                     found == actual.controls.end()
+                                         ? "the device has no such control"
+                                         : fmt::format("the device uses {}", found->second)};
+    }
+    return std::nullopt;
+}
+
 }  // namespace
 
 bool frame_id_advanced(std::uint64_t last, std::uint64_t id) {
@@ -32,22 +61,6 @@ bool bits_fit_depth(int bits, int cv_depth) {
     return cv_depth == CV_8U ? bits >= 1 && bits <= 8
                              : cv_depth == CV_16U && bits >= 9 && bits <= 16;
 }
-
-namespace {
-
-// The full scale is all ones, so a code above it has a bit that lies above.
-template <typename Code>
-bool has_bit_above(const cv::Mat& pixels, int full_scale) {
-    Code bits = 0;
-    for (int y = 0; y < pixels.rows; ++y) {
-        const Code* row = pixels.ptr<Code>(y);
-        for (int x = 0; x < pixels.cols; ++x)
-            bits = static_cast<Code>(bits | row[x]);
-    }
-    return bits > full_scale;
-}
-
-}  // namespace
 
 bool can_exceed_full_scale(const PixelFormat& format, int bits) {
     return bits < format.bits || (format.packing == PixelPacking::words_low && bits < 16);
@@ -73,27 +86,6 @@ void unpack_into(Frame& frame, const PixelFormat& format, const RawImage& raw, i
     if (frame.status == FrameStatus::complete)
         frame.image.bits = bits;
 }
-
-namespace {
-
-bool nearly_equal(double a, double b) {
-    return std::abs(a - b) <= 1e-6 * std::max(std::abs(a), std::abs(b));
-}
-
-std::optional<SettingDifference> control_difference(const CaptureSettings& wanted,
-                                                    const CaptureSettings& actual) {
-    for (const auto& [control, value] : wanted.controls) {
-        const auto found = actual.controls.find(control);
-        if (found == actual.controls.end() || !nearly_equal(found->second, value))
-            return SettingDifference{fmt::format("set {} to {}", control, value),
-                                     found == actual.controls.end()
-                                         ? "the device has no such control"
-                                         : fmt::format("the device uses {}", found->second)};
-    }
-    return std::nullopt;
-}
-
-}  // namespace
 
 std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
                                                   const CaptureSettings& actual,

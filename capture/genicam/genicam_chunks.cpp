@@ -19,42 +19,6 @@ std::uint32_t number(std::span<const std::uint8_t> bytes, std::endian order) {
     return value;
 }
 
-}  // namespace
-
-const Chunk* PayloadParts::find(std::uint32_t id) const {
-    const auto found = std::find_if(chunks.begin(), chunks.end(),
-                                    [&](const Chunk& each) { return each.id == id; });
-    return found == chunks.end() ? nullptr : &*found;
-}
-
-std::string split_payload(std::span<const std::uint8_t> payload, std::size_t image_bytes,
-                          std::endian order, PayloadParts& parts) {
-    parts = {};
-    std::size_t end = payload.size();
-    while (end != 0 && end != image_bytes) {
-        if (end < tag_bytes)
-            return fmt::format("{} bytes are left over before its chunks", end);
-        if (parts.chunks.size() == max_chunks)
-            return fmt::format("it has more than {} chunks", max_chunks);
-        const std::size_t before = end - tag_bytes;
-        const std::uint32_t id = number(payload.subspan(before, 4), order);
-        const std::size_t length = number(payload.subspan(before + 4, 4), order);
-        if (length > before)
-            return fmt::format("its chunk {:#x} has a length of {} bytes, {} are there", id, length,
-                               before);
-        end = before - length;
-        parts.chunks.push_back({id, payload.subspan(end, length)});
-    }
-    parts.image = payload.first(end);
-    if (end == 0 && !parts.chunks.empty()) {
-        parts.image = parts.chunks.back().data;
-        parts.chunks.pop_back();
-    }
-    return "";
-}
-
-namespace {
-
 constexpr const char* time_feature = "ChunkTimestamp";
 
 constexpr int max_links = 8;              // from a feature to its register
@@ -232,6 +196,38 @@ std::string read_field(const ChunkField& field, ArvChunkParser* parser, ArvBuffe
 }
 
 }  // namespace
+
+const Chunk* PayloadParts::find(std::uint32_t id) const {
+    const auto found = std::find_if(chunks.begin(), chunks.end(),
+                                    [&](const Chunk& each) { return each.id == id; });
+    return found == chunks.end() ? nullptr : &*found;
+}
+
+std::string split_payload(std::span<const std::uint8_t> payload, std::size_t image_bytes,
+                          std::endian order, PayloadParts& parts) {
+    parts = {};
+    std::size_t end = payload.size();
+    while (end != 0 && end != image_bytes) {
+        if (end < tag_bytes)
+            return fmt::format("{} bytes are left over before its chunks", end);
+        if (parts.chunks.size() == max_chunks)
+            return fmt::format("it has more than {} chunks", max_chunks);
+        const std::size_t before = end - tag_bytes;
+        const std::uint32_t id = number(payload.subspan(before, 4), order);
+        const std::size_t length = number(payload.subspan(before + 4, 4), order);
+        if (length > before)
+            return fmt::format("its chunk {:#x} has a length of {} bytes, {} are there", id, length,
+                               before);
+        end = before - length;
+        parts.chunks.push_back({id, payload.subspan(end, length)});
+    }
+    parts.image = payload.first(end);
+    if (end == 0 && !parts.chunks.empty()) {
+        parts.image = parts.chunks.back().data;
+        parts.chunks.pop_back();
+    }
+    return "";
+}
 
 GenicamChunks switch_chunks_on(const GenicamDevice& device) {
     GenicamChunks chunks;

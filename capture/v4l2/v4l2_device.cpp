@@ -80,15 +80,6 @@ public:
     }
 };
 
-}  // namespace
-
-V4l2System& v4l2_system() {
-    static KernelSystem system;
-    return system;
-}
-
-namespace {
-
 constexpr std::uint32_t big_endian_bit = 1u << 31;
 constexpr double max_period_s = 3600.0;  // between frames; more is no answer
 constexpr double max_rate_hz = 1e5;
@@ -161,6 +152,11 @@ FrameSizes frame_sizes(const v4l2_frmsizeenum& answer) {
 }
 
 }  // namespace
+
+V4l2System& v4l2_system() {
+    static KernelSystem system;
+    return system;
+}
 
 std::string v4l2_format_name(std::uint32_t fourcc) {
     std::string name;

@@ -40,44 +40,8 @@ constexpr auto start_time = 500ms;   // in which a start that was not answered m
 constexpr double implausible = 1.5;  // times the speed, beyond any overshoot
 constexpr auto stop_pause = 20ms;    // between attempts to stop
 
-bool holds(const AxisStatus& axis, const Condition& condition) {
-    return is_on(axis, condition.signal) == condition.on;
-}
-
 bool all_hold(const AxisStatus& axis, const std::vector<Condition>& conditions) {
     return std::ranges::all_of(conditions, [&](const Condition& c) { return holds(axis, c); });
-}
-
-// What disturbs axes, in the order in which it is looked for: of a limit switch or an emergency
-// stop many controllers raise the alarm of all their axes, which says less and names the wrong one.
-constexpr Condition pressed{Signal::emergency_stop}, at_limit{Signal::limit},
-    alarmed{Signal::alarm}, disabled{Signal::enabled, false};
-
-std::string words(const Condition& condition, const AxisStatus& axis, const StageProfile& profile) {
-    switch (condition.signal) {
-        case Signal::emergency_stop:
-            return ": emergency stop";
-        case Signal::limit:
-            return " is at a limit switch";
-        case Signal::alarm:
-            return ": " + profile.describe_alarm(axis.alarm);
-        case Signal::enabled:
-            return " is not enabled any more";
-        default:
-            return fmt::format(" is {}{}", condition.on ? "" : "not ", name_of(condition.signal));
-    }
-}
-
-// The first of these conditions that holds of an axis, in words: "axis y is at a limit switch".
-// Empty where none does. The profile has the words for alarms' codes.
-std::string disturbance(std::span<const Axis> axes, std::span<const AxisStatus> statuses,
-                        std::span<const Condition> conditions, const StageProfile& profile) {
-    for (const Condition& condition : conditions)
-        for (std::size_t i = 0; i < statuses.size(); ++i)
-            if (holds(statuses[i], condition))
-                return fmt::format("axis {}{}", axes[i].name,
-                                   words(condition, statuses[i], profile));
-    return "";
 }
 
 class ModbusStage final : public Stage {

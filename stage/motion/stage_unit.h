@@ -32,6 +32,43 @@ constexpr bool is_state(Signal signal) {
            signal == Signal::in_position;
 }
 
+inline bool holds(const AxisStatus& axis, const Condition& condition) {
+    return is_on(axis, condition.signal) == condition.on;
+}
+
+// What disturbs axes, in the order in which it is looked for: of a limit switch or an emergency
+// stop many controllers raise the alarm of all their axes, which says less and names the wrong one.
+inline constexpr Condition pressed{Signal::emergency_stop}, at_limit{Signal::limit},
+    alarmed{Signal::alarm}, disabled{Signal::enabled, false};
+
+inline std::string words_for(const Condition& condition, const AxisStatus& axis,
+                             const StageProfile& profile) {
+    switch (condition.signal) {
+        case Signal::emergency_stop:
+            return ": emergency stop";
+        case Signal::limit:
+            return " is at a limit switch";
+        case Signal::alarm:
+            return ": " + profile.describe_alarm(axis.alarm);
+        case Signal::enabled:
+            return " is not enabled any more";
+        default:
+            return fmt::format(" is {}{}", condition.on ? "" : "not ", name_of(condition.signal));
+    }
+}
+
+// The first of these conditions that holds of an axis, in words: "axis y is at a limit switch".
+// Empty where none does. The profile has the words for alarms' codes.
+inline std::string disturbance(std::span<const Axis> axes, std::span<const AxisStatus> statuses,
+                               std::span<const Condition> conditions, const StageProfile& profile) {
+    for (const Condition& condition : conditions)
+        for (std::size_t i = 0; i < statuses.size(); ++i)
+            if (holds(statuses[i], condition))
+                return fmt::format("axis {}{}", axes[i].name,
+                                   words_for(condition, statuses[i], profile));
+    return "";
+}
+
 inline constexpr int alarm_without_code = -1;
 
 class StageUnit {

@@ -3,6 +3,11 @@
 // One thread.
 #pragma once
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
 #include "stage/link/modbus_link.h"
 #include "stage/motion/stage.h"
 #include "stage/profile/profile.h"

@@ -185,28 +185,25 @@ inline TimeWindow intersection(const TimeWindow& a, const TimeWindow& b) {
 class DeviceClock {
 public:
     // The device's clock showed `device_ns` at some moment within the window.
-    void read(std::uint64_t device_ns, const TimeWindow& window) { reading_ = {device_ns, window}; }
+    void read(std::uint64_t device_ns, const TimeWindow& window) {
+        reading_.emplace(device_ns, window);
+    }
     void forget() { reading_.reset(); }
     bool known() const { return reading_.has_value(); }
 
     // Throws std::bad_optional_access where nothing was read.
     TimeWindow station_time(std::uint64_t device_ns) const {
-        const Reading& reading = reading_.value();
+        const auto& [read_ns, window] = reading_.value();
         // The difference of two unsigned counters is right across a wrap of 64 bits.
-        const auto since =
-            std::chrono::nanoseconds(static_cast<std::int64_t>(device_ns - reading.device_ns));
+        const auto since = std::chrono::nanoseconds(static_cast<std::int64_t>(device_ns - read_ns));
         const Duration drift = std::chrono::abs(since) / rate_parts;
-        return {reading.window.earliest + since - drift, reading.window.latest + since + drift};
+        return {window.earliest + since - drift, window.latest + since + drift};
     }
 
 private:
     static constexpr std::int64_t rate_parts = 5000;  // 1 / 5000 = 200 ppm
 
-    struct Reading {
-        std::uint64_t device_ns;
-        TimeWindow window;
-    };
-    std::optional<Reading> reading_;
+    std::optional<std::pair<std::uint64_t, TimeWindow>> reading_;
 };
 
 }  // namespace etalon

@@ -358,15 +358,13 @@ struct GigeCamera::Device {
 
     CaptureSettings settings(const cv::Rect& region, const PixelFormat& format, guint32 exposure_us,
                              guint32 gain_db) {
-        CaptureSettings settings;
-        settings.width = region.width;
-        settings.height = region.height;
-        settings.bits = format.bits;
-        settings.format = format.pfnc;
-        settings.exposure = std::chrono::microseconds(exposure_us);
-        settings.gain_db = gain_db;
-        settings.black_level = get(black_level_register);
-        return settings;
+        return {.width = region.width,
+                .height = region.height,
+                .bits = format.bits,
+                .format = std::string(format.pfnc),
+                .exposure = std::chrono::microseconds(exposure_us),
+                .gain_db = static_cast<double>(gain_db),
+                .black_level = get(black_level_register)};
     }
 
     void fill(ArvBuffer* buffer, guint32 exposure_us, guint32 gain_db, ArvPixelFormat code) {

@@ -81,10 +81,12 @@ std::string code_fault(const CodeImage& image, const PixelFormat& format) {
 }
 
 void unpack_into(Frame& frame, const PixelFormat& format, const RawImage& raw, int bits) {
-    frame.status_detail = unpack(format, raw, frame.image);
-    frame.status = frame.status_detail.empty() ? FrameStatus::complete : FrameStatus::short_frame;
-    if (frame.status == FrameStatus::complete)
+    const std::string fault = unpack(format, raw, frame.image);
+    frame.status = fault.empty() ? FrameStatus::complete : FrameStatus::short_frame;
+    if (fault.empty())
         frame.image.bits = bits;
+    else
+        frame.status_detail = fault;
 }
 
 std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,

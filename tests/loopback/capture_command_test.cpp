@@ -1,5 +1,4 @@
 // `etalon capture` as its user sees it, with a GigE Vision camera on loopback.
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>

@@ -5,7 +5,6 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <mutex>
 
 #include "core/program/errors.h"
 #include "mocks/ending_signals.h"

@@ -1,11 +1,8 @@
 // What becomes of a motion when the program that commanded it is killed or told to end: the real
 // `etalon stage move` against a controller behind a real server.
 #include <fcntl.h>
-#include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include <atomic>
-#include <fstream>
 #include <future>
 
 #include "core/file/text.h"

@@ -1,8 +1,6 @@
 // `etalon stage` on a simulated stage behind a real server.
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "station/devices/commands.h"

@@ -1,8 +1,4 @@
 // The program etalon-twin: its exit codes, its one line, and that a signal ends it in order.
-#include <gtest/gtest.h>
-
-#include <csignal>
-#include <string>
 
 #include "core/file/text.h"
 #include "core/time/clock.h"

@@ -11,12 +11,8 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
-#include <optional>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 
 namespace etalon {
 

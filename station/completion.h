@@ -1,9 +1,6 @@
 // What may stand next on a command line of this program: for the completion of shells.
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "station/shell/command.h"
 
 namespace etalon {

@@ -5,7 +5,6 @@
 #include <csignal>
 #include <cstring>
 #include <nlohmann/json.hpp>
-#include <system_error>
 
 #include "core/program/errors.h"
 

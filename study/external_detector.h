@@ -18,16 +18,11 @@
 // with all that it started, and started anew for the next image.
 #pragma once
 
-#include <chrono>
 #include <filesystem>
 #include <memory>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "core/geometry/rigid.h"
 #include "core/process/subprocess.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 

@@ -2,14 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstring>
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "core/statistics/distributions.h"
 #include "report/svg_plot.h"
 #include "study/pair_matrix.css.h"
 #include "study/pair_matrix.js.h"

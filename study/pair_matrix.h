@@ -8,12 +8,6 @@
 // beside the row. Lines are mean and +- standard deviation of the poses inside the axis, by bins.
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <span>
-#include <string>
-#include <vector>
-
 #include "compare/expect/pose_statistics.h"
 #include "report/html.h"
 

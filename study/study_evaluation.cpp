@@ -2,15 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <map>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
-#include "core/image/image.h"
-#include "core/program/errors.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 namespace {

@@ -6,15 +6,8 @@
 // in them: half-pixel and undistortion cost a pose estimate each, noise and tone no render.
 #pragma once
 
-#include <filesystem>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "compare/expect/pose_statistics.h"
 #include "compare/photometric/photometric_detector.h"
-#include "sim/render/renderer.h"
 #include "study/external_detector.h"
 #include "study/study_file.h"
 

@@ -2,18 +2,8 @@
 // through what disturbances, and who is to find them. Layout of the file: docs/study.md.
 #pragma once
 
-#include <chrono>
-#include <cstdint>
-#include <filesystem>
-#include <functional>
-#include <memory>
-#include <string>
-#include <vector>
-
-#include "calib/camera/camera_model.h"
 #include "compare/detect/detector.h"
 #include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "sim/scene/pose_volume.h"
 #include "sim/sensor/disturbances.h"
 

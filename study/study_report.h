@@ -8,12 +8,6 @@
 // leave the same bytes.
 #pragma once
 
-#include <filesystem>
-#include <span>
-#include <string>
-#include <vector>
-
-#include "compare/expect/pose_statistics.h"
 #include "report/svg_plot.h"
 #include "study/study_summary.h"
 

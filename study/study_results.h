@@ -1,13 +1,6 @@
 // The results of a study as files, and read back: what its statistics and its report are made from.
 #pragma once
 
-#include <filesystem>
-#include <map>
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "compare/expect/pose_statistics.h"
 #include "report/result_rows.h"
 #include "study/study_evaluation.h"
 

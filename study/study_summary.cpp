@@ -3,11 +3,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
-#include <array>
-
-#include "compare/expect/pose_statistics.h"
-#include "core/program/errors.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
 

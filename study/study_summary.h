@@ -2,12 +2,6 @@
 // over those that all detectors of the variant detect; and the same as tables, CSV and JSON.
 #pragma once
 
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
-
-#include "compare/expect/pose_statistics.h"
 #include "report/result_table.h"
 #include "study/study_results.h"
 

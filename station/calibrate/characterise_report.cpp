@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "report/html.h"

@@ -1,9 +1,6 @@
 // The page of `etalon characterise`: every value with its uncertainty, and the curves behind them.
 #pragma once
 
-#include <filesystem>
-#include <string>
-
 #include "compare/characterise/characterisation.h"
 
 namespace etalon {

@@ -6,7 +6,6 @@
 #include "capture/camera_recovery.h"
 #include "capture/frame/frame_average.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "station/devices/live_view.h"
 #include "station/record/record_json.h"
 #include "station/record/run_events.h"

@@ -3,11 +3,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
 #include <cmath>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "stage/profile/profile.h"
 #include "station/devices/commands.h"

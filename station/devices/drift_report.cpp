@@ -8,7 +8,6 @@
 
 #include "capture/camera_recovery.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/html.h"
 #include "report/json_text.h"
 #include "report/number_text.h"

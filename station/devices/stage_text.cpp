@@ -10,7 +10,6 @@
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "core/time/progress.h"
 #include "report/json_text.h"
 #include "station/devices/commands.h"

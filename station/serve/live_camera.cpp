@@ -3,7 +3,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/make_detector.h"
-#include "core/program/errors.h"
 #include "station/serve/run_monitor.h"
 
 namespace etalon {

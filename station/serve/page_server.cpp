@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "capture/frame/frame_log.h"
 #include "core/file/text.h"
 #include "report/json_text.h"
 #include "station/record/run_record.h"

@@ -4,10 +4,7 @@
 
 #include <fstream>
 
-#include "capture/frame/frame_log.h"
-#include "compare/detect/detector.h"
 #include "core/image/picture_codec.h"
-#include "core/program/errors.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {

@@ -3,9 +3,7 @@
 // started anew sees what the one before saw.
 #pragma once
 
-#include "calib/camera/projector.h"
 #include "compare/expect/expected_view.h"
-#include "core/config/json_entry.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {

@@ -9,7 +9,6 @@
 #include <set>
 
 #include "calib/files/camera_file.h"
-#include "capture/frame/frame_log.h"
 #include "core/file/text.h"
 #include "station/record/run_record.h"
 

@@ -10,7 +10,6 @@
 #pragma once
 
 #include "core/process/subprocess.h"
-#include "core/program/errors.h"
 #include "station/serve/live_camera.h"
 #include "station/serve/run_monitor.h"
 

@@ -9,8 +9,6 @@
 // poses are visited again, last first: most axes then come from the other side than before.
 #pragma once
 
-#include "compare/pose/pose.h"
-#include "core/time/clock.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {
@@ -45,9 +43,5 @@ Rigid expected_pose(const StationFile& station, const std::vector<double>& targe
 
 // Sets each pose's place in the plan, and which earlier one it repeats.
 void number_poses(std::vector<PlannedPose>& poses);
-
-// Time to go from one position to another with all axes moving together at their speeds.
-Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
-                     std::span<const double> to);
 
 }  // namespace etalon

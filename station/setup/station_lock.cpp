@@ -15,7 +15,6 @@
 #include <set>
 
 #include "core/file/sha256.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

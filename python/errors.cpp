@@ -3,7 +3,7 @@
 
 #include <pybind11/pybind11.h>
 
-#include "python/bindings.h"
+#include "python/arrays.h"
 
 namespace etalon {
 namespace {

@@ -2,7 +2,7 @@
 #include <pybind11/pybind11.h>
 
 #include "core/program/version.h"
-#include "python/bindings.h"
+#include "python/arrays.h"
 
 PYBIND11_MODULE(_etalon, module) {
     module.attr("__version__") = etalon::version;

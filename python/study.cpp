@@ -1,6 +1,5 @@
 // etalon.run_study: detectors compared on rendered poses.
 #include "python/arrays.h"
-#include "python/bindings.h"
 #include "python/interruptible.h"
 #include "study/study_report.h"
 #include "study/study_run.h"
@@ -28,8 +27,8 @@ py::object study_to(const std::filesystem::path& file, const std::filesystem::pa
 
 void bind_study(py::module_& module) {
     module.def(
-        "run_study", &study_to, py::arg("study"), py::arg("out"), py::kw_only(),
-        py::arg("ablate") = std::vector<std::string>(), py::arg("progress") = false,
+        "run_study", &study_to, "study"_a, "out"_a, py::kw_only(),
+        "ablate"_a = std::vector<std::string>(), "progress"_a = false,
         R"(Compares detectors on rendered poses: study.yaml in, results and report in the folder out.
 
 ablate: also with each of these switched: tone, half-pixel, noise, blur, undistortion. Returns what

@@ -1,4 +1,3 @@
-#include "station/completion.h"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>

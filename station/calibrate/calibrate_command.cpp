@@ -4,18 +4,14 @@
 #include <fmt/ranges.h>
 
 #include <cstdio>
-#include <map>
 
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/camera_consistency.h"
-#include "compare/detect/board/calibration_target.h"
-#include "compare/photometric/compared_area.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
-#include "core/image/image.h"
 #include "core/program/errors.h"
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"

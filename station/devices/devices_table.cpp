@@ -1,13 +1,9 @@
-#include "station/devices/devices_table.h"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include <cmath>
-
 #include "core/file/text.h"
 #include "report/json_text.h"
-#include "stage/profile/profile.h"
 #include "station/devices/commands.h"
 #include "station/shell/command.h"
 

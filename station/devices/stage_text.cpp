@@ -1,4 +1,3 @@
-#include "station/devices/stage_text.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,4 +1,3 @@
-#include "station/devices/station_draft.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -8,10 +7,8 @@
 
 #include "compare/qualification/judged_quantities.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "station/devices/commands.h"
-#include "station/setup/station_file.h"
 #include "station/shell/command.h"
 
 namespace etalon {

@@ -1,4 +1,4 @@
-#include "station/serve/page_json.h"
+#include "station/serve/page_server.h"
 
 #include <nlohmann/json.hpp>
 

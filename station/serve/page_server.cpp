@@ -6,7 +6,6 @@
 #include "core/file/text.h"
 #include "report/json_text.h"
 #include "station/record/run_record.h"
-#include "station/serve/page_json.h"
 #include "station/shell/command.h"
 
 namespace etalon {

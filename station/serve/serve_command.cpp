@@ -8,7 +8,6 @@
 #include "station/serve/http_server.h"
 #include "station/serve/page_server.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {

@@ -1,5 +1,4 @@
 // What shells are told: from the declared commands and the tables of the program.
-#include "station/completion.h"
 
 #include <gmock/gmock.h>
 

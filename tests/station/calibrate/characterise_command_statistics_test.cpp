@@ -16,7 +16,6 @@
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
-#include "station/calibrate/characterise_report.h"
 #include "station/calibrate/commands.h"
 #include "tests/temporary_folder.h"
 

@@ -3,7 +3,7 @@
 
 #include "core/program/errors.h"
 #include "stage/link/stage_link.h"
-#include "station/devices/station_draft.h"
+#include "station/devices/commands.h"
 #include "station/setup/station_file.h"
 #include "tests/error_text.h"
 #include "tests/station/built_program.h"

@@ -1,5 +1,5 @@
 // What `etalon stage` prints and what is typed for it.
-#include "station/devices/stage_text.h"
+#include "station/devices/commands.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "core/file/text.h"
-#include "station/serve/page_json.h"
+#include "station/serve/page_server.h"
 #include "tests/paths.h"
 #include "tests/temporary_folder.h"
 

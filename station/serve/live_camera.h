@@ -81,8 +81,6 @@ private:
     void watch(const std::stop_token& stop);
     void take_pictures(Camera& camera, CaptureSettings settings, Clock& clock,
                        const std::stop_token& stop);
-    std::optional<Adjustment> taken_adjustment();
-    bool is_watched(Instant now) const;
 
     StationFile station_;
     LatestValue<LivePicture> pictures_;

@@ -23,20 +23,15 @@ struct ServeArguments {
 
 constexpr const char* loopback = "127.0.0.1";
 
-std::vector<std::string> own_names(bool is_loopback) {
-    if (is_loopback)
-        return {"localhost"};
-    std::array<char, 256> name{};
-    return gethostname(name.data(), name.size() - 1) == 0 ? std::vector<std::string>{name.data()}
-                                                          : std::vector<std::string>{};
-}
-
 AccessRules access_rules(const ServeArguments& arguments) {
-    AccessRules rules;
-    rules.action_token = random_token();
-    rules.host_names = own_names(arguments.listen.empty());
-    if (!arguments.listen.empty())
-        rules.token = random_token();
+    AccessRules rules{.token = {}, .action_token = random_token(), .host_names = {"localhost"}};
+    if (arguments.listen.empty())
+        return rules;
+    rules.token = random_token();
+    std::array<char, 256> name{};
+    rules.host_names.clear();
+    if (gethostname(name.data(), name.size() - 1) == 0)
+        rules.host_names.emplace_back(name.data());
     return rules;
 }
 

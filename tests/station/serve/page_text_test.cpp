@@ -1,8 +1,6 @@
 // The page's files as texts: what no browser is needed for.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <map>
 #include <regex>
 #include <set>
 

@@ -95,7 +95,6 @@ py::array shared_array(const cv::Mat& image, bool is_writable = true);
 std::string shape_text(const py::array& values);
 
 // What each file of this folder adds to the module `etalon`: etalon/__init__.pyi, docs/python.md.
-void bind_errors();
 void bind_transforms(py::module_& module);
 void bind_camera(py::module_& module);
 void bind_marker(py::module_& module);

@@ -1,4 +1,5 @@
 // etalon.Station: what a station.yaml says, its devices, and the main job; records analysed again.
+// etalon.run_study: detectors compared.
 #include "calib/camera/projector.h"
 #include "core/file/file_lock.h"
 #include "python/arrays.h"
@@ -10,6 +11,8 @@
 #include "station/register/stage_registration.h"
 #include "station/setup/plan.h"
 #include "station/setup/station_lock.h"
+#include "study/study_report.h"
+#include "study/study_run.h"
 
 namespace etalon {
 namespace {
@@ -101,7 +104,7 @@ void bind_registration(py::module_& module) {
     Bound<StageRegistration>(module, "StageRegistration",
                              "Where a stage stands before the camera, and the marker on it.")
         .get("camera_from_base", "(4, 4), mm.",
-             as_array(&StageRegistration::registration, &Registration::camera_from_base))
+             [](const StageRegistration& r) { return array_of(r.registration.camera_from_base); })
         .get("carriage_from_marker", "(4, 4), mm.",
              [](const StageRegistration& r) {
                  return array_of(r.registration.carriage_from_marker);
@@ -163,6 +166,24 @@ StationFile read_file(const std::filesystem::path& path) {
     return without_gil([&] { return read_station(path); });
 }
 
+// ---- etalon.run_study: detectors compared on rendered poses
+
+py::object study_to(const std::filesystem::path& file, const std::filesystem::path& out,
+                    const std::vector<std::string>& ablate, bool progress) {
+    run_interruptibly([&](std::stop_token stop) {
+        const StudyFile study = read_study(file);
+        const Shard all;
+        const StudyOptics optics(study, study_variants(study, ablate));
+        StudyRecord record(out, describe(study, file, optics.variants(), all));
+        RunProgress shown(progress);
+        if (!run_study(optics, all, record, stop, shown.progress()).complete)
+            throw Interrupted();
+        const StudyResults results = read_results(out);
+        write_study_report(results, summarise(results), out);
+    });
+    return py::module_::import("etalon.records").attr("read_results")(out);
+}
+
 }  // namespace
 
 void bind_station(py::module_& module) {
@@ -191,7 +212,7 @@ void bind_station(py::module_& module) {
             "homed"_a = false,
             R"(The Stage, with all rules of the file. Nothing moves yet.
 
-homed: your word that axes stand at their zero, for controllers that do not tell. Raises
+homed: true confirms that the axes stand at their zero, for controllers that do not tell. Raises
 DeviceError.)")
         .def("qualify", &qualify_station, "out"_a, py::kw_only(), "homed"_a = false,
              "progress"_a = false,
@@ -212,8 +233,17 @@ NumericalError.)")
 
 Raises ConfigError for a record that is not what a run wrote.)");
     module.def("resume_record", &resume, "record"_a, py::kw_only(), "homed"_a = false,
-               "progress"_a = false,
-               R"(Goes on with a run that did not come to its end; as Station.qualify().)");
+               "progress"_a = false, R"(Resumes an unfinished run; as Station.qualify().)");
+}
+
+void bind_study(py::module_& module) {
+    module.def(
+        "run_study", &study_to, "study"_a, "out"_a, py::kw_only(),
+        "ablate"_a = std::vector<std::string>(), "progress"_a = false,
+        R"(Compares detectors on rendered poses: study.yaml in, results and report in the folder out.
+
+ablate: also with each of these switched: tone, half-pixel, noise, blur, undistortion. Returns what
+read_results() does. Ctrl-C keeps what is done; the same call goes on. Raises ConfigError.)");
 }
 
 }  // namespace etalon

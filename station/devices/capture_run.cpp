@@ -5,6 +5,7 @@
 #include "capture/camera_recovery.h"
 #include "capture/frame/frame_average.h"
 #include "core/file/text.h"
+#include "station/devices/capture_help.txt.h"
 #include "station/devices/live_view.h"
 #include "station/record/record_json.h"
 #include "station/record/run_events.h"
@@ -64,14 +65,6 @@ std::map<std::string, double> parse_controls(const std::vector<std::string>& wor
         controls[word.substr(0, equals)] = *value;
     }
     return controls;
-}
-
-CameraLink camera_link(const CaptureArguments& arguments) {
-    CameraLink link;
-    link.packet_size = arguments.packet_size;
-    link.frame_timeout = std::chrono::milliseconds(arguments.frame_timeout_ms);
-    link.interface = arguments.interface;
-    return link;
 }
 
 // Ten lines a second on a terminal, elsewhere one.
@@ -221,24 +214,19 @@ std::string capture_json(const CaptureResult& result) {
 }
 
 CaptureSettings capture_settings(const CaptureArguments& arguments) {
-    CaptureSettings settings;
-    settings.width = arguments.width;
-    settings.height = arguments.height;
-    settings.format = arguments.format;
-    settings.bits = arguments.bits.value_or(arguments.format.empty() ? 8 : 0);
+    CaptureSettings settings = arguments.settings;
+    settings.bits = arguments.bits.value_or(settings.format.empty() ? 8 : 0);
     settings.exposure = std::chrono::microseconds(std::llround(arguments.exposure_us));
-    settings.gain_db = arguments.gain_db;
-    settings.black_level = arguments.black_level;
-    settings.trigger = arguments.trigger;
     settings.controls = parse_controls(arguments.controls);
     return settings;
 }
 
 std::unique_ptr<Camera> opened_camera(const CaptureArguments& arguments, Clock& clock,
                                       const std::stop_token& stop) {
-    return open_when_free(
-        [&] { return open_camera(arguments.camera, camera_link(arguments), clock); }, clock, stop,
-        [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
+    CameraLink link = arguments.link;
+    link.frame_timeout = std::chrono::milliseconds(arguments.frame_timeout_ms);
+    return open_when_free([&] { return open_camera(arguments.camera, link, clock); }, clock, stop,
+                          [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
 }
 
 int run_capture(const CaptureArguments& arguments) {
@@ -282,21 +270,8 @@ void declare_drift(Command& capture, CaptureArguments& asked, const Option& fram
 }
 
 void declare_capture(Command& program) {
-    auto [command, asked] = program.add(
-        run_capture, "capture", "take frames with a camera",
-        "Prints `captured N frames`, `noise X DN` (of a still scene) and `record FILE`.\n"
-        "DIR gets capture.json, events.jsonl, frames/ and mean.tiff, and can be replayed\n"
-        "as files:DIR. Settings are read back; what the camera does not do is an error.\n"
-        "Cameras, formats and controls: `etalon devices`.\n\n"
-        "With --drift it watches a target that stands still until its image moves by less\n"
-        "than 0.02 px per minute, anywhere in the image and with its uncertainty: prints\n"
-        "`drift X px/min stable after T min` and `report FILE`. Exit code 2 if that does\n"
-        "not happen in the time. DIR gets drift.csv, drift.json and report.html.\n\n"
-        "Examples:\n"
-        "  etalon capture --camera v4l2:/dev/video0 --format Y16 --exposure-us 5000 \\\n"
-        "      --frames 100 --out still\n"
-        "  etalon capture --camera v4l2:/dev/video0 --drift --minutes 90 \\\n"
-        "      --marker chessboard:9x6@25mm --out warm-up\n");
+    auto [command, asked] =
+        program.add(run_capture, "capture", "take frames with a camera", capture_help_txt);
     command.required("--camera", asked->camera,
                      "v4l2:/dev/video0, genicam:ID-OR-IP,\nlibcamera:ID or files:DIR", "URI");
     const Option frames =
@@ -305,24 +280,27 @@ void declare_capture(Command& program) {
     const Option live = command.flag(
         "--live", asked->live,
         "show fps, mean, noise, saturation, sharpness;\nwithout --frames until Ctrl-C");
-    command.option("--format", asked->format, "pixel format, by the device's name", "NAME");
+    command.option("--format", asked->settings.format, "pixel format, by the device's name",
+                   "NAME");
     command.option("--bits", asked->bits, "per pixel (default 8, or the format's)", "N")
         .within(1, 16);
-    command.option("--width", asked->width, "of the image (default: the device's)", "PX")
+    command.option("--width", asked->settings.width, "of the image (default: the device's)", "PX")
         .within(1, 65536);
-    command.option("--height", asked->height, "", "PX").within(1, 65536);
+    command.option("--height", asked->settings.height, "", "PX").within(1, 65536);
     command.option("--exposure-us", asked->exposure_us, "(default: the device's)", "US").positive();
-    command.option("--gain-db", asked->gain_db, "(default 0)", "DB");
-    command.option("--black-level", asked->black_level, "in the device's unit", "X");
-    command.option("--trigger", asked->trigger, "the device's name of a source, or none", "NAME");
+    command.option("--gain-db", asked->settings.gain_db, "(default 0)", "DB");
+    command.option("--black-level", asked->settings.black_level, "in the device's unit", "X");
+    command.option("--trigger", asked->settings.trigger, "the device's name of a source, or none",
+                   "NAME");
     command.option("--set", asked->controls, "a control by its name; may be repeated", "NAME=X")
         .one_each();
     command.option("--retries", asked->retries, "of a bad frame (default 5)", "N").within(0, 1000);
     command.option("--frame-timeout-ms", asked->frame_timeout_ms, "(default 1000)", "MS")
         .within(1, 600000);
-    command.option("--packet-size", asked->packet_size, "GigE Vision (default 1400)", "BYTES")
+    command.option("--packet-size", asked->link.packet_size, "GigE Vision (default 1400)", "BYTES")
         .within(576, 16384);
-    command.option("--interface", asked->interface, "GigE Vision: IP of the network card", "IP");
+    command.option("--interface", asked->link.interface, "GigE Vision: IP of the network card",
+                   "IP");
     declare_drift(command, *asked, frames, out, live);
 }
 

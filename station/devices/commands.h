@@ -20,16 +20,13 @@ struct CaptureArguments {
     int frames = 0;             // 0: until Ctrl-C, with live
     std::filesystem::path out;  // folder of the record; empty with live: nothing is recorded
     bool live = false;
-    std::string format;       // the device's name; empty: monochrome
-    std::optional<int> bits;  // default 8, or all that the format has
-    int width = 0, height = 0;
-    double exposure_us = 0.0, gain_db = 0.0;
-    std::optional<double> black_level;
-    std::string trigger;
+    CaptureSettings settings;  // without what follows
+    std::optional<int> bits;   // default 8, or all that the format has
+    double exposure_us = 0.0;
     std::vector<std::string> controls;  // "NAME=NUMBER"
     int retries = 5;
-    int frame_timeout_ms = 1000, packet_size = 1400;
-    std::string interface;
+    CameraLink link;  // without what follows
+    int frame_timeout_ms = 1000;
     bool drift = false;                // warm-up check: the following are for it alone
     std::string marker;                // the static target
     std::optional<double> minutes;     // at most; default 60, or as `frames` say
@@ -39,14 +36,15 @@ struct CaptureArguments {
 int run_capture(const CaptureArguments& arguments);
 int run_capture_drift(const CaptureArguments& arguments);  // with drift
 
-// `etalon stage ...`: one structure for all of them but `check`.
+// `etalon stage ...`: one structure for all of them.
 struct StageArguments {
     std::filesystem::path station;
+    std::string profile;               // check: built in, or a file.yaml
     std::vector<std::string> targets;  // move and jog: "x=12.5", mm or degrees
     double speed_percent = 100.0;      // of the axes' speeds
     int polls = 1;                     // trace
     bool yes = false;                  // home: do not ask
-    bool homed = false;                // move and jog: the operator's word
+    bool homed = false;                // move and jog: the operator confirms it
     std::string operator_name;         // who moves it, for those who find it moved
     bool trace = false;                // print every exchange on stderr
     bool json = false;
@@ -57,21 +55,13 @@ int run_stage_move(const StageArguments& arguments);
 int run_stage_jog(const StageArguments& arguments);
 int run_stage_stop(const StageArguments& arguments);
 int run_stage_trace(const StageArguments& arguments);
-int run_stage_plan(const StageArguments& arguments);
-
-struct StageCheckArguments {
-    std::string profile;  // built in, or a file.yaml
-    bool json = false;
-};
-int run_stage_check(const StageCheckArguments& arguments);
 
 void declare_devices(Command& program);
 void declare_init(Command& program);
 void declare_capture(Command& program);
 void declare_stage(Command& program);
 
-// ---- the cameras that answer, as text for people in lines of at most 79 columns (longer only
-// where a single word is)
+// ---- the cameras that answer, as text in lines of at most 79 columns (or a single longer word)
 
 struct ListedCamera {
     CameraIdentity identity;
@@ -110,8 +100,7 @@ std::string stage_profile_json(const StageProfile& profile);
 std::vector<double> typed_target(std::span<const Axis> axes, const std::vector<std::string>& words,
                                  std::span<const double> from, bool relative);
 
-// ---- the files that a new station begins with: what is known of its devices is filled in, what
-// only its owner knows stands there with a comment that says so
+// ---- the files that a new station begins with, with comments on what only its owner knows
 
 struct StationTemplate {
     std::string camera = "genicam:127.0.0.1";  // URI

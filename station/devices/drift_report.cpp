@@ -88,22 +88,20 @@ std::string obstacle(const DriftResult& result) {
     if (rate.worst_px_per_min >= limit)
         return fmt::format("it drifts: {}", in_words(rate));
     if (rate.bound_px_per_min >= limit)
-        return fmt::format(
-            "too uncertain: {}; more frames, or a target that fills more of the "
-            "image, would tell",
-            in_words(rate));
+        return "too uncertain: " + in_words(rate) +
+               "; more frames, or a target that fills more of the image, would tell";
     if (rate.shape_px_per_min >= limit)
         return fmt::format("the target's points drift against each other by {:.3f} px/min",
                            rate.shape_px_per_min);
     return "something jumped just before the end";
 }
 
-Facts facts_of_the_watch(const DriftResult& result, const std::string& target) {
+Facts facts_of(const DriftResult& result, const std::string& target) {
     const DriftMonitor& monitor = result.monitor;
     const auto px = [](const std::optional<double>& value) {
         return value ? fmt::format("{:.4f} px", *value) : "unknown";
     };
-    return {
+    Facts facts = {
         {"limit", fmt::format("{} px/min anywhere in the image", monitor.plan().limit_px_per_min)},
         {"camera", result.camera.uri + " " + result.camera.serial},
         {"target", target},
@@ -114,22 +112,20 @@ Facts facts_of_the_watch(const DriftResult& result, const std::string& target) {
         {"noise of a point", px(monitor.point_noise_px())},
         {"shake of the target", px(monitor.shake_px())},
         {"jumps", std::to_string(monitor.jumps().size())}};
-}
-
-Facts facts_of_the_rate(const DriftMonitor& monitor) {
     if (monitor.rates().empty())
-        return {};
+        return facts;
     const DriftRate& rate = monitor.rates().back();
     const double per_radius = 1e6 / radius_of(monitor);
-    const auto with_u = [&](int i, double factor, const char* unit) {
-        return fmt::format("{:.3g} ± {:.2g} {}/min", factor * rate.per_min[i],
-                           2.0 * factor * rate.standard_uncertainty[i], unit);
+    const auto add = [&](const char* name, int i, double factor, const char* unit) {
+        facts.emplace_back(name, fmt::format("{:.3g} ± {:.2g} {}/min", factor * rate.per_min[i],
+                                             2.0 * factor * rate.standard_uncertainty[i], unit));
     };
-    return {{"shift x (U: k = 2)", with_u(0, 1.0, "px")},
-            {"shift y", with_u(1, 1.0, "px")},
-            {"scale", with_u(2, per_radius, "ppm")},
-            {"rotation", with_u(3, per_radius, "µrad")},
-            {"between its points", fmt::format("{:.3g} px/min", rate.shape_px_per_min)}};
+    add("shift x (U: k = 2)", 0, 1.0, "px");
+    add("shift y", 1, 1.0, "px");
+    add("scale", 2, per_radius, "ppm");
+    add("rotation", 3, per_radius, "µrad");
+    facts.emplace_back("between its points", fmt::format("{:.3g} px/min", rate.shape_px_per_min));
+    return facts;
 }
 
 void add_summary(HtmlPage& page, const DriftResult& result, const std::string& target) {
@@ -138,10 +134,7 @@ void add_summary(HtmlPage& page, const DriftResult& result, const std::string& t
                     ? drift_sentence(result) + ": " + in_words(result.monitor.rates().back())
                     : obstacle(result);
     page.add_verdict(result.stable ? "STABLE" : "NOT STABLE", sentence);
-    Facts facts = facts_of_the_watch(result, target);
-    const Facts of_rate = facts_of_the_rate(result.monitor);
-    facts.insert(facts.end(), of_rate.begin(), of_rate.end());
-    page.add_facts(facts);
+    page.add_facts(facts_of(result, target));
 }
 
 std::string movement_plot(const DriftMonitor& monitor) {
@@ -250,14 +243,6 @@ void print_result(const CaptureArguments& arguments, const DriftResult& result) 
     for (const DriftJump& jump : result.monitor.jumps())
         fmt::print("jump {:.3f} px at {:.2f} min\n", jump.size_px, jump.time.count());
     fmt::print("{}\nreport {}\n", drift_sentence(result), (arguments.out / "report.html").string());
-}
-
-int exit_code(const DriftResult& result) {
-    if (result.reason == "interrupted")
-        return ExitCode::interrupted;
-    if (!result.reason.empty())
-        return ExitCode::run_error;
-    return result.stable ? 0 : ExitCode::inconclusive;
 }
 
 }  // namespace
@@ -409,7 +394,9 @@ int run_capture_drift(const CaptureArguments& arguments) {
     write_text(arguments.out / "drift.json", drift_json(*result, arguments.marker));
     write_text(arguments.out / "report.html", drift_html(*result, arguments.marker));
     print_result(arguments, *result);
-    return exit_code(*result);
+    if (!result->reason.empty())
+        return result->reason == "interrupted" ? ExitCode::interrupted : ExitCode::run_error;
+    return result->stable ? 0 : ExitCode::inconclusive;
 }
 
 }  // namespace etalon

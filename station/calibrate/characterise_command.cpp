@@ -15,6 +15,7 @@
 #include "report/number_text.h"
 #include "report/svg_plot.h"
 #include "sim/sensor/sensor_model.h"
+#include "station/calibrate/characterise_help.txt.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
 #include "station/shell/photo_files.h"
@@ -514,17 +515,9 @@ int run_characterise(const CharacteriseArguments& given) {
 }
 
 void declare_characterise(Command& program) {
-    auto [command, asked] = program.add(
-        run_characterise, "characterise", "measure blur, noise, tone and illumination of a camera",
-        "Writes the camera file with the measured values and their uncertainties, and\n"
-        "prints a line `QUANTITY VALUE +- U` each (k = 2). What is not given is not\n"
-        "measured. Exit code 2 when photographs were given that cannot be used.\n"
-        "How to take them: docs/characterising.md.\n\n"
-        "Example:\n"
-        "  etalon characterise --camera camera.yml --target chessboard:9x6@25mm board*.png \\\n"
-        "      --repeats still*.png --flat flat*.png --dark dark*.png \\\n"
-        "      --exposures series.csv --out characterised.yml --report characterised\n"
-        "  etalon characterise --edge auto chart.png --report edges\n");
+    auto [command, asked] = program.add(run_characterise, "characterise",
+                                        "measure blur, noise, tone and illumination of a camera",
+                                        characterise_help_txt);
     command.option("PHOTOS", asked->photos, "the target in several places and tilts");
     command.option("--camera", asked->camera, "calibration: ours or another tool's", "FILE");
     command.option("--target", asked->target, "the target, as for calibrating", "M");

@@ -72,15 +72,6 @@ SourcePlace place_of(const PlanRequest& request, std::size_t pose) {
     return place;
 }
 
-// Time to go from one position to another with all axes moving together at their speeds, s.
-double travel_time_s(std::span<const Axis> axes, std::span<const double> from,
-                     std::span<const double> to) {
-    double longest_s = 0.0;
-    for (std::size_t i = 0; i < axes.size(); ++i)
-        longest_s = std::max(longest_s, std::abs(to[i] - from[i]) / axes[i].speed);
-    return longest_s;
-}
-
 // The order of the poses in which the way from where homing ends is short: nearest neighbours, then
 // 2-opt (Croes 1958), which walks a stretch backwards where that saves time.
 class ShortPath {
@@ -90,8 +81,11 @@ public:
         const std::vector<double> home = home_position(axes);
         for (std::size_t from = 0; from <= home_; ++from)
             for (std::size_t to = 0; to < home_; ++to)
-                seconds_[from * home_ + to] = travel_time_s(
-                    axes, from == home_ ? home : poses[from].target, poses[to].target);
+                seconds_[from * home_ + to] =
+                    std::chrono::duration<double>(
+                        travel_time(axes, from == home_ ? home : poses[from].target,
+                                    poses[to].target))
+                        .count();
     }
 
     std::vector<std::size_t> find() {
@@ -156,6 +150,14 @@ void add_repeats(const PlanRequest& request, std::vector<PlannedPose>& path) {
 }
 
 }  // namespace
+
+Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
+                     std::span<const double> to) {
+    double longest_s = 0.0;
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        longest_s = std::max(longest_s, std::abs(to[i] - from[i]) / axes[i].speed);
+    return duration_of(longest_s);
+}
 
 Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
                std::chrono::microseconds exposure, const MotionRules& rules,

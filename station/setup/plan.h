@@ -2,11 +2,9 @@
 // anything is measured, in an order that keeps the travel short.
 //
 // Training and hold-out are two consecutive blocks of one digit-scrambled Halton sequence
-// (sim/scene/pose_sampling.h): each block by itself fills the volume evenly, so both are
-// stratified. (Taking every second point of one block instead would leave all hold-out poses in one
-// half of the first axis, because base 2 alternates between the halves.) The path then visits both
-// kinds mixed, and comes to the positions of each axis from both sides. At its end some hold-out
-// poses are visited again, last first: most axes then come from the other side than before.
+// (sim/scene/pose_sampling.h): each block fills the volume evenly. (Every second point would not:
+// base 2 alternates between the halves of the first axis.) The path visits both kinds mixed. At its
+// end some hold-out poses are visited again, last first: most axes then come from the other side.
 #pragma once
 
 #include "station/setup/station_file.h"
@@ -43,5 +41,9 @@ Rigid expected_pose(const StationFile& station, const std::vector<double>& targe
 
 // Sets each pose's place in the plan, and which earlier one it repeats.
 void number_poses(std::vector<PlannedPose>& poses);
+
+// Time to go from one position to another with all axes moving together at their speeds.
+Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
+                     std::span<const double> to);
 
 }  // namespace etalon

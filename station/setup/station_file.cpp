@@ -153,12 +153,6 @@ DeclaredTemperature read_temperature(const Value& section) {
     return temperature;
 }
 
-Marker read_marker(const Value& spec, const std::string& detector, const std::string& place) {
-    Marker marker = parse_marker(spec.text(), place_text(spec));
-    make_detector(detector, marker, place);  // thrown away: only whether there is one
-    return marker;
-}
-
 std::string read_day(const Value& value) {
     if (!days_of_date(value.text()))
         value.fail(fmt::format("'{}' is no day as 2026-03-07", value.text()));
@@ -355,7 +349,9 @@ StationFile read_station(const Path& path, const Path& given_calibration) {
     const Path limits_path = existing_file(file, limits);
     file.finish();
 
-    station.marker = read_marker(marker, station.detector, place_text(detector.value_or(marker)));
+    station.marker = parse_marker(marker.text(), place_text(marker));
+    make_detector(station.detector, station.marker,  // thrown away: only whether there is one
+                  place_text(detector.value_or(marker)));
     station.limits = read_limits(limits_path);
     station.inputs = station_inputs(path, calibration, limits_path, station.stage.profile);
     return station;

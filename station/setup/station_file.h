@@ -103,13 +103,10 @@ ExpectedScene expected_scene(const StationFile& station);
 // a calibration. Unknown keys are not looked for.
 StationStage read_station_stage(const std::filesystem::path& path);
 
-// The files that a station was read from, by content, and their copies in a record: a record must
-// tell years later what was measured with what, wherever the originals have gone.
-//
-// Copies lie under inputs/ as the originals lay under their nearest common folder, so that relative
-// paths from one to another still lead to the copy. A file other than the calibration that is named
-// with its absolute path is copied too, but it is the original that reading back opens: it must
-// still be the same.
+// The files that a station was read from, and their copies in a record. Copies lie under inputs/ as
+// the originals lay under their nearest common folder, so that relative paths lead to the copy. Of
+// a file that is named with its absolute path, but the calibration, reading back opens the
+// original: it must still be the same.
 
 // Copies the inputs into `record`/inputs and sets their `copy`. Throws ConfigError when one cannot
 // be copied or is not any more what was read.

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <mutex>
 
 #include "capture/frame/camera.h"
 #include "core/statistics/random.h"

@@ -4,9 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <future>
-#include <optional>
 #include <thread>
-#include <utility>
 
 #include "tests/loopback/stage_rig.h"
 

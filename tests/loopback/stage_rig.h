@@ -3,11 +3,8 @@
 #pragma once
 
 #include <memory>
-#include <utility>
-#include <vector>
 
 #include "mocks/stage/modbus_controller.h"
-#include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
 
 namespace etalon {

@@ -4,7 +4,6 @@
 
 #include "compare/make_detector.h"
 #include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "station/commands.h"
 
 namespace etalon {

@@ -4,10 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <sstream>
 
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 
 namespace etalon {

@@ -158,7 +158,7 @@ What a wrong calibration or size of the print does is not in it.)",
         .get("reduced_squares", "Mean square of the residuals; 1 for pure noise.",
              &PhotometricPose::reduced_squares)
         .get("pixels", "That were fitted.", &PhotometricPose::pixels)
-        .get("converged", "Whether the fit came to its end.", &PhotometricPose::converged);
+        .get("converged", "Whether the fit converged.", &PhotometricPose::converged);
 
     Bound<PhotometricDetector>(module, "PhotometricDetector",
                                R"(Poses from all pixels of a marker or board, from a pose nearby.

@@ -94,7 +94,7 @@ std::string watchdog_text(const StageProfile& profile) {
                        profile.watchdog->timeout.count());
 }
 
-// The stage with its rules, and what it is told to show. Traces go to stderr.
+// The stage with its rules, and how it is shown. Traces go to stderr.
 class Session {
 public:
     Session(const StationStage& stage, bool trace, Opening opening = Opening::asks)
@@ -180,8 +180,8 @@ void declare_motion(Command& stage, StageAction action, const char* name, const 
         stage, action, name, summary,
         "Axes that are not named stay. The axes must be homed (`etalon stage home`); soft\n"
         "limits, forbidden boxes and slow zones hold as in a run. Ctrl-C stops the axes.\n"
-        "A controller that does not tell whether its axes are homed takes your word for\n"
-        "it, if they were homed since they were switched on: --homed.\n");
+        "Of a controller that does not tell whether its axes are homed, --homed confirms\n"
+        "it, if they were homed since they were switched on.\n");
     command.required("TARGET", asked->targets, target);
     command.option("--speed", asked->speed_percent, "percent of the axes' speeds (100)", "P")
         .in_range(0.1, 100.0);

@@ -11,8 +11,8 @@
 
 namespace etalon {
 
-// The newest of something that changes while many look on: whoever is slow misses what lay between
-// and holds nobody up. One value is kept, however many readers there are.
+// The newest of values that change while many threads read: a slow reader misses what lay between
+// and delays no other.
 template <class Value>
 class LatestValue {
 public:

@@ -1,6 +1,6 @@
 // How far a run is, from its record alone: what the log (station/record/run_events.h) has told
-// since it was looked at last. So whoever looks on costs the run nothing, and a server that was
-// started anew sees what the one before saw.
+// since the last look. Watching costs the run nothing, and a server that was started again sees
+// what the one before saw.
 #pragma once
 
 #include "compare/expect/expected_view.h"

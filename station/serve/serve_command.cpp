@@ -91,7 +91,7 @@ void declare_serve(Command& program) {
         "Prints `page http://...` and serves it until Ctrl-C. A run that is started on\n"
         "the page is `etalon qualify`, with its record in --records; it goes on when the\n"
         "page is closed, is stopped when the server ends, however it ends, and is then\n"
-        "gone on with from the page. Only this machine reaches the page, unless --listen\n"
+        "resumed from the page. Only this machine reaches the page, unless --listen\n"
         "names another of its addresses: then the link that is printed holds a token,\n"
         "and whoever has the link may move the stage. docs/serve.md.\n");
     command.required("STATION", asked->stations, "station.yaml: one or more");

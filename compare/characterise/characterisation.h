@@ -1,7 +1,7 @@
 // What `etalon characterise` measures, in the order in which each step needs the one before: black
 // level, transfer curve, photon transfer, relative illumination, then blur along the target's
 // edges. Files and printing are in station/calibrate/characterise_command.cpp, the page in
-// station/calibrate/characterise_report.h; the methods in compare/ (docs/characterising.md).
+// station/calibrate/characterise_command.h; the methods in compare/ (docs/characterising.md).
 #pragma once
 
 #include <optional>

@@ -10,7 +10,6 @@
 #include "station/record/record_json.h"
 #include "station/record/run_record.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {

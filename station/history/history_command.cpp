@@ -5,7 +5,6 @@
 #include "station/history/run_index.h"
 #include "station/record/run_record.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -9,7 +9,6 @@
 #include "core/program/errors.h"
 #include "station/planning/expectation_report.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -14,7 +14,6 @@
 #include "station/planning/operating_characteristic.h"
 #include "station/planning/simulated_run.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -12,7 +12,6 @@
 #include "report/json_text.h"
 #include "station/planning/simulated_run.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -13,7 +13,6 @@
 #include "station/setup/station_file.h"
 #include "station/setup/station_lock.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {

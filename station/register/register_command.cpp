@@ -11,7 +11,6 @@
 #include "report/number_text.h"
 #include "station/register/stage_registration.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -9,7 +9,6 @@
 #include <future>
 #include <set>
 
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 #include "tests/loopback/gige_rig.h"
 

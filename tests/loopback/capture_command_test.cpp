@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/loopback/powered_camera.h"
 #include "tests/temporary_folder.h"
 

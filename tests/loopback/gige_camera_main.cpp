@@ -6,7 +6,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
-#include "core/program/errors.h"
 #include "mocks/ending_signals.h"
 #include "tests/loopback/gige_rig.h"
 

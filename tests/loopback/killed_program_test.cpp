@@ -8,7 +8,6 @@
 #include "core/file/text.h"
 #include "tests/loopback/program.h"
 #include "tests/loopback/stage_rig.h"
-#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

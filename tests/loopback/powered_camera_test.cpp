@@ -5,7 +5,6 @@
 #include <future>
 
 #include "capture/frame/frame_checks.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -4,7 +4,6 @@
 #include "core/file/text.h"
 #include "core/time/clock.h"
 #include "tests/loopback/program.h"
-#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include "core/program/errors.h"
 #include "mocks/stage/room_sensor_server.h"
 #include "tests/error_text.h"
 

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "station/devices/commands.h"
 #include "tests/loopback/stage_rig.h"
 #include "tests/temporary_folder.h"

@@ -3,7 +3,6 @@
 #pragma once
 
 #include "mocks/stage/modbus_controller.h"
-#include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
 
 namespace etalon {

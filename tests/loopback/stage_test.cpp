@@ -51,17 +51,14 @@ TEST(ModbusStage, CommandsNothingBeforeItIsToldTo) {
 TEST(ModbusStage, MovesNothingBeforeEnableAndHome) {
     StageRig rig;
     auto stage = rig.connect();
+    const auto move_error = [&] {
+        return device_error_of([&] { stage->move(std::vector{7.0, 0.5}, {}); });
+    };
     EXPECT_TRUE(has(device_error_of([&] { stage->home({}); }), "the axes are not enabled"));
-    EXPECT_TRUE(has(device_error_of([&] {
-                        stage->move(std::vector{7.0, 0.5}, {});
-                    }),
-                    "the axes are not homed"));
+    EXPECT_TRUE(has(move_error(), "the axes are not homed"));
     EXPECT_TRUE(rig.server->writes().empty());
     stage->enable({});
-    EXPECT_TRUE(has(device_error_of([&] {
-                        stage->move(std::vector{7.0, 0.5}, {});
-                    }),
-                    "the axes are not homed"));
+    EXPECT_TRUE(has(move_error(), "the axes are not homed"));
     EXPECT_EQ(rig.count_writes(start_bit), 0);
 }
 

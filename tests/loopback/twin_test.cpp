@@ -3,10 +3,7 @@
 #include "mocks/twin/twin.h"
 
 #include "capture/frame/camera.h"
-#include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
-#include "stage/motion/stage.h"
-#include "stage/profile/profile.h"
 #include "tests/mocks/twin/twin_folder.h"
 
 namespace etalon {

@@ -1,18 +1,12 @@
 // Photographs as others bring them, through the built program: boards and markers of every kind, no
 // calibration, patterns and films, sets that are not of one camera. All are rendered here.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
 #include "calib/files/camera_file.h"
-#include "calib/intrinsics/model_advice.h"
-#include "core/image/image.h"
-#include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/compare/rendered_targets.h"
 #include "tests/station/built_program.h"

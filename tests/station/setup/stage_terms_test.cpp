@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "stage/axes/kinematics.h"
 
 namespace etalon {

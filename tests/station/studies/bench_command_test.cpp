@@ -1,16 +1,11 @@
 // `etalon bench` at its smallest: what it writes and what it refuses. Its figures are for
 // docs/performance.md; only their plausibility is tested here.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <map>
 #include <nlohmann/json.hpp>
 
 #include "bench/bench_report.h"
-#include "bench/benchmark_scenes.h"
-#include "calib/camera/projector.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "sim/scene/pose_volume.h"
 #include "station/studies/commands.h"
 #include "tests/error_text.h"

@@ -2,13 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <limits>
 #include <numbers>
 
-#include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 
@@ -83,17 +78,6 @@ Corners seen_corners(const PlacedMarker& marker, Projection projection) {
         for (Eigen::Vector3d& corner : seen)
             corner = {corner.x() / corner.z(), corner.y() / corner.z(), 1.0 / corner.z()};
     return seen;
-}
-
-void require_before_lens(const Scene& scene) {
-    std::size_t number = 1;
-    for (const PlacedMarker& marker : scene.markers) {
-        for (const Eigen::Vector3d& corner : corners_in_camera(marker))
-            if (!(corner.z() > 0.0))
-                throw NumericalError(fmt::format(
-                    "marker {} reaches behind the lens (depth {:.6g} mm)", number, corner.z()));
-        ++number;
-    }
 }
 
 Outline outline_in_focus_at(double focus, const Corners& seen, double lens_radius) {
@@ -220,10 +204,12 @@ void check_no_occlusion(const Scene& scene, const CameraModel& camera) {
     const Aperture aperture = aperture_of(camera);
     const std::vector<PlacedMarker>& markers = scene.markers;
     std::vector<Corners> seen;
-    if (camera.projection.is_flat()) {
-        require_before_lens(scene);
-        for (const PlacedMarker& marker : markers)
-            seen.push_back(seen_corners(marker, camera.projection.kind));
+    for (std::size_t i = 0; camera.projection.is_flat() && i < markers.size(); ++i) {
+        for (const Eigen::Vector3d& corner : corners_in_camera(markers[i]))
+            if (!(corner.z() > 0.0))
+                throw NumericalError(fmt::format(
+                    "marker {} reaches behind the lens (depth {:.6g} mm)", i + 1, corner.z()));
+        seen.push_back(seen_corners(markers[i], camera.projection.kind));
     }
     const auto no_ray = [&](std::size_t i, std::size_t j) {
         return seen.empty() ? wide_lens_sees_both_by_no_ray(markers[i], markers[j], aperture)

@@ -1,14 +1,9 @@
-// From samples of a tile and a margin around it on another grid to the samples on the frame's own.
-// From a coarse one by the 6-point Lagrange kernel (sim/psf/lagrange.h), for tiles that are
-// blurred enough: there the interpolant of few exact values is as good as many of them, and costs a
-// fraction. From one of twice as many places a side by a low-pass, for sharp tiles: what finer
-// samples than the frame's see is as good as a finer frame, whose filter would cost four times as
-// much.
+// From samples of a tile and a margin around it on another grid to the samples on the frame's own:
+// from a coarse one by the 6-point Lagrange kernel (sim/psf/lagrange.h), for tiles that are blurred
+// enough; from one of twice as many places a side by a low-pass, for sharp tiles.
 #pragma once
 
 #include <array>
-#include <cstddef>
-#include <vector>
 
 #include "sim/tiles/sampling.h"
 

@@ -280,36 +280,34 @@ void add_constant(float value, int width, int height, float* out, std::ptrdiff_t
         });
 }
 
+// The sum of weights[n] times the values at at(n), and its mirror image from at(6) on.
+template <class D, class At, class V>
+HWY_INLINE void sum_mirrored(D d, const float weights[6], const At& at, V& even, V& odd) {
+    even = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, at(0)));
+    odd = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, at(6)));
+    for (int n = 1; n < 6; ++n) {
+        const auto weight = hn::Set(d, weights[n]);
+        even = hn::MulAdd(weight, hn::LoadU(d, at(n)), even);
+        odd = hn::MulAdd(weight, hn::LoadU(d, at(6 - n)), odd);
+    }
+}
+
 void sum_row_pair(const float* const rows[7], const float weights[6], int width, float* even,
                   float* odd) {
     for_vectors(width, [&](auto d, int x) HWY_ATTR {
-        auto before = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, rows[0] + x));
-        auto behind = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, rows[6] + x));
-        for (int q = 1; q < 6; ++q) {
-            const auto weight = hn::Set(d, weights[q]);
-            before = hn::MulAdd(weight, hn::LoadU(d, rows[q] + x), before);
-            behind = hn::MulAdd(weight, hn::LoadU(d, rows[6 - q] + x), behind);
-        }
+        auto before = hn::Zero(d), behind = before;
+        const auto at = [&](int n) HWY_ATTR { return rows[n] + x; };
+        sum_mirrored(d, weights, at, before, behind);
         hn::StoreU(before, d, even + x);
         hn::StoreU(behind, d, odd + x);
     });
 }
 
-// Fine samples before and behind the coarse samples at `at`, to be interleaved.
+// Fine samples before and behind the coarse samples from `coarse` on, to be interleaved.
 template <class D, class V>
-HWY_ATTR void interpolate(D d, const float* at, const float* weights, V& even, V& odd) {
-    const auto c0 = hn::LoadU(d, at - 3), c1 = hn::LoadU(d, at - 2), c2 = hn::LoadU(d, at - 1);
-    const auto c3 = hn::LoadU(d, at), c4 = hn::LoadU(d, at + 1), c5 = hn::LoadU(d, at + 2);
-    const auto c6 = hn::LoadU(d, at + 3);
-    const auto w0 = hn::Set(d, weights[0]), w1 = hn::Set(d, weights[1]);
-    const auto w2 = hn::Set(d, weights[2]), w3 = hn::Set(d, weights[3]);
-    const auto w4 = hn::Set(d, weights[4]), w5 = hn::Set(d, weights[5]);
-    even = hn::MulAdd(w1, c1, hn::Mul(w0, c0));
-    odd = hn::MulAdd(w1, c5, hn::Mul(w0, c6));
-    even = hn::MulAdd(w3, c3, hn::MulAdd(w2, c2, even));
-    odd = hn::MulAdd(w3, c3, hn::MulAdd(w2, c4, odd));
-    even = hn::MulAdd(w5, c5, hn::MulAdd(w4, c4, even));
-    odd = hn::MulAdd(w5, c1, hn::MulAdd(w4, c2, odd));
+HWY_INLINE void interpolate(D d, const float* coarse, const float* weights, V& even, V& odd) {
+    const auto at = [&](int n) HWY_ATTR { return coarse + n - 3; };
+    sum_mirrored(d, weights, at, even, odd);
 }
 
 void put_interpolated(const float* coarse, const float weights[6], int first, int last,

@@ -70,14 +70,6 @@ FineAxis fine_axis(double half, double step, double pitch, const SampleAxis& sam
     return axis;
 }
 
-// Of `nodes` times samples: half a gigabyte, some minutes.
-void check_size(double responses, int k) {
-    constexpr double most = 6e7;
-    if (!(responses <= most))
-        throw NumericalError(fmt::format(
-            "the point spread is too wide to be filtered at {} samples a pixel side", k));
-}
-
 // weights(j, i) = integral of density(r) response_x(x - x_i) response_y(y - y_j) over the plane.
 // The density is a function of the radius; a quarter of its values gives all of them.
 Eigen::MatrixXd product_weights(const Response& density, const FineAxis& x, const FineAxis& y) {
@@ -258,7 +250,10 @@ FilterKernel ImageFilter::make_core(int k, SampleKind kind) const {
     const Response response = pixel_response(k, kind);
     const double step = std::min(std::max(psf_->scale_px() / 8.0, 1.0 / 256.0), 1.0 / (8.0 * k));
     const SampleAxis columns{2 * reach_x + k, 1.0 / k}, rows{2 * reach_y + k, 1.0 / k};
-    check_size(2.0 * radius / step * std::max(columns.count, rows.count), k);
+    constexpr double most_responses = 6e7;  // half a gigabyte, some minutes
+    if (!(2.0 * radius / step * std::max(columns.count, rows.count) <= most_responses))
+        throw NumericalError(fmt::format(
+            "the point spread is too wide to be filtered at {} samples a pixel side", k));
     const FineAxis x = fine_axis(radius, step, 1.0, columns, response);
     const FineAxis y = fine_axis(radius, step, pitch_y_, rows, response);
     const double energy = windowed_energy(*psf_, core_);

@@ -31,14 +31,6 @@ void average_pairs(const float* upper, const float* lower, int count, float* ave
         averages[i] = 0.25f * (upper[2 * i] + upper[2 * i + 1] + lower[2 * i] + lower[2 * i + 1]);
 }
 
-cv::Rect marker_box(const MarkerView& marker, const Intrinsics& intrinsics,
-                    const std::vector<Eigen::Vector2d>& outline, const cv::Rect& limit) {
-    constexpr double bulge_px = 16.0;  // between two of its points, at most
-    const BlurRange blur = blur_over_marker(marker, intrinsics);
-    return pixels_around(outline, Eigen::Array2d::Constant(2.0 * blur.largest_px + bulge_px),
-                         limit);
-}
-
 // What the tail is summed over: averages of one marker's image over the squares of ever coarser
 // grids. Inside the sampled tiles they come from the samples; outside, squares of 8 px and more are
 // averaged over 4 x 4 lens averages (finer grids take the value of the 8-px square).
@@ -128,16 +120,15 @@ void TailSources::average_squares(const std::vector<cv::Rect>& needed) {
                            : lens_mean(shift, i, j, lens_average);
             };
             for (int j = rows.begin(); j < rows.end(); ++j) {
-                const bool inside = j >= within.y && j < within.br().y;
-                const int from = inside ? within.x : cells.br().x;
-                const int to = inside ? within.br().x : cells.br().x;
-                for (int i = cells.x; i < from; ++i)
-                    squares_[n].set(i, j, mean(i, j));
-                if (from < to)
-                    average_pairs(finer.from({2 * from, 2 * j}), finer.from({2 * from, 2 * j + 1}),
-                                  to - from, squares_[n].from({from, j}));
-                for (int i = to; i < cells.br().x; ++i)
-                    squares_[n].set(i, j, mean(i, j));
+                for (int i = cells.x; i < cells.br().x; ++i) {
+                    if (!within.contains({i, j})) {
+                        squares_[n].set(i, j, mean(i, j));
+                        continue;
+                    }
+                    average_pairs(finer.from({2 * i, 2 * j}), finer.from({2 * i, 2 * j + 1}),
+                                  within.width, squares_[n].from({i, j}));
+                    i += within.width - 1;
+                }
             }
         });
     }
@@ -184,19 +175,14 @@ SampleField TailSources::field(int shift) const {
     return {squares_[tile_shift], tile_px / 2};
 }
 
-// Weights of six samples for a point a quarter of a step before the fourth.
-std::array<float, 6> quarter_weights() {
-    std::array<float, 6> weights;
-    for (std::size_t n = 0; n < 6; ++n)
-        weights[n] = static_cast<float>(lagrange6(2.75 - static_cast<double>(n)));
-    return weights;
-}
-
 // Adds the coarse values, interpolated up by two, to a band of rows of `fine`, or writes them and
 // the background. `from` and `to`: the squares of both; `from` holds three more around.
 void add_refined(const cv::Mat& coarse, const cv::Rect& from, const cv::Rect& to,
                  const cv::Rect& band, std::optional<float> background, cv::Mat& fine) {
-    const std::array<float, 6> weights = quarter_weights();
+    std::array<float, 6>
+        weights;  // of the samples for a point a quarter of a step before the fourth
+    for (std::size_t n = 0; n < 6; ++n)
+        weights[n] = static_cast<float>(lagrange6(2.75 - static_cast<double>(n)));
     const auto width = static_cast<std::size_t>(from.width);
     std::vector<float> pair(2 * width);  // the fine rows 2 i and 2 i + 1
     for (int y = band.y; y < band.br().y; ++y) {
@@ -352,8 +338,10 @@ cv::Rect TailPyramid::sources(const TileSamples& samples, const MarkerView& mark
                               const std::vector<Eigen::Vector2d>& outline,
                               const cv::Rect& limit) const {
     const cv::Rect sampled = scaled(samples.tiles_off_background(), tile_px);
-    const cv::Rect box =
-        marker_box(marker, corners_.projector().camera().intrinsics, outline, limit);
+    constexpr double bulge_px = 16.0;  // of the outline between two of its points, at most
+    const BlurRange blur = blur_over_marker(marker, corners_.projector().camera().intrinsics);
+    const double margin = 2.0 * blur.largest_px + bulge_px;
+    const cv::Rect box = pixels_around(outline, Eigen::Array2d::Constant(margin), limit);
     if (contains(scaled(samples.tiles(), tile_px), box))
         return sampled & limit;
     return (sampled.empty() ? box : sampled | box) & limit;

@@ -18,28 +18,13 @@ std::array<float, 16> coefficients(const Eigen::Matrix4d& polynomial) {
 // Lines far beyond every ray of the tile are as good at this distance, and finite.
 constexpr double far_away_px = 1e8;
 
-// A linear form of the sensor point as seen from a tile: its value at the centre and its change
-// per px. `from_px`: d x / d px.
-struct TileForm {
-    double value;
-    Eigen::Vector2d gradient;
-
-    TileForm(const Eigen::Vector3d& form, const Eigen::Vector2d& centre,
-             const Eigen::Matrix2d& from_px)
-        : value(form.head<2>().dot(centre) + form.z()),
-          gradient(from_px.transpose() * form.head<2>()) {}
-};
-
-// The line h_axis - index h2.
-TileLine tile_line(const TileForm& axis, const TileForm& w, int index) {
-    const double distance = axis.value - index * w.value;
-    const Eigen::Vector2d gradient = axis.gradient - index * w.gradient;
-    const double steepness = gradient.norm();
+// Where a linear form of (dx, dy, 1) is zero.
+TileLine tile_line(const Eigen::Vector3d& form) {
+    const double distance = form.z(), steepness = form.head<2>().norm();
     if (!(std::abs(distance) < far_away_px * steepness))
         return {static_cast<float>(std::copysign(far_away_px, distance)), 1.0f, 0.0f, 1.0f, 0.0f};
     const double scale = 1.0 / steepness;
-    const auto x = static_cast<float>(gradient.x() * scale);
-    const auto y = static_cast<float>(gradient.y() * scale);
+    const auto x = static_cast<float>(form.x() * scale), y = static_cast<float>(form.y() * scale);
     return {static_cast<float>(distance * scale), x, y, x, y};
 }
 
@@ -111,14 +96,15 @@ void set_geometry(const MarkerView& view, const TileView& seen, const CellRange&
     geometry.turn_x = static_cast<float>(turn.x());
     geometry.turn_y = static_cast<float>(turn.y());
     geometry.disk = geometry.disk_cosine = 0.0f;
-    const TileForm u(seen.h.row(0), place.centre, from_px), v(seen.h.row(1), place.centre, from_px);
-    const TileForm w(seen.h.row(2), place.centre, from_px);
+    Eigen::Matrix3d from_tile;
+    from_tile << from_px, place.centre, 0.0, 0.0, 1.0;
+    const Eigen::Matrix3d h = (seen.h * from_tile).transpose();  // columns: the forms U, V and W
     geometry.columns.clear();
     for (int i = range.first_column + 1; i <= range.last_column; ++i)
-        geometry.columns.push_back(tile_line(u, w, i));
+        geometry.columns.push_back(tile_line(h.col(0) - i * h.col(2)));
     geometry.rows.clear();
     for (int j = range.first_row + 1; j <= range.last_row; ++j)
-        geometry.rows.push_back(tile_line(v, w, j));
+        geometry.rows.push_back(tile_line(h.col(1) - j * h.col(2)));
     geometry.background = view.background();
     geometry.cells.clear();
     for (int j = range.first_row; j <= range.last_row; ++j)
@@ -159,12 +145,6 @@ void set_disk_geometry(const MarkerView& view, const TilePolynomial& place, cons
         geometry.blur = geometry.blur_slope_x = geometry.blur_slope_y = geometry.turn_x =
             geometry.turn_y = 0.0f;
     geometry.disk = static_cast<float>(radius_px);
-}
-
-// Of the parallelogram that a sample's box becomes.
-Box parallelogram_box(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides) {
-    const Eigen::Vector2d half = 0.5 * sides.cwiseAbs().rowwise().sum();
-    return {x - half, x + half};
 }
 
 // Of the points of a tile and a margin around it, at most `reach` from its centre in s and t.
@@ -551,7 +531,8 @@ double TileEvaluator::radiance_at(const MappedPoint& point, double side_px) {
     if (sampling_.kind == SampleKind::disk)
         side_px = std::sqrt(3.0) * sampling_.disk_radius_px;
     const Eigen::Matrix2d sides = point.jacobian * side_px;
-    const auto range = view_.footprint(parallelogram_box(point.x, sides));
+    const Eigen::Vector2d half = 0.5 * sides.cwiseAbs().rowwise().sum();
+    const auto range = view_.footprint({point.x - half, point.x + half});
     if (!range)
         return view_.background();
     const LensRule rule = lens_rule(largest_blur_px({point.x, point.x}), sampling_.sharp_up_to_px);

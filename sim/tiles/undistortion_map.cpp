@@ -401,23 +401,17 @@ UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
         }
         return ray.has_value();
     };
-    std::array<bool, points * points> rays;
-    const auto has_ray = [&](int x, int y) -> bool& {
-        return rays[static_cast<std::size_t>(y * points + x)];
-    };
-    for (int y = 0; y < points; ++y)
-        for (int x = 0; x < points; ++x)
-            has_ray(x, y) = include(x, y);
-    for (int y = 0; y < n; ++y)
-        for (int x = 0; x < n; ++x) {
-            const int of_corners =
-                has_ray(x, y) + has_ray(x + 1, y) + has_ray(x, y + 1) + has_ray(x + 1, y + 1);
-            if (of_corners == 0 || of_corners == 4)
-                continue;
-            for (const auto& [right, down] :
-                 {std::pair{0.5, 0.0}, {0.0, 0.5}, {0.5, 0.5}, {1.0, 0.5}, {0.5, 1.0}})
-                include(x + right, y + down);
-        }
+    CellTable<char> rays({0, 0, points, points});
+    for_each_cell(rays.rect, [&](int x, int y) { rays.at(x, y) = include(x, y); });
+    for_each_cell({0, 0, n, n}, [&](int x, int y) {
+        const int of_corners =
+            rays.at(x, y) + rays.at(x + 1, y) + rays.at(x, y + 1) + rays.at(x + 1, y + 1);
+        if (of_corners == 0 || of_corners == 4)
+            return;
+        for (const auto& [right, down] :
+             {std::pair{0.5, 0.0}, {0.0, 0.5}, {0.5, 0.5}, {1.0, 0.5}, {0.5, 1.0}})
+            include(x + right, y + down);
+    });
     if (low.x() > high.x())
         return {};
     const Intrinsics& intrinsics = projector_.camera().intrinsics;

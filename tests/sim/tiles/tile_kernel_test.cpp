@@ -383,7 +383,7 @@ INSTANTIATE_TEST_SUITE_P(
                     RandomTiles{"LensAndDisk", worst_lens_error, disk_tile, 600, 15},
                     RandomTiles{"AreaDelicate", worst_area_error, delicate_tile, 1500, 13},
                     RandomTiles{"AreaEveryday", worst_area_error, everyday_tile, 1000, 14}),
-    [](const auto& info) { return info.param.name; });
+    [](const auto& tiles) { return tiles.param.name; });
 
 TEST(TileKernel, ManyLinesAreSummedInPatches) {
     // 70 x 45 cells of 0.1 px in a tile of 4 px: more than one patch in both directions.

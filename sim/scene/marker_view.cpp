@@ -275,10 +275,9 @@ std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
                     sensor_box);
 }
 
-// Between the corners of a square around the lens a line may still pass beside the lens, which is
-// round. With m the line's gradient, D + w . l is at least |D| (1 - rho |a|) - rho |c| |m| from
-// zero for every l, and |D| on the box at least what it is at the centre less the half sides' parts
-// along m.
+// The lens is round: lines pass beside it within a square around it (docs/rendering.md, "Bounds").
+// With m the line's gradient, D + w . l is at least |D| (1 - rho |a|) - rho |c| |m| from zero for
+// every l, and |D| on the box at least what it is at the centre less the half sides' parts along m.
 CellRange MarkerView::narrowed(const CellRange& range, const Box& box) const {
     CellRange result = range;
     if (range.is_single())

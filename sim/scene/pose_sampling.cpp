@@ -77,10 +77,9 @@ std::uint64_t sobol_digits(const SobolDirections& directions, std::uint64_t inde
 }
 
 // Owen's nested uniform scrambling: a digit is flipped or not by a random bit of its own for every
-// value of all the digits before it. The bits form a binary tree, of which the four words of a
-// counter-based generator hold seven levels (1 + 2 + ... + 64 = 127 nodes, numbered from 1 as in a
-// heap): keyed by the digits before them, eight draws scramble 56 digits. The first 56, as an
-// integer.
+// value of all the digits before it. The bits form a binary tree, of which one draw, keyed by the
+// digits before, holds seven levels (127 nodes, numbered from 1 as in a heap). The first 56 digits,
+// as an integer.
 std::uint64_t nested_uniform(std::uint64_t digits, std::uint64_t seed, std::uint32_t dimension) {
     constexpr int levels = 7, scrambled = 56;
     constexpr std::uint32_t purpose = 0x4f77656eu;  // apart from every RandomStream of this seed

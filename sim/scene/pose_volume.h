@@ -44,11 +44,9 @@ public:
     };
 
     // Poses at which every one of the grids is in view, so that the same serve several markers.
-    //
     // The sequence's dimensions are the axes that move, in the order x, y, z, roll, pitch, yaw,
     // then `extra_dimensions` for what is sampled together with the pose (disturbances); at most
     // 16. Fixed axes take none, so that fixing an axis changes the others' values too.
-    //
     // Throws ConfigError with the axis as key (z_mm, roll, ...) for an interval that is not finite
     // or has its ends swapped, a depth that is not positive and an angle beyond +-2 pi (degrees
     // given by mistake), with margin_px for one that is negative or not finite; NumericalError
@@ -57,9 +55,8 @@ public:
                 const PoseVolume& volume, SequenceKind kind, std::uint64_t seed,
                 int extra_dimensions = 0);
 
-    // Throws NumericalError when one point in a thousand or less fits (of ten thousand). Costs a
-    // point of the sequence and about 1 us for every point tried, and 1 us for each grid (2 us with
-    // distortion).
+    // Throws NumericalError when one point in a thousand or less fits (of ten thousand). A point
+    // tried costs about 1 us, and 1 us for each grid (2 us with distortion).
     Sample next();
 
 private:

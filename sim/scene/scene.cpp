@@ -89,11 +89,10 @@ Outline outline_in_focus_at(double focus, const Corners& seen, double lens_radiu
     return outline;
 }
 
-// A ray is told by its lens point and by where it meets some plane across the axis, in focus or
-// not. Rays that meet the marker's point at (x, y) with the inverse depth w cross the plane of
-// inverse depth `focus` within d/2 |w - focus| of (x, y): a disk whose radius is convex over the
-// marker's image, so that all disks lie in the hull of the corners'. Where the hulls of two markers
-// are apart for one such plane, no ray meets both. The plane between the markers is a good one.
+// Rays that meet the marker's point at (x, y) with the inverse depth w cross the plane of inverse
+// depth `focus` within d/2 |w - focus| of (x, y): a disk whose radius is convex over the marker's
+// image, so that all disks lie in the hull of the corners'. Where the hulls of two markers are
+// apart for one such plane, no ray meets both. The plane between the markers is a good one.
 bool no_ray_meets_both(const Corners& a, const Corners& b, double lens_radius) {
     double low = a[0].z(), high = low;
     for (const Corners* corners : {&a, &b})

@@ -1,6 +1,5 @@
-// Convolution of samples that are mostly constant (sim/tiles/tile_map.h) with small kernels. Where
-// a kernel sees one constant the result is that constant times the kernel's energy, found in O(1);
-// only the rest is summed.
+// Convolution of samples that are mostly constant (sim/tiles/tile_map.h) with small kernels: where
+// a kernel sees one constant, in O(1).
 #pragma once
 
 #include <functional>
@@ -11,8 +10,7 @@
 namespace etalon {
 
 // A kernel ready for add_filtered(): output p is the sum over the samples k p - reach ... k p + k -
-// 1 + reach of each direction. It must equal its mirror image from left to right (the pattern of
-// every lens here does).
+// 1 + reach of each direction. It must equal its mirror image from left to right.
 struct FilterKernel {
     // `weights`: CV_64FC1, k + 2 reach_y rows and k + 2 reach_x columns. Weights in the corners
     // are left out, up to 1e-5 and 3e-4 of the kernel in sum; the middle has them instead.

@@ -1,6 +1,5 @@
-// The inner loops of the image filter, vectorised with Google Highway. Plain arrays only, so that
-// the file that is compiled once per instruction set stays small. Each result is one sum in a fixed
-// order.
+// The inner loops of the image filter, vectorised with Google Highway. Each result is one sum in a
+// fixed order.
 #pragma once
 
 #include <cstddef>

@@ -9,13 +9,9 @@ namespace {
 
 using std::numbers::pi;
 
-// The sum that both closed-form methods share. A window (the aperture, or a pixel's box) is crossed
-// by some consecutive grid lines of each direction; its average radiance is
-//     base cell + sum over lines of (contrast along the base row or column) * (area beyond)
-//               + sum over crossings of (mixed difference of the four cells) * (area beyond both).
-//
-// `column_cuts[n]` is the window's part beyond the line u = base_column + 1 + n, and so on. A cut
-// has a member `area`; wedge_area(a, b) is the area beyond both. All areas are fractions of the
+// The sum that both closed-form methods share (docs/rendering.md, "E"), over a window: the
+// aperture, or a pixel's box. `column_cuts[n]` is its part beyond the line u = base_column + 1 + n,
+// and so on. A cut has a member `area`; wedge_area(a, b) is the area beyond both; fractions of the
 // window.
 template <class Cut, class WedgeArea>
 double sum_of_cells(const MarkerView& view, int base_column, int base_row,
@@ -44,13 +40,11 @@ double sum_of_cells(const MarkerView& view, int base_column, int base_row,
 }
 
 // The chords cross at P inside the disk and b's normal lies counter-clockwise of a's by
-// 0 < turn < pi. Walked counter-clockwise the wedge is: along b's arc and a's arc to the end of
-// a's chord, along that chord to P, along b's chord back to its beginning.
+// 0 < turn < pi.
 double crossed_area(const DiskChord& a, const DiskChord& b, double turn, double sine,
                     double cosine) {
     // P's coordinate on a's chord, from its middle along the normal turned by +90 degrees, and on
-    // b's. The second comes from the first, not from the same formula: the errors that a division
-    // by a tiny sine brings then cancel in the sum.
+    // b's. The second comes from the first: the errors of a tiny sine then cancel in the sum.
     const double s_a =
         std::clamp((a.offset * cosine - b.offset) / sine, -a.half_length, a.half_length);
     const double s_b = std::clamp(a.offset * sine + s_a * cosine, -b.half_length, b.half_length);
@@ -81,9 +75,8 @@ double disk_wedge_area(const DiskChord& a, const DiskChord& b) {
     if (sine < 0.0)
         return disk_wedge_area(b, a);
     const double turn = std::atan2(sine, cosine);
-    // Where the chords do not cross, one of these angles is not negative: how far the arcs are
-    // apart, overlap at both ends, or lie inside each other. The largest decides, so that rounding
-    // can only choose between cases with the same area.
+    // Where the chords do not cross, one of these angles is not negative. The largest decides, so
+    // that rounding can only choose between cases with the same area.
     const double apart = turn - (a.half_angle + b.half_angle);
     const double around = a.half_angle + b.half_angle + turn - 2.0 * pi;
     const double a_inside_b = b.half_angle - a.half_angle - turn;

@@ -28,9 +28,8 @@ TileLine tile_line(const Eigen::Vector3d& form) {
     return {static_cast<float>(distance * scale), x, y, x, y};
 }
 
-// A marker and a tile's points in the frame in which the tile sees them: the view's own, but of a
-// wide lens one that looks along the tile's middle ray, about which the pupil stays round and the
-// focus flat to second order.
+// A marker and a tile's points in the frame in which the tile sees them: the view's own, of a wide
+// lens one that looks along the tile's middle ray (docs/rendering.md, "Wide lenses").
 struct TileView {
     Eigen::Matrix3d h;
     TilePolynomial place;

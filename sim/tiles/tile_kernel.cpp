@@ -341,11 +341,9 @@ HWY_INLINE Vector side_length(const SideCut& a, const SideCut& b, float e) {
     return hn::ZeroIfNegative(high - low);
 }
 
-// The fraction of the square beyond both lines. Seen from the point where they cross, the outline
-// runs straight away or back along both lines and sweeps no area: only the square's sides count,
-// each with its distance from that point. Where the point is far away, the lines are almost
-// parallel and do not cross in the square: then one part holds the other, or they lie apart or
-// cover the square.
+// The fraction of the square beyond both lines. Seen from the point where they cross, the lines
+// sweep no area: only the square's sides count, each with its distance from that point. Where the
+// point is far away, the lines are almost parallel and do not cross in the square.
 HWY_INLINE Vector overlap_of(const BoxCut& a, const BoxCut& b) {
     const Vector ax = load(a.gradient_x), ay = load(a.gradient_y), at = load(a.offset);
     const Vector bx = load(b.gradient_x), by = load(b.gradient_y), bt = load(b.offset);

@@ -1,6 +1,5 @@
-// At most 32 x 32 lines of a tile, without those that change nothing: what the vector code of
-// sim/tiles/tile_kernel.cpp works on, so that its memory is fixed however fine the grid is.
-// The sum over a tile's patches is the sum over its lines and crossings.
+// At most 32 x 32 lines of a tile, without those that change nothing: what the kernels work on, so
+// that their memory is fixed. The sum over a tile's patches is that over its lines and crossings.
 #pragma once
 
 #include <algorithm>

@@ -53,9 +53,8 @@ public:
     void leave_out_edges(const CellTable<GroupKind>& groups) { groups_ = &groups; }
 
     // Calls found(i, j, range) for every group of `to_level` that is not uniform and
-    // uniform(tiles, value) for the uniform ones, of any level, that are not background. A range
-    // is only given for tiles (to_level 0) that are not at the border of the valid region.
-    // `around`: what footprint() says of a group that holds this one, if that is known.
+    // uniform(tiles, value) for the uniform ones, of any level, that are not background. No range:
+    // the border of the valid region. `around`: the range of a group that holds this one.
     template <class Found, class MeetsUniform>
     void descend(int level, int i, int j, int to_level, const Found& found,
                  const MeetsUniform& uniform,

@@ -1,5 +1,5 @@
-// The vector code that both kernels share. Included once for each instruction set, after
-// hwy/highway.h, into a namespace of its own; see sim/tiles/tile_kernel.cpp.
+// The vector code that both kernels share, included once for each instruction set, into a namespace
+// of its own.
 //
 // No function template of the standard library is called between HWY_BEFORE_NAMESPACE and
 // HWY_AFTER_NAMESPACE: the linker could keep the copy of an instruction set that another machine

@@ -7,10 +7,9 @@
 // that bend too much even so, have Newton's method. Bezier control points bound what a tile sees;
 // groups of 4 x 4 tiles, of 4 x 4 groups and so on have bounds as well.
 //
-// Blocks of 16 x 16 tiles are made when first asked for. Before that one cubic through corners of
-// blocks, with ten times its error around it, bounds a block; where that is too coarse the block is
-// made at once. Results do not depend on what was made before. Safe from every thread.
-// Construction takes 1 us per block, a tile 0.3 us, 10 us with a cubic of its own.
+// Blocks of 16 x 16 tiles are made when first asked for; before, one cubic bounds a block. Results
+// do not depend on what was made before. Safe from every thread. Construction takes 1 us per block,
+// a tile 0.3 us, 10 us with a cubic of its own.
 #pragma once
 
 #include <array>
@@ -49,8 +48,7 @@ public:
     // How much the undistortion bends among some tiles.
     struct Bend {
         // Largest change of its derivative from one pixel to the next, relative to the derivative:
-        // px of sagitta times 8 over a length of 1 px. Beside a fold, where it is infinite, and
-        // beyond this: `most`.
+        // px of sagitta times 8 over a length of 1 px. At most `most`, which a fold has.
         double curvature = 0.0;
         bool is_polynomial = true;  // the validity is `all` everywhere
         // The distortion's own magnification in any direction, at least (of the smaller focal
@@ -83,9 +81,8 @@ public:
         return {tile_px * i - 0.5, tile_px * j - 0.5};
     }
 
-    // Groups of tiles: level 0 are the tiles, a group of level n + 1 holds 4 x 4 of level n (group
-    // (i, j) those from 4 i and 4 j on). The last level has at most 4 x 4, and holds blocks or
-    // groups of them.
+    // Groups of tiles: level 0 are the tiles, group (i, j) of level n + 1 holds 4 x 4 of level n
+    // from (4 i, 4 j) on. The last level has at most 4 x 4, blocks or groups of them.
     int levels() const { return block_level + static_cast<int>(levels_.size()); }
     cv::Rect groups(int level) const;
     const Group& group(int level, int i, int j) const {

@@ -322,7 +322,7 @@ BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan
     Scene posed = scene.scene;
     int done = 0;
     for (const Rigid& pose :
-         spread_poses(scene.camera, posed.markers.front().grid, poses, cloud_seed)) {
+         volume_poses(scene.camera, posed.markers.front().grid, poses, cloud_seed)) {
         posed.markers.front().camera_from_marker = pose;
         const RenderTruth here =
             integrate_truth(scene.camera, posed, plan.cloud_window_side_px,

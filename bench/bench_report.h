@@ -15,7 +15,7 @@ struct BenchResult {
     std::vector<BenchScene> scenes;
     std::optional<BenchScene> cloud;
     std::optional<Throughput> throughput;       // at study_poses(): what is promised
-    std::optional<Throughput> wide_throughput;  // at spread_poses(), focus included
+    std::optional<Throughput> wide_throughput;  // at volume_poses(), focus included
 };
 
 // A promised figure, as measured.

@@ -203,7 +203,6 @@ TileGeometry tile_with_blur(float blur_px) {
     TileGeometry tile{};
     tile.dx = {0.0f, 4.0f, 1e-3f, 8e-6f, 0.1f, 2e-3f};
     tile.dy = {0.0f, -0.05f, 0.0f, 0.0f, 3.9f, 0.0f, 0.0f, 0.0f, 1e-3f};
-    tile.base = 0.1f;
     tile.blur = blur_px;
     tile.blur_slope_x = 0.003f;
     tile.blur_slope_y = -0.002f;
@@ -221,10 +220,9 @@ void add_lines(TileGeometry& tile, int count, float spacing_px) {
         tile.columns.push_back({offset + 0.3f, cosine, sine});
         tile.rows.push_back({offset - 0.2f, -sine, cosine});
     }
-    const auto lines = static_cast<std::size_t>(count);
-    tile.column_contrast.assign(lines, 0.8f);
-    tile.row_contrast.assign(lines, -0.5f);
-    tile.mixed.assign(lines * lines, 0.4f);
+    for (int j = 0; j <= count; ++j)
+        for (int i = 0; i <= count; ++i)
+            tile.cells.push_back(0.1 + 0.8 * i - 0.5 * j + 0.4 * i * j);
 }
 
 void count_points(benchmark::State& state, int n) {

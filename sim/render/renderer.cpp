@@ -157,8 +157,9 @@ BlurRange distorted_blur(const BlurRange& blur, const MarkerView& view, const Un
     BlurRange result{std::numeric_limits<double>::infinity(), 0.0};
     for (int j = groups.y; j < groups.br().y; ++j)
         for (int i = groups.x; i < groups.br().x; ++i) {
-            const auto& [validity, box] = map.group(level, i, j);
-            if (validity == UndistortionMap::Validity::none || !view.footprint(box))
+            const Box& box = map.group(level, i, j).bounds;
+            if (map.group(level, i, j).validity == UndistortionMap::Validity::none ||
+                !view.footprint(box))
                 continue;
             const auto bend = map.bend(level, i, j);
             result.smallest_px =
@@ -298,7 +299,7 @@ public:
         const ImageFilter& filter = chosen_.with_spread ? cache_.filter : cache_.box_filter;
         const FilterKernel& core = filter.core(chosen_.sampling.k, chosen_.sampling.kind);
         const auto add_core = [&](const cv::Rect& band) {
-            add_filtered_band(samples_->field(), core, region, band, pixels);
+            add_filtered(samples_->field(), core, region, band, pixels);
             samples_->add_edges(region, band, pixels);
         };
         if (plan().tail_reach_px > 0.0)

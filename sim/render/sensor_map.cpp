@@ -38,13 +38,6 @@ std::vector<Eigen::Vector2d> box_outline(const Box& box, const Projector& projec
     return pixels;
 }
 
-template <class Body>
-void for_each_cell(const cv::Rect& cells, const Body& body) {
-    for (int j = cells.y; j < cells.br().y; ++j)
-        for (int i = cells.x; i < cells.br().x; ++i)
-            body(i, j);
-}
-
 }  // namespace
 
 SensorMap::SensorMap(const ImageFilter& filter, const Projector& projector, const cv::Rect& pixels)

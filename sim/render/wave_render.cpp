@@ -61,7 +61,7 @@ public:
           averages_(cv::Mat::zeros(pixels.height * k, pixels.width * k, CV_32FC1)) {
         const cv::Rect tiles = cells_of(pixels, tile_px);
         tbb::parallel_for(tiles.y, tiles.br().y, [&](int j) {
-            CellCoverage coverage(view_, lens_points(0.0, 1, 0));
+            CellCoverage coverage(view_, lens_points(0.0, {1, 0}));
             std::vector<std::optional<MappedPoint>> points;
             for (int i = tiles.x; i < tiles.br().x; ++i)
                 fill_tile(i, j, coverage, points);

@@ -109,7 +109,8 @@ private:
     }
 
     void draw_group(int level, int i, int j) {
-        const auto& [validity, box] = map_.group(level, i, j);
+        const UndistortionMap::Validity validity = map_.group(level, i, j).validity;
+        const Box& box = map_.group(level, i, j).bounds;
         if (validity == UndistortionMap::Validity::none)
             return;
         const double middle = edge_.head<2>().dot(box.centre()) + edge_.z();

@@ -147,7 +147,7 @@ TEST(BenchAgainst, NamesWhatFellBeyondMarginAndNoise) {
 TEST(SpreadPoses, ShowTheWholeMarkerFromItsFront) {
     const BenchmarkScene webcam = benchmark_scene("webcam-500");
     const CellGrid& grid = webcam.scene.markers.front().grid;
-    const auto poses = spread_poses(webcam.camera, grid, 60, 3);
+    const auto poses = volume_poses(webcam.camera, grid, 60, 3);
     ASSERT_EQ(poses.size(), 60u);
     const Projector projector(webcam.camera);
     double nearest = 1e9, farthest = 0.0, steepest = 0.0;

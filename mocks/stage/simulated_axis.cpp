@@ -38,7 +38,7 @@ void SimulatedAxis::find_zero(double zero, double speed, double drawn_error, dou
 
 void SimulatedAxis::brake(double t) {
     const double s = since_start(t);
-    plan(Motion::braking(motion_.position(s), motion_.velocity(s), motion_.acceleration(s),
+    plan(Motion::braking(motion_.position(s), motion_.at(s).velocity, motion_.at(s).acceleration,
                          {1.0, dynamics_.acceleration, dynamics_.jerk}),
          drawn(t), t);
 }

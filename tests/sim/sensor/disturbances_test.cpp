@@ -4,7 +4,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <numbers>
 #include <thread>
@@ -12,6 +11,7 @@
 #include "core/program/errors.h"
 #include "sim/render/motion_blur.h"
 #include "tests/calib/cameras.h"
+#include "tests/error_text.h"
 #include "tests/sim/edge_scenes.h"
 
 namespace etalon {
@@ -25,9 +25,7 @@ CameraModel small_camera() {
 
 CameraModel distorted_camera() {
     CameraModel camera = small_camera();
-    camera.distortion.k1 = -0.21;
-    camera.distortion.k2 = 0.06;
-    camera.distortion.p1 = 0.012;
+    camera.distortion = {.k1 = -0.21, .k2 = 0.06, .p1 = 0.012};
     return camera;
 }
 
@@ -491,22 +489,14 @@ TEST(DisturbanceAxes, ReachEveryMemberByItsName) {
     static_assert(sizeof(Disturbances) == disturbance_axes.size() * sizeof(double));
 }
 
-std::string refusal(const std::function<void()>& call) {
-    try {
-        call();
-    } catch (const NumericalError& error) {
-        return error.what();
-    }
-    return "accepted";
-}
-
 TEST(Disturbances, OutOfTheirRangeAreRefusedByName) {
     const double infinity = std::numeric_limits<double>::infinity();
     for (const DisturbanceAxis& axis : disturbance_axes)
         for (const double value : {-0.1, 2.0 * axis.most, infinity, -infinity, std::nan("")}) {
             Disturbances wrong;
             wrong.*axis.value = value;
-            EXPECT_THAT(refusal([&] { disturbed(even(0.3), wrong); }), HasSubstr(axis.name))
+            EXPECT_THAT(text_of_error<NumericalError>([&] { disturbed(even(0.3), wrong); }),
+                        HasSubstr(axis.name))
                 << value;
         }
 }
@@ -517,8 +507,10 @@ TEST(Disturber, RefusesImagesThatAreNotTheCameras) {
     EXPECT_THROW(disturbed(cv::Mat(72, 96, CV_8UC1), {.exposure = 2.0}), NumericalError);
     Radiance image = texture();
     image.at<float>(31, 7) = std::numeric_limits<float>::quiet_NaN();
-    EXPECT_THAT(refusal([&] { disturbed(image, {.exposure = 2.0}); }), HasSubstr("row 31"));
-    EXPECT_THAT(refusal([&] { disturbed(even(3e38), {.exposure = 50.0}); }), HasSubstr("finite"));
+    EXPECT_THAT(text_of_error<NumericalError>([&] { disturbed(image, {.exposure = 2.0}); }),
+                HasSubstr("row 31"));
+    EXPECT_THAT(text_of_error<NumericalError>([&] { disturbed(even(3e38), {.exposure = 50.0}); }),
+                HasSubstr("finite"));
 }
 
 const Eigen::Vector2d motions[] = {{0.3, -0.2}, {0.9, 0.1}, {3.7, -2.2},

@@ -329,15 +329,11 @@ TEST(SensorModel, GivesAPixelInAnEvenBackgroundItsOwnCode) {
 
 // Alone, with a response and with noise; in the first of the stretches that are done at once, too.
 TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
-    Sensor filtered;
-    filtered.mosaic = Mosaic::rggb;
-    filtered.channel_response = {0.7, 1.0, 0.6};
+    const Sensor filtered{.mosaic = Mosaic::rggb, .channel_response = {0.7, 1.0, 0.6}};
     Sensor noisy{.gain_e_per_dn = 30.0};
     for (const Sensor& sensor : {Sensor{}, filtered, noisy})
         for (const auto& [width, step] : {std::pair{37, 1}, std::pair{1400, 111}}) {
-            CameraModel camera = camera_of(width, 2);
-            camera.sensor = sensor;
-            const SensorModel model(camera);
+            const SensorModel model(camera_with(sensor, width, 2));
             on_every_target([&] {
                 for (const float bad : {NAN, INFINITY, -INFINITY})
                     for (int x = 0; x < width; x += step) {
@@ -357,26 +353,21 @@ TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
 
 // A response beyond a float's range is no code either.
 TEST(SensorModel, RefusesAResponseThatIsNotFinite) {
-    Sensor sensor;
-    sensor.mosaic = Mosaic::rggb;
-    sensor.channel_response = {1.0, 1e39, 1.0};
-    CameraModel camera = camera_of(600, 2);
-    camera.sensor = sensor;
-    EXPECT_THROW(SensorModel(camera).expose(uniform(0.5, 600, 2)), NumericalError);
+    const Sensor sensor{.mosaic = Mosaic::rggb, .channel_response = {1.0, 1e39, 1.0}};
+    const SensorModel model(camera_with(sensor, 600, 2));
+    EXPECT_THROW(model.expose(uniform(0.5, 600, 2)), NumericalError);
 }
 
 // A table's row in the middle between two codes, just where a piece of the curve begins: 0.735... *
 // 0.51 is 1.4e-8 below 0.375, whose nearest float it rounds to.
 TEST(SensorModel, GivesARoundedProductBelowAStepTheCodeBelow) {
-    Sensor sensor;
-    sensor.mosaic = Mosaic::rggb;
-    sensor.channel_response = {0.51, 0.51, 0.51};
-    sensor.transfer = {Transfer::Kind::table,
-                       {{0.0, 0.0}, {0.375, 46.5 / 255.0}, {0.3757, 0.18612}, {1.0, 0.508}}};
-    CameraModel camera = camera_of(64, 2);
-    camera.sensor = sensor;
+    const Transfer table{Transfer::Kind::table,
+                         {{0.0, 0.0}, {0.375, 46.5 / 255.0}, {0.3757, 0.18612}, {1.0, 0.508}}};
+    const Sensor sensor{
+        .transfer = table, .mosaic = Mosaic::rggb, .channel_response = {0.51, 0.51, 0.51}};
     on_every_target([&] {
-        const CodeImage image = SensorModel(camera).expose(uniform(0.735294104f, 64, 2));
+        const CodeImage image =
+            SensorModel(camera_with(sensor, 64, 2)).expose(uniform(0.735294104f, 64, 2));
         EXPECT_EQ(image.pixels.at<std::uint8_t>(0, 0), 46);
     });
 }

@@ -184,45 +184,40 @@ void add_lines(TileGeometry& tile, int count, float spacing_px) {
     tile.mixed.assign(lines * lines, 0.4f);
 }
 
-void count_points(benchmark::State& state, int n) {
-    state.SetItemsProcessed(state.iterations() * n * n);
-    state.counters["ns_per_point"] = benchmark::Counter(
-        n * n, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
-}
-
-void lens_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile) {
+// `kernel` gets n x n positions and where their values go.
+template <class Kernel>
+void time_kernel(benchmark::State& state, std::int64_t target, int n, const Kernel& kernel) {
     hwy::SetSupportedTargetsForTest(target);
-    constexpr int n = 16;  // k = 4
     const TilePositions positions(n);
     std::vector<float> values(n * n);
     for (auto _ : state) {
-        exact_lens_samples(tile, positions, values.data());
+        kernel(positions, values.data());
         benchmark::DoNotOptimize(values.data());
         benchmark::ClobberMemory();
     }
-    count_points(state, n);
+    state.SetItemsProcessed(state.iterations() * n * n);
+    state.counters["ns_per_point"] = benchmark::Counter(
+        n * n, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
     hwy::SetSupportedTargetsForTest(0);
+}
+
+void lens_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile) {
+    time_kernel(state, target, 16, [&](const TilePositions& positions, float* values) {  // k = 4
+        exact_lens_samples(tile, positions, values);
+    });
 }
 
 void area_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile,
                   int lens_points) {
-    hwy::SetSupportedTargetsForTest(target);
-    constexpr int n = 36;  // k = 9
-    const TilePositions positions(n);
     std::vector<UnitLensPoint> points;
     for (int i = 0; i < lens_points; ++i) {
         const float radius = lens_points == 1 ? 0.0f : 0.7f, angle = 0.5f * static_cast<float>(i);
         points.push_back({radius * std::cos(angle), radius * std::sin(angle),
                           1.0f / static_cast<float>(lens_points)});
     }
-    std::vector<float> values(n * n);
-    for (auto _ : state) {
-        exact_area_samples(tile, positions, points, values.data());
-        benchmark::DoNotOptimize(values.data());
-        benchmark::ClobberMemory();
-    }
-    count_points(state, n);
-    hwy::SetSupportedTargetsForTest(0);
+    time_kernel(state, target, 36, [&](const TilePositions& positions, float* values) {  // k = 9
+        exact_area_samples(tile, positions, points, values);
+    });
 }
 
 void add_benchmarks(std::int64_t target) {

@@ -289,9 +289,18 @@ public:
         constexpr double max_px = 1e5;
         samples_.emplace(view_, sensor_.rays, sampled_tiles(region, cache_.filter.reach_px()),
                          chosen_.sampling, all_refined_);
-        record(*samples_);
+        RenderPlan& plan = chosen_.plan;
+        plan.used = samples_->used();
+        plan.uniform_tiles = samples_->tiles().area();
+        for (const TileUse& use : plan.used)
+            plan.uniform_tiles -= use.tiles;
+        if (!all_refined_)
+            plan.left_out.push_back({NeglectedEffect::uniform_tiles,
+                                     fmt::format("{} of {} tiles see one radiance",
+                                                 plan.uniform_tiles, samples_->tiles().area()),
+                                     0.0});
         const int reach = static_cast<int>(std::ceil(
-            std::min(std::max<double>(cache_.filter.reach_px(), plan().tail_reach_px), max_px)));
+            std::min(std::max<double>(cache_.filter.reach_px(), plan.tail_reach_px), max_px)));
         sources_ = sensor_.tail.sources(*samples_, view_, outline_, grown(region, reach, reach));
         return sources_.empty() ? cv::Rect() : grown(sources_, reach, reach) & region;
     }
@@ -327,19 +336,6 @@ private:
         constexpr int square_px = 2 * tile_px;
         const cv::Rect squares = cells_of(grown(region, reach_px, reach_px), square_px);
         return {2 * squares.x, 2 * squares.y, 2 * squares.width, 2 * squares.height};
-    }
-
-    void record(const TileSamples& samples) {
-        RenderPlan& plan = chosen_.plan;
-        plan.used = samples.used();
-        plan.uniform_tiles = samples.tiles().area();
-        for (const TileUse& use : plan.used)
-            plan.uniform_tiles -= use.tiles;
-        if (!all_refined_)
-            plan.left_out.push_back({NeglectedEffect::uniform_tiles,
-                                     fmt::format("{} of {} tiles see one radiance",
-                                                 plan.uniform_tiles, samples.tiles().area()),
-                                     0.0});
     }
 
     const Cache& cache_;

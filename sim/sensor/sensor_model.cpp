@@ -164,6 +164,13 @@ void check_size(const Radiance& radiance, cv::Size size) {
                         size.width, size.height, radiance.cols, radiance.rows));
 }
 
+void check_part(const RenderedPart& part, const cv::Size& size) {
+    const cv::Rect& region = part.region;
+    if ((region & cv::Rect({0, 0}, size)) != region || part.radiance.size() != region.size())
+        throw NumericalError(fmt::format("a part of {} x {} px at ({}, {}) is not in the sensor",
+                                         region.width, region.height, region.x, region.y));
+}
+
 // Names the first such pixel, whichever thread has found one.
 [[noreturn]] void refuse_not_finite(const Radiance& radiance) {
     for (int y = 0; y < radiance.rows; ++y)
@@ -268,6 +275,7 @@ CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> 
 }
 
 CodeImage SensorModel::expose(const RenderedPart& part, std::optional<NoiseKey> noise) const {
+    check_part(part, size_);
     if (!response_.empty() || used(noise))
         return expose(part.within(cv::Rect({0, 0}, size_)), noise);
     if (!std::isfinite(part.background))
@@ -282,10 +290,8 @@ CodeImage SensorModel::expose(const RenderedPart& part, std::optional<NoiseKey> 
 
 CodeImage SensorModel::expose_region(const RenderedPart& part,
                                      std::optional<NoiseKey> noise) const {
+    check_part(part, size_);
     const cv::Rect& region = part.region;
-    if ((region & cv::Rect({0, 0}, size_)) != region || part.radiance.size() != region.size())
-        throw NumericalError(fmt::format("a part of {} x {} px at ({}, {}) is not in the sensor",
-                                         region.width, region.height, region.x, region.y));
     CodeImage image{cv::Mat(region.size(), sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
     std::atomic<bool> finite = true;
     for_each_row(region.height, [&](int y) {

@@ -96,9 +96,10 @@ public:
 
     void brake(double t) {
         const double s = since_start(t);
-        plan(Motion::braking(motion_.position(s), motion_.velocity(s), motion_.acceleration(s),
-                             {1.0, dynamics_.acceleration, dynamics_.jerk}),
-             drawn(t), t);
+        plan(
+            Motion::braking(motion_.position(s), motion_.at(s).velocity, motion_.at(s).acceleration,
+                            {1.0, dynamics_.acceleration, dynamics_.jerk}),
+            drawn(t), t);
     }
 
     // Stops dead. Until the next command it claims to move.

@@ -6,6 +6,7 @@
 
 #include "core/program/errors.h"
 #include "sim/tiles/image_filter.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon {
 namespace {
@@ -13,10 +14,7 @@ namespace {
 using std::numbers::pi;
 
 CameraModel camera_with_lens(double wavelength_nm) {
-    CameraModel camera;
-    camera.width = 64;
-    camera.height = 48;
-    camera.intrinsics = {700.0, 500.0, 31.0, 23.0};
+    CameraModel camera = test::camera_with(64, 48, {700.0, 500.0, 31.0, 23.0}, {});
     camera.sensor = Sensor{.pixel_pitch_um = 6.0};
     camera.lens = Lens{2.8, 300.0, wavelength_nm, {}};
     return camera;

@@ -215,7 +215,7 @@ void add_degenerate(std::vector<StabilityCase>& cases) {
 StageError scale_error(int axis, std::vector<Rigid> poses) {
     for (Rigid& pose : poses)
         pose.translation[axis] *= 1.0 + 1e-4;
-    return {fmt::format("stage scale {}", "xyz"[axis]), "1", 1e-4, poses};
+    return {fmt::format("stage scale {}", "xyz"[axis]), "1", 1e-4, poses, true};
 }
 
 // 1 - |cosine| of what two errors leave on the hold-out poses of an XYZ stage.
@@ -231,10 +231,9 @@ StabilityOutcome confounded(const CameraModel& camera, const Rigid& x, const Rig
     }
     const std::vector<StageError> scales = {scale_error(0, poses), scale_error(1, poses),
                                             scale_error(2, poses)};
-    const std::vector<std::size_t> linear = {0, 1, 2};
     const HoldOutNoise noise{std::vector<double>(hold_out, 0.05),
                              std::vector<double>(hold_out, 0.005)};
-    const std::vector<ErrorSignature> all = error_signatures(chain, scales, linear, noise, 0.1);
+    const std::vector<ErrorSignature> all = error_signatures(chain, scales, noise, 0.1);
     const auto named = [&](const std::string& name) {
         return *std::find_if(all.begin(), all.end(),
                              [&](const ErrorSignature& s) { return s.name == name; });

@@ -1,11 +1,5 @@
-// Sets of candidates held against what a run observed (compare/diagnosis/causes.h has the
-// method).
+// Sets of candidates compared with what a run observed (compare/diagnosis/causes.h has the method).
 #pragma once
-
-#include <Eigen/Core>
-#include <map>
-#include <optional>
-#include <vector>
 
 #include "compare/diagnosis/cause_rows.h"
 
@@ -17,8 +11,8 @@ using CandidateScores = std::map<CandidateSet, double>;
 CandidateSet with(CandidateSet set, std::size_t member);
 CandidateSet without(CandidateSet set, std::size_t member);
 
-// Products of the columns of all candidates with each other and with what was observed: all
-// that the comparison of explanations needs. The candidates must outlive it.
+// Products of the columns of all candidates with each other and with what was observed. The
+// candidates must outlive it.
 class HypothesisSet {
 public:
     explicit HypothesisSet(Observation of) : of_(std::move(of)) {}
@@ -32,8 +26,8 @@ public:
     std::size_t size() const { return candidates_.size(); }
     const ErrorCandidate& candidate(std::size_t i) const { return *candidates_[i].candidate; }
 
-    // Numbers of a set's columns, in units of the candidates' sizes; nothing where they
-    // cannot be told apart at all.
+    // Numbers of a set's columns, in units of the candidates' sizes; nothing where they cannot be
+    // told apart at all.
     struct Fit {
         Eigen::VectorXd numbers;
         double rest = 0.0;  // sum of squares that is left

@@ -30,7 +30,7 @@ DeclaredStageTerm scale_term(std::span<const Axis> axes, std::size_t axis,
                   transforms(axes, poses, axis, [axis](Axis& wrong, const VisitedPose& pose) {
                       wrong.zero -= relative_size * (pose.read_back.at(axis) - wrong.zero);
                   })};
-    term.is_linear_scale = axes[axis].kind == Axis::Kind::linear;
+    term.error.is_linear_scale = axes[axis].kind == Axis::Kind::linear;
     term.in_budget = true;
     term.standard_uncertainty = axes[axis].scale_uncertainty;
     return term;

@@ -10,14 +10,161 @@
 #include <numbers>
 #include <numeric>
 
-#include "compare/diagnosis/hypothesis_set.h"
+#include "compare/diagnosis/cause_rows.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
 
-using Set = CandidateSet;
-using Scores = CandidateScores;
+using Set = std::vector<std::size_t>;  // of candidates: ascending indices
+using Scores = std::map<Set, double>;
+
+Set with(Set set, std::size_t member) {
+    set.insert(std::ranges::upper_bound(set, member), member);
+    return set;
+}
+
+Set without(Set set, std::size_t member) {
+    std::erase(set, member);
+    return set;
+}
+
+// Products of the columns of all candidates with each other and with what was observed. The
+// candidates must outlive it.
+class HypothesisSet {
+public:
+    explicit HypothesisSet(Observation of) : of_(std::move(of)) {}
+
+    // The same with these candidates alone.
+    HypothesisSet only(const Set& set) const {
+        HypothesisSet few(of_);
+        for (const std::size_t i : set)
+            few.add(candidate(i), columns_.middleCols(candidates_[i].first, candidates_[i].count));
+        return few;
+    }
+
+    // `freed`: its columns, freed of X and Y. Leaves out nothing: ask leaves_a_trace() before.
+    void add(const ErrorCandidate& candidate, const Eigen::MatrixXd& freed) {
+        const Eigen::Index before = columns_.cols(), count = freed.cols();
+        columns_.conservativeResize(of_.values.size(), before + count);
+        columns_.rightCols(count) = freed;
+        const Eigen::MatrixXd mixed = of_.metric->product(columns_, freed);
+        products_.conservativeResize(before + count, before + count);
+        products_.rightCols(count) = mixed;
+        products_.bottomRows(count) = mixed.transpose();
+        seen_.conservativeResize(before + count);
+        seen_.tail(count) = of_.metric->product(freed, of_.values);
+        candidates_.push_back({&candidate, before, count});
+    }
+
+    std::size_t size() const { return candidates_.size(); }
+    const ErrorCandidate& candidate(std::size_t i) const { return *candidates_[i].candidate; }
+
+    // Numbers of a set's columns, in units of the candidates' sizes; nothing where they cannot be
+    // told apart at all.
+    struct Fit {
+        Eigen::VectorXd numbers;
+        double rest = 0.0;  // sum of squares that is left
+    };
+    std::optional<Fit> fit(const Set& set) const {
+        const std::vector<Eigen::Index> at = columns_of(set);
+        const Eigen::MatrixXd plain = products_(at, at);
+        const Eigen::VectorXd unscale = plain.diagonal().cwiseSqrt().cwiseInverse();
+        const Eigen::LDLT<Eigen::MatrixXd> solver(
+            Eigen::MatrixXd(unscale.asDiagonal() * plain * unscale.asDiagonal()));
+        constexpr double apart = 1e-5;  // of the last column's square
+        if (!at.empty() && !(solver.vectorD().minCoeff() > apart))
+            return std::nullopt;
+        const Eigen::VectorXd seen = seen_(at);
+        Fit fit;
+        fit.numbers =
+            unscale.cwiseProduct(solver.solve(Eigen::VectorXd(unscale.cwiseProduct(seen))));
+        fit.rest = of_.square - seen.dot(fit.numbers);
+        return fit;
+    }
+
+    // Of the numbers of a set that can be told apart.
+    Eigen::MatrixXd covariance(const Set& set) const {
+        const std::vector<Eigen::Index> at = columns_of(set);
+        return products_(at, at).inverse();
+    }
+
+    // What a set leaves of the observed, weighted as the covariance says.
+    Eigen::VectorXd residual(const Set& set) const {
+        const std::vector<Eigen::Index> at = columns_of(set);
+        const Eigen::VectorXd explained = columns_(Eigen::all, at) * fit(set)->numbers;
+        return of_.metric->weighted(of_.values - explained);
+    }
+
+    // Of the corners that an explanation leaves, over what is stated; 1 at least.
+    double scatter(const Fit& fit) const {
+        return std::sqrt(
+            std::max(1.0, fit.rest / (of_.freedom - static_cast<double>(fit.numbers.size()))));
+    }
+
+    // Log of the posterior odds against everything else, up to a constant: the likelihood under the
+    // covariance, with the corners' scatter at its best value from 1 up, Schwarz's price of each
+    // number, and the prior.
+    double score(const Set& set) const {
+        const auto found = fit(set);
+        if (!found)
+            return -std::numeric_limits<double>::infinity();
+        const double enlarged = std::max(1.0, found->rest / of_.freedom);
+        double score = -0.5 * (of_.log_determinant + found->rest / enlarged +
+                               of_.freedom * std::log(enlarged)) -
+                       0.5 * static_cast<double>(found->numbers.size()) * std::log(of_.freedom);
+        for (const std::size_t i : set)
+            score -= std::log(of_.known * candidate(i).tried);
+        return score;
+    }
+
+private:
+    std::vector<Eigen::Index> columns_of(const Set& set) const {
+        std::vector<Eigen::Index> at;
+        for (const std::size_t i : set)
+            for (Eigen::Index k = 0; k < candidates_[i].count; ++k)
+                at.push_back(candidates_[i].first + k);
+        return at;
+    }
+
+    struct Place {
+        const ErrorCandidate* candidate;
+        Eigen::Index first, count;
+    };
+
+    Observation of_;
+    Eigen::MatrixXd columns_, products_;
+    Eigen::VectorXd seen_;
+    std::vector<Place> candidates_;
+};
+
+std::vector<Set> best_of(const Scores& scores, std::size_t members, std::size_t count) {
+    std::vector<std::pair<double, Set>> of_size;
+    for (const auto& [set, score] : scores)
+        if (set.size() == members)
+            of_size.emplace_back(-score, set);
+    std::ranges::sort(of_size);
+    std::vector<Set> best;
+    for (std::size_t i = 0; i < std::min(count, of_size.size()); ++i)
+        best.push_back(of_size[i].second);
+    return best;
+}
+
+// Nothing, every candidate, every pair, and the best larger sets grown from the best smaller ones.
+Scores all_scores(const HypothesisSet& comparison) {
+    constexpr std::size_t most_members = 4, grown_from = 40;
+    Scores scores{{{}, comparison.score({})}};
+    for (std::size_t members = 0; members < most_members; ++members) {
+        const std::size_t bases =
+            members < 2 ? std::numeric_limits<std::size_t>::max() : grown_from;
+        for (const Set& base : best_of(scores, members, bases))
+            for (std::size_t i = 0; i < comparison.size(); ++i)
+                if (!std::ranges::binary_search(base, i))
+                    if (const Set set = with(base, i); !scores.contains(set))
+                        scores[set] = comparison.score(set);
+    }
+    return scores;
+}
 
 double log_sum(const Scores& scores, double one_more) {
     double largest = one_more;

@@ -149,7 +149,7 @@ StabilityOutcome names_degenerate(const std::vector<Rigid>& plan, const std::str
 StageError scale_error(int axis, std::vector<Rigid> poses) {
     for (Rigid& pose : poses)
         pose.translation[axis] *= 1.0 + 1e-4;
-    return {fmt::format("stage scale {}", "xyz"[axis]), "1", 1e-4, poses};
+    return {fmt::format("stage scale {}", "xyz"[axis]), "1", 1e-4, poses, true};
 }
 
 // 1 - |cosine| of what two errors leave on the hold-out poses of an XYZ stage.
@@ -164,10 +164,9 @@ StabilityOutcome confounded(const CameraModel& camera, const Rigid& x, const Rig
     }
     const std::vector<StageError> scales = {scale_error(0, poses), scale_error(1, poses),
                                             scale_error(2, poses)};
-    const std::vector<std::size_t> linear = {0, 1, 2};
     const HoldOutNoise noise{std::vector<double>(hold_out, 0.05),
                              std::vector<double>(hold_out, 0.005)};
-    const std::vector<ErrorSignature> all = error_signatures(chain, scales, linear, noise, 0.1);
+    const std::vector<ErrorSignature> all = error_signatures(chain, scales, noise, 0.1);
     const ErrorSignature& a = *std::ranges::find(all, one, &ErrorSignature::name);
     const ErrorSignature& b = *std::ranges::find(all, two, &ErrorSignature::name);
     const double cosine = a.after.dot(b.after) / (a.after.norm() * b.after.norm());

@@ -316,7 +316,7 @@ namespace {
 struct DeviationPlace {
     PixelDeviation at;
     std::vector<PhotoEvidence> photos;
-    PixelInformation information = known_beforehand();
+    PixelInformation information = deviation_prior();
     PixelDeviation score;
     double sum;
 

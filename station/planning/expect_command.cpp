@@ -1,8 +1,6 @@
 // `etalon expect`: the pose errors to be expected of a camera, a marker and a detector.
 #include <fmt/format.h>
 
-#include <cstdio>
-
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"

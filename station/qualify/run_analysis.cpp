@@ -128,15 +128,15 @@ std::optional<SixErrors> noise_of(const AnalysedPose& pose,
                                   const std::vector<Eigen::Vector3d>& points_mm,
                                   const Projector& projector) {
     const Rigid& predicted = pose.bias.predicted;
-    ErrorSpread spread;
+    std::vector<SixErrors> errors;
     for (const FrameRecord& frame : pose.frames) {
         if (frame.corners.empty())
             continue;
         const PoseBias bias = pose_bias(projector, points_mm, predicted, frame.corners, {});
         if (bias.b2)
-            spread.add(components_of(*bias.b2, predicted));
+            errors.push_back(components_of(*bias.b2, predicted));
     }
-    return spread.deviations();
+    return deviations_of(errors);
 }
 
 }  // namespace
@@ -192,7 +192,7 @@ Expectation run_expectation(const QualifyResult& result) {
         expected.detections = pose.detections;
         expectation.poses.push_back(expected);
     }
-    fit_maps(expectation, result.station.plan.seed);
+    expectation.fit_maps(result.station.plan.seed);
     return expectation;
 }
 

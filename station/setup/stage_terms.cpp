@@ -28,8 +28,7 @@ DeclaredStageTerm scale_term(std::span<const Axis> axes, std::size_t axis,
         wrong.zero -= relative_size * (pose.read_back.at(axis) - wrong.zero);
     };
     return {.error = {"stage scale " + axes[axis].name, "1", relative_size,
-                      transforms(axes, poses, axis, longer)},
-            .is_linear_scale = axes[axis].kind == Axis::Kind::linear,
+                      transforms(axes, poses, axis, longer), axes[axis].kind == Axis::Kind::linear},
             .in_budget = true,
             .standard_uncertainty = axes[axis].scale_uncertainty};
 }

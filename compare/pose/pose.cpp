@@ -1,4 +1,4 @@
-#include "compare/pose/corner_noise.h"
+#include "compare/pose/pose.h"
 
 namespace etalon {
 namespace {

@@ -15,7 +15,6 @@
 #include "compare/characterise/slanted_edge.h"
 #include "compare/characterise/transfer_estimate.h"
 #include "compare/detect/board/calibration_target.h"
-#include "core/geometry/rigid.h"
 
 namespace etalon {
 

@@ -3,10 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
-#include <map>
-#include <optional>
 #include <set>
 
 #include "compare/characterise/code_statistics.h"
@@ -17,7 +14,7 @@ namespace etalon {
 namespace {
 
 constexpr int max_pieces = 12;
-constexpr int reweighting_rounds = 12;  // of reweighting; the weights settle to 1e-6 in five
+constexpr int reweighting_rounds = 12;  // the weights settle to 1e-6 in five
 
 // A patch of the scene in one photograph.
 struct ExposedPatch {
@@ -191,32 +188,9 @@ InverseCurve fit_inverse_curve(const std::vector<ExposedPatch>& observed) {
     const double n = static_cast<double>(observed.size());
     const double freedom = n - patch_count(observed) - curves.back().parameters();
     const double excess = std::max(1.0, curves.back().chi_square / std::max(freedom, 1.0));
-    return *std::min_element(curves.begin(), curves.end(), [&](const auto& a, const auto& b) {
-        return a.chi_square / excess + a.parameters() * std::log(n) <
-               b.chi_square / excess + b.parameters() * std::log(n);
+    return *std::ranges::min_element(curves, {}, [&](const InverseCurve& curve) {
+        return curve.chi_square / excess + curve.parameters() * std::log(n);
     });
-}
-
-// Chi-square of a known inverse curve, with the irradiances that fit best.
-double irradiance_chi_square(const std::vector<ExposedPatch>& observed, const auto& inverse,
-                             const auto& slope) {
-    std::vector<double> product(static_cast<std::size_t>(patch_count(observed)), 0.0);
-    std::vector<double> square = product;
-    const auto weight = [&](const ExposedPatch& o) {
-        return 1.0 / std::pow(o.standard_uncertainty * std::max(slope(o.code), 1e-6), 2);
-    };
-    for (const ExposedPatch& o : observed) {
-        const auto p = static_cast<std::size_t>(o.patch);
-        product[p] += weight(o) * inverse(o.code) * o.exposure;
-        square[p] += weight(o) * o.exposure * o.exposure;
-    }
-    double chi_square = 0.0;
-    for (const ExposedPatch& o : observed) {
-        const auto p = static_cast<std::size_t>(o.patch);
-        const double residual = inverse(o.code) - product[p] / square[p] * o.exposure;
-        chi_square += weight(o) * residual * residual;
-    }
-    return chi_square;
 }
 
 constexpr int min_times = 4;
@@ -282,27 +256,21 @@ std::vector<ExposedPatch> observations(std::span<const ExposedPhoto> photos,
 // the levels.
 std::vector<cv::Rect> chosen_patches(std::span<const ExposedPhoto> photos, int saturation,
                                      const Sensor& sensor) {
-    std::vector<const ExposedPhoto*> brightest_first;
-    for (const ExposedPhoto& photo : photos)
-        brightest_first.push_back(&photo);
-    std::stable_sort(brightest_first.begin(), brightest_first.end(),
-                     [](auto* a, auto* b) { return a->exposure_us > b->exposure_us; });
-    std::vector<std::pair<double, cv::Rect>> by_irradiance;
+    std::vector<ExposedPhoto> brightest_first(photos.begin(), photos.end());
+    std::ranges::stable_sort(brightest_first, std::greater(), &ExposedPhoto::exposure_us);
+    std::vector<std::pair<double, cv::Rect>> by_irradiance;  // blocks of equal ones row by row
     for (const cv::Rect& block : image_blocks(photos.front().image.pixels.size(), 40))
-        for (const ExposedPhoto* photo : brightest_first) {
+        for (const ExposedPhoto& photo : brightest_first) {
             const PatchStatistics patch =
-                patch_statistics(photo->image, block, saturation, Mosaic::none);
+                patch_statistics(photo.image, block, saturation, Mosaic::none);
             if (patch.is_clipped)
                 continue;
             const double signal = patch.mean - sensor.black_dn;
             if (patch.unevenness < 0.03 * signal)
-                by_irradiance.emplace_back(signal / photo->exposure_us, block);
+                by_irradiance.emplace_back(signal / photo.exposure_us, block);
             break;
         }
-    std::sort(by_irradiance.begin(), by_irradiance.end(), [](const auto& a, const auto& b) {
-        return std::tie(a.first, a.second.y, a.second.x) <
-               std::tie(b.first, b.second.y, b.second.x);
-    });
+    std::ranges::stable_sort(by_irradiance, {}, &std::pair<double, cv::Rect>::first);
     std::vector<cv::Rect> patches;
     const std::size_t many = by_irradiance.size();
     const std::size_t wanted = std::min<std::size_t>(many, max_patches);
@@ -342,16 +310,26 @@ std::optional<double> light_drift(std::span<const ExposedPhoto> photos,
     return drift;
 }
 
-// A curve that has no parameters of its own: slope and value of its inverse.
+// A curve that has no parameters of its own, with the irradiances that fit best.
 TransferCandidate known_curve(Transfer::Kind kind, const std::vector<ExposedPatch>& observed) {
     const Transfer transfer{kind, {}};
     const auto inverse = [&](double code) { return decode(transfer, std::min(code, 1.0)); };
-    constexpr double step = 1e-5;
-    const auto slope = [&](double code) {
-        return (inverse(code + step) - inverse(code - step)) / (2.0 * step);
+    const auto weight = [&](const ExposedPatch& o) {
+        constexpr double step = 1e-5, least_slope = 1e-6;
+        const double slope = (inverse(o.code + step) - inverse(o.code - step)) / (2.0 * step);
+        return 1.0 / std::pow(o.standard_uncertainty * std::max(slope, least_slope), 2);
     };
-    TransferCandidate candidate{kind, irradiance_chi_square(observed, inverse, slope)};
+    TransferCandidate candidate{kind};
     candidate.parameters = patch_count(observed);
+    Eigen::VectorXd product = Eigen::VectorXd::Zero(candidate.parameters), square = product;
+    for (const ExposedPatch& o : observed) {
+        product[o.patch] += weight(o) * inverse(o.code) * o.exposure;
+        square[o.patch] += weight(o) * o.exposure * o.exposure;
+    }
+    for (const ExposedPatch& o : observed) {
+        const double residual = inverse(o.code) - product[o.patch] / square[o.patch] * o.exposure;
+        candidate.chi_square += weight(o) * residual * residual;
+    }
     return candidate;
 }
 
@@ -382,12 +360,12 @@ Transfer::Kind chosen(const std::vector<TransferCandidate>& candidates) {
     return best->kind;
 }
 
-// The whole curve up to saturation as a table, radiance 1 there.
 struct Table {
     std::vector<std::pair<double, double>> knots;
     std::vector<double> uncertainties;
 };
 
+// The whole curve up to saturation, radiance 1 there.
 Table tabulated(const InverseCurve& curve, double top, double black_uncertainty) {
     const double end = curve.radiance(top);
     Table table;
@@ -405,8 +383,7 @@ Table tabulated(const InverseCurve& curve, double top, double black_uncertainty)
         if (!(table.knots[i].first > table.knots[i - 1].first))
             throw NumericalError(
                 fmt::format("exposures: the transfer curve does not rise at {:.3g} of full scale: "
-                            "more exposure "
-                            "times and patches are needed there",
+                            "more exposure times and patches are needed there",
                             table.knots[i].second));
     return table;
 }

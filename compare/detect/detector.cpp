@@ -1,16 +1,14 @@
 #include "compare/detect/detector.h"
 
+
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
-#include <algorithm>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
 #include "compare/detect/detector_adaptors.h"
 #include "core/optimize/least_squares.h"
-#include "core/program/errors.h"
 #include "core/statistics/covariance.h"
 
 namespace etalon {

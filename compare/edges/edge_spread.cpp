@@ -3,11 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <cmath>
-#include <optional>
 
-#include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 #include "sim/sensor/sensor_model.h"
@@ -84,15 +80,6 @@ struct PlaneView {
     Eigen::Matrix3d camera_from_grid, grid_from_sensor;
 };
 
-// d pixel / d undistorted point.
-std::optional<Eigen::Matrix2d> pixel_by_sensor_point(const Projector& projector,
-                                                     const Eigen::Vector2d& x) {
-    const auto projected = projector.project_with_jacobian(x.homogeneous());
-    if (!projected)
-        return {};
-    return projected->jacobian.leftCols<2>();
-}
-
 // A grid line in the image: N(x) = 0, linear in the undistorted point.
 struct LineInImage {
     LineInImage(const PlaneView& plane, const GridEdge& edge)
@@ -103,10 +90,11 @@ struct LineInImage {
     // Gradient of N by the pixel.
     std::optional<Eigen::Vector2d> gradient(const Projector& projector,
                                             const Eigen::Vector2d& x) const {
-        const auto jacobian = pixel_by_sensor_point(projector, x);
-        if (!jacobian)
+        const auto projected = projector.project_with_jacobian(x.homogeneous());
+        if (!projected)
             return {};
-        return jacobian->transpose().inverse() * row.head<2>();
+        const Eigen::Matrix2d by_point = projected->jacobian.leftCols<2>();
+        return by_point.transpose().inverse() * row.head<2>();
     }
 
     Eigen::Vector3d row;  // positive on the light side
@@ -125,29 +113,20 @@ public:
                const ComparedArea& area, const EdgeSelection& selection)
         : photo_(photo), projector_(projector), plane_(plane), area_(area), selection_(selection) {}
 
-    void read(const GridEdge& edge, int photo_number, TargetEdges& result) const {
+    void read(const GridEdge& edge, int photo_number, std::vector<StraightEdge>& edges) const {
         const LineInImage line(plane_, edge);
         auto frame = frame_of(edge, line);
-        if (!frame)
+        if (!frame || frame->half_width_px < selection_.least_half_width_px ||
+            2.0 * frame->half_length_px < selection_.least_length_px)
             return;
-        if (frame->half_width_px < selection_.least_half_width_px ||
-            2.0 * frame->half_length_px < selection_.least_length_px) {
-            ++result.too_small;
-            return;
-        }
         StraightEdge& found = frame->edge;
         found.photo = photo_number;
-        if (!add_pixels(line, *frame, found)) {
-            ++result.clipped;
+        if (!add_pixels(line, *frame, found) || found.pixels.size() < min_pixels ||
+            found.length_px < selection_.least_length_px)
             return;
-        }
         const SideLevels levels = side_levels(found);
-        if (found.pixels.size() < min_pixels || found.length_px < selection_.least_length_px)
-            ++result.too_small;
-        else if (levels.light - levels.dark < selection_.least_contrast)
-            ++result.faint;
-        else
-            result.edges.push_back(std::move(found));
+        if (!(levels.light - levels.dark < selection_.least_contrast))
+            edges.push_back(std::move(found));
     }
 
 private:
@@ -258,9 +237,8 @@ private:
     const EdgeSelection& selection_;
 };
 
-void require_usable(const LinearPhoto& photo, const Projector& projector,
+void require_usable(const LinearPhoto& photo, const CameraModel& camera,
                     const EdgeSelection& selection) {
-    const CameraModel& camera = projector.camera();
     const cv::Size size = photo.radiance.size();
     if (size != cv::Size(camera.width, camera.height) || photo.clipped.size() != size ||
         photo.radiance.type() != CV_32FC1 || photo.clipped.type() != CV_8UC1)
@@ -326,23 +304,24 @@ LinearPhoto linear_photo(const CodeImage& photo, const CameraModel& camera) {
     return linear;
 }
 
-TargetEdges target_edges(const LinearPhoto& photo, const Projector& projector, const Marker& marker,
-                         const Rigid& camera_from_marker, const ComparedArea& area,
-                         const EdgeSelection& selection, int photo_number) {
-    require_usable(photo, projector, selection);
+std::vector<StraightEdge> target_edges(const LinearPhoto& photo, const Projector& projector,
+                                       const CellGrid& grid, const Rigid& camera_from_marker,
+                                       const ComparedArea& area, const EdgeSelection& selection,
+                                       int photo_number) {
     const CameraModel& camera = projector.camera();
-    const PlacedMarker placed{marker.grid, camera_from_marker};
+    require_usable(photo, camera, selection);
+    const PlacedMarker placed{grid, camera_from_marker};
     const Eigen::Quaterniond turn = turn_towards(placed, camera);
     const bool is_flat = camera.projection.is_flat();
     const Projector seen_by = is_flat ? projector : projector.turned(turn);
-    const PlaneView plane(marker.grid,
+    const PlaneView plane(grid,
                           is_flat ? camera_from_marker : turned(placed, turn).camera_from_marker,
                           camera.projection.kind);
     const EdgeReader reader(photo, seen_by, plane, area, selection);
-    TargetEdges result;
-    for (const GridEdge& edge : grid_edges(marker.grid))
-        reader.read(edge, photo_number, result);
-    return result;
+    std::vector<StraightEdge> edges;
+    for (const GridEdge& edge : grid_edges(grid))
+        reader.read(edge, photo_number, edges);
+    return edges;
 }
 
 }  // namespace etalon

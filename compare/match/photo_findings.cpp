@@ -4,16 +4,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include <Eigen/QR>
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <optional>
-#include <vector>
 
-#include "calib/camera/projector.h"
 #include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/code_statistics.h"
-#include "compare/edges/edge_spread.h"
 #include "compare/match/residual_modes.h"
 #include "core/program/errors.h"
 #include "sim/marker/tag_pattern.h"

@@ -1,13 +1,10 @@
 #include "compare/match/pixel_measurement.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/projector.h"
-#include "core/optimize/least_squares.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 

@@ -2,9 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <limits>
 
 #include "core/program/errors.h"
 #include "sim/marker/topotag_pattern.h"

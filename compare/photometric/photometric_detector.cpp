@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detect/detector.h"

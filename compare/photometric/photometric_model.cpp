@@ -2,9 +2,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "core/statistics/distributions.h"
 #include "sim/sensor/sensor_model.h"

@@ -6,10 +6,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
-#include <cmath>
 
 #include "compare/photometric/photometric_detector.h"
-#include "core/optimize/least_squares.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 

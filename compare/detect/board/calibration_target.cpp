@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <cmath>
-#include <numbers>
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibrate.h"

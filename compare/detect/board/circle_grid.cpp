@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <numbers>
-#include <optional>
 
 #include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/shape_grid.h"

@@ -2,9 +2,6 @@
 // refined on the image.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-
 #include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/saddle_point.h"
 #include "compare/detect/board/shape_grid.h"

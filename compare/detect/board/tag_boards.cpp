@@ -4,9 +4,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <cmath>
-#include <map>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detect/board/calibration_target.h"

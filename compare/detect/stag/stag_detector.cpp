@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -11,7 +10,6 @@
 
 #include "compare/detect/detector_adaptors.h"
 #include "core/image/opencv_plugin.h"
-#include "sim/marker/stag_pattern.h"
 
 namespace etalon {
 

@@ -1,5 +1,4 @@
 #include <Eigen/Cholesky>
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -8,7 +7,6 @@
 
 #include "compare/detect/stag/stag_detector.h"
 #include "core/statistics/distributions.h"
-#include "sim/marker/stag_pattern.h"
 
 namespace etalon {
 namespace {

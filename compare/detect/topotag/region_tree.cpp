@@ -1,6 +1,5 @@
 // Runs of equal pixels row by row, joined to those of the row above by union and find. The smaller
 // label survives: it was met first, so that what lies left of its first run is the region around.
-#include <cstdint>
 #include <cstring>
 
 #include "compare/detect/topotag/topotag_detector.h"

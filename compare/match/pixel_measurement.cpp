@@ -31,15 +31,8 @@ cv::Mat by_blur(const cv::Mat& radiance) {
     return by_x + by_y;
 }
 
-// Every edge moved into the light.
-cv::Mat by_growth(const RenderedGradient& rendered) {
-    cv::Mat steepness;
-    cv::magnitude(rendered.by_x, rendered.by_y, steepness);
-    return -steepness;
-}
-
-// Levels (and the width of a blur that no file tells) at a pose and tone that are held, by Gauss
-// and Newton's method; residuals beyond three times `noise_scale` are held back.
+// Levels (and the width of a blur that no file tells) at a fixed pose and tone, by Gauss and
+// Newton's method; residuals beyond three times `noise_scale` are limited.
 PhotoState with_fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                               const RenderedGradient& rendered, const ImageMotion& motion,
                               PhotoState state, double noise_scale) {
@@ -113,21 +106,17 @@ void reduce(const PhotoEquations& equations, const std::array<bool, deviation::c
     pixels.information(as, as) = information.topLeftCorner(n, n);
 }
 
-// Standard deviation of rounding to the camera's code values, gray.
-double rounding_gray(const Sensor& sensor) {
-    return 255.0 / ((1 << sensor.bits) - 1) / std::sqrt(12.0);
-}
-
-// Residuals over the noise that is stated for them, in all places, and in flat ones for the noise
-// itself. Where rounding is a large part of the noise a photograph says little of it: such pixels
-// are left out.
+// Residuals over their stated noise, in all places, and in flat ones for the noise itself. Pixels
+// of whose noise rounding is a large part are left out.
 void add_noise(const PhotoOfMarker& photo, const PhotometricCamera& camera, const PhotoState& state,
                const RenderedGradient& rendered, const cv::Rect& region, PhotoEvidence& pixels) {
     constexpr double least_roundings = 2.0, limit = 10.0, flat_part = 0.1;
     constexpr int enough = 50;
     const LightCurve curve = camera.curve(state.photometry);
-    const double least_noise =
-        camera.knows_noise() ? least_roundings * rounding_gray(*camera.model().sensor) : 0.0;
+    double least_noise = 0.0;
+    if (camera.knows_noise())
+        least_noise =
+            least_roundings * (255.0 / ((1 << camera.model().sensor->bits) - 1) / std::sqrt(12.0));
     const cv::Mat seen = blurred(rendered.radiance, state.photometry.psf_sigma_px);
     double noise_squares = 0.0, flat_squares = 0.0;
     int flats = 0;
@@ -261,7 +250,9 @@ std::vector<cv::Mat> DeviatingCamera::changes(const PhotoOfMarker& photo,
                       steps_[deviation::inverse_focus]);
     if (asked_[deviation::blur])
         all.push_back(by_blur(rendered.radiance));
-    all.push_back(by_growth(rendered));
+    cv::Mat steepness;
+    cv::magnitude(rendered.by_x, rendered.by_y, steepness);
+    all.push_back(-steepness);  // every edge moved into the light
     return all;
 }
 
@@ -336,6 +327,7 @@ struct DeviationStep {
     double predicted_gain = 0.0;
 };
 
+// By deviation: whether it is fitted.
 using Free = std::array<bool, deviation::count>;
 
 DeviationStep newton_step(const DeviationPlace& place, double damping, const Free& free) {
@@ -375,13 +367,10 @@ PixelDeviation limited(PixelDeviation deviating, const CameraModel& calibration)
 
 // Whether first order is enough from one place to another.
 bool is_near(const PixelDeviation& step, const CameraModel& calibration) {
-    constexpr double near_f_number = 0.03, near_blur = 0.03, near_tone = 0.03, near_growth = 0.05;
-    const double near_focus = has_aperture(calibration) ? focus_step(calibration) : 1.0;
-    return std::abs(step[deviation::f_number]) < near_f_number &&
-           std::abs(step[deviation::inverse_focus]) < near_focus &&
-           std::abs(step[deviation::blur]) < near_blur &&
-           std::abs(step[deviation::tone]) < near_tone &&
-           std::abs(step[deviation::growth]) < near_growth;
+    PixelDeviation near = PixelDeviation::Constant(0.03);  // of f-number, blur and tone
+    near[deviation::growth] = 0.05;
+    near[deviation::inverse_focus] = has_aperture(calibration) ? focus_step(calibration) : 1.0;
+    return (step.array().abs() < near.array()).all();
 }
 
 // Some photographs from all depths.

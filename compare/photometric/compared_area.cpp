@@ -10,20 +10,6 @@
 namespace etalon {
 namespace {
 
-ComparedArea chessboard_area(const Marker& board, const ScoreMargin& margin,
-                             const std::string& place) {
-    // More than -0.5 leaves a rectangle on every board of 2 x 2 corners or more.
-    const auto allowed = [](double squares) { return squares > -0.5 && squares <= 1.0; };
-    if (!allowed(margin.x) || !allowed(margin.y))
-        throw ConfigError({place}, fmt::format("a score margin must be over -0.5 and at most 1 "
-                                               "square, got {},{}",
-                                               margin.x, margin.y));
-    const double square = board.size_mm;
-    const Eigen::Vector2d outside(margin.x * square, margin.y * square);
-    const Eigen::Vector2d last((board.columns - 1) * square, (board.rows - 1) * square);
-    return {-outside, last + outside, {square, square}, {0.0, 0.0}};
-}
-
 // The pixels to try. The image of the rectangle is bounded by the image of its outline: the
 // projection is one-to-one where it is valid. All when a part of the outline cannot be seen.
 cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
@@ -68,8 +54,18 @@ PixelUse use_of(const Eigen::Vector2d& point_mm, const ComparedArea& area) {
 
 ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
                            const std::string& place) {
-    if (marker.kind == Marker::Kind::chessboard)
-        return chessboard_area(marker, margin, place);
+    if (marker.kind == Marker::Kind::chessboard) {
+        // More than -0.5 leaves a rectangle on every board of 2 x 2 corners or more.
+        const auto allowed = [](double squares) { return squares > -0.5 && squares <= 1.0; };
+        if (!allowed(margin.x) || !allowed(margin.y))
+            throw ConfigError({place}, fmt::format("a score margin must be over -0.5 and at most 1 "
+                                                   "square, got {},{}",
+                                                   margin.x, margin.y));
+        const double square = marker.size_mm;
+        const Eigen::Vector2d outside(margin.x * square, margin.y * square);
+        const Eigen::Vector2d last((marker.columns - 1) * square, (marker.rows - 1) * square);
+        return {-outside, last + outside, {square, square}, {0.0, 0.0}};
+    }
     const CellGrid& grid = marker.grid;
     const Eigen::Vector2d size =
         grid.cell_mm.cwiseProduct(Eigen::Vector2d(grid.columns(), grid.rows()));

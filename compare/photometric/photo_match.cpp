@@ -14,14 +14,6 @@ namespace {
 
 constexpr double limit = 3.0;  // of significance, standard deviations
 
-// The value that 99 % of the sizes do not exceed.
-double percentile_99(std::vector<double>& sizes) {
-    const auto rank =
-        static_cast<std::ptrdiff_t>(std::ceil(0.99 * static_cast<double>(sizes.size()))) - 1;
-    std::nth_element(sizes.begin(), sizes.begin() + rank, sizes.end());
-    return sizes[static_cast<std::size_t>(rank)];
-}
-
 ResidualStatistics statistics(const PhotoFit& fit, PixelUse use) {
     std::vector<double> sizes;
     double sum = 0.0, squares = 0.0;
@@ -44,23 +36,20 @@ ResidualStatistics statistics(const PhotoFit& fit, PixelUse use) {
     result.mean_gray = sum / count;
     result.rms_gray = std::sqrt(squares / count);
     result.worst_gray = *std::max_element(sizes.begin(), sizes.end());
-    result.p99_gray = percentile_99(sizes);
+    const auto rank = sizes.begin() + static_cast<std::ptrdiff_t>(std::ceil(0.99 * count)) - 1;
+    std::nth_element(sizes.begin(), rank, sizes.end());
+    result.p99_gray = *rank;
     result.significant = significant / count;
     return result;
-}
-
-// Where half of the noise is clipped and more: Saturation's slope is below 0.5.
-double clipping_gray(const PhotometricModel& model) {
-    if (!model.saturation)
-        return std::numeric_limits<double>::infinity();
-    return model.saturation->at(model.saturation->level_gray).gray;
 }
 
 // 1.4826 times the median size of the fitted residuals of pixels that do not clip: their standard
 // deviation if they are normal, whatever a tenth of them is. Not below rounding to 8 bits.
 double deviation_of_residuals(const PhotoFit& fit) {
     constexpr double min_gray = 0.289;
-    const double clipping = clipping_gray(fit.state.photometry);
+    const auto& saturation = fit.state.photometry.saturation;
+    const double clipping = saturation ? saturation->at(saturation->level_gray).gray
+                                       : std::numeric_limits<double>::infinity();
     std::vector<float> sizes;
     for (int y = 0; y < fit.use.rows; ++y)
         for (int x = 0; x < fit.use.cols; ++x)
@@ -209,14 +198,6 @@ PhotoEquations fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera
     return place;
 }
 
-// Whether enough pixels are so bright that a camera may have clipped them.
-bool shows_saturation(const PhotoOfMarker& photo) {
-    constexpr double bright_gray = 230.0, min_share = 0.05;
-    const cv::Mat fitted = photo.use == photo.fitted;
-    const int bright = cv::countNonZero((photo.gray > bright_gray) & fitted);
-    return bright > min_share * cv::countNonZero(fitted);
-}
-
 }  // namespace
 
 std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
@@ -228,13 +209,15 @@ std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
     const auto add_intrinsic = [&](const std::string& what, double value, const char* unit) {
         add(what, value, unit, stated_deviation(camera, what));
     };
-    const Intrinsics& k = camera.intrinsics;
-    add_intrinsic("fx", k.fx, "px");
-    add_intrinsic("fy", k.fy, "px");
-    add_intrinsic("cx", k.cx, "px");
-    add_intrinsic("cy", k.cy, "px");
-    if (k.skew != 0.0)
-        add_intrinsic("skew", k.skew, "px");
+    constexpr std::pair<const char*, double Intrinsics::*> intrinsics[] = {
+        {"fx", &Intrinsics::fx},
+        {"fy", &Intrinsics::fy},
+        {"cx", &Intrinsics::cx},
+        {"cy", &Intrinsics::cy},
+        {"skew", &Intrinsics::skew}};
+    for (const auto& [name, value] : intrinsics)
+        if (value != &Intrinsics::skew || camera.intrinsics.skew != 0.0)
+            add_intrinsic(name, camera.intrinsics.*value, "px");
     const auto coefficients = camera.distortion.coefficients();
     for (std::size_t i = 0; i < coefficients.size(); ++i)
         if (coefficients[i] != 0.0)
@@ -254,10 +237,13 @@ std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
 }
 
 PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& camera) {
+    constexpr double bright_gray = 230.0, min_share = 0.05;
+    const cv::Mat fitted = photo.use == photo.fitted;
+    const int bright = cv::countNonZero((photo.gray > bright_gray) & fitted);
     return {.level_terms = 6,
             .psf = !camera.lens,
             .psf_anisotropy = !camera.lens,
-            .saturation = shows_saturation(photo)};
+            .saturation = bright > min_share * cv::countNonZero(fitted)};
 }
 
 PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& camera,

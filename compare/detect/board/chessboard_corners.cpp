@@ -4,8 +4,6 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include <limits>
-
 #include "compare/detect/board/saddle_point.h"
 #include "compare/detect/detector_adaptors.h"
 #include "core/file/text.h"
@@ -14,9 +12,8 @@
 namespace etalon {
 namespace {
 
-// Of the corners of a board, row by row.
 struct Board {
-    std::vector<cv::Point2f> corners;
+    std::vector<cv::Point2f> corners;  // row by row
     int columns, rows;
 
     const cv::Point2f& at(int row, int column) const { return corners[row * columns + column]; }
@@ -35,19 +32,6 @@ Eigen::Vector2d step_at(const Board& board, int row, int column, int along, int 
     const int steps = after_column - before_column + after_row - before_row;
     return to_eigen(board.at(after_row, after_column) - board.at(before_row, before_column)) /
            steps;
-}
-
-double smallest_spacing(const Board& board) {
-    double smallest = std::numeric_limits<double>::infinity();
-    for (int row = 0; row < board.rows; ++row)
-        for (int column = 0; column < board.columns; ++column) {
-            const cv::Point2f here = board.at(row, column);
-            if (column + 1 < board.columns)
-                smallest = std::min(smallest, cv::norm(board.at(row, column + 1) - here));
-            if (row + 1 < board.rows)
-                smallest = std::min(smallest, cv::norm(board.at(row + 1, column) - here));
-        }
-    return smallest;
 }
 
 // Room is what is left to the sides of the four squares that do not meet in the corner.
@@ -93,16 +77,6 @@ double even_minus_odd(const Board& board, const cv::Mat& pixels) {
     return sum[0] / std::max(count[0], 1) - sum[1] / std::max(count[1], 1);
 }
 
-// As seen after the board was turned by 90 degrees clockwise.
-void turn_by_a_quarter(Board& board) {
-    std::vector<cv::Point2f> turned;
-    for (int column = 0; column < board.columns; ++column)
-        for (int row = board.rows - 1; row >= 0; --row)
-            turned.push_back(board.at(row, column));
-    board.corners = std::move(turned);
-    std::swap(board.columns, board.rows);
-}
-
 // With the histogram spread over all levels, which dark photos need, and without, which serves
 // bright ones better; then from saddles instead of squares, which sees boards whose outer squares
 // the image cuts.
@@ -134,19 +108,15 @@ bool find_whole_board(const cv::Mat& image, Board& board) {
 
 ChessboardCorners refined(const Board& board, const cv::Mat& pixels) {
     ChessboardCorners found;
-    found.smallest_spacing_px = smallest_spacing(board);
-    double smallest_room = std::numeric_limits<double>::infinity();
     const bool even_is_black = even_minus_odd(board, pixels) <= 0.0;
     for (int row = 0; row < board.rows; ++row)
         for (int column = 0; column < board.columns; ++column) {
             const SaddleGuess guess =
                 guess_of(board, row, column, ((row + column) % 2 == 0) == even_is_black);
-            smallest_room = std::min(smallest_room, guess.room_px);
             const auto corner = refine_saddle(pixels, guess);
             found.pixels.push_back(corner.value_or(guess.pixel));
             found.refined.push_back(corner.has_value());
         }
-    found.refinement_half_window_px = static_cast<int>(saddle_window_px(smallest_room));
     return found;
 }
 
@@ -169,8 +139,11 @@ std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image,
     const bool exchanged = even_minus_odd(board, pixels) > 0.0;
     if (exchanged && (columns + rows) % 2 == 1)
         std::reverse(board.corners.begin(), board.corners.end());
-    else if (exchanged && columns == rows)
-        turn_by_a_quarter(board);
+    else if (exchanged && columns == rows) {  // a quarter turn clockwise
+        const Board seen = board;
+        for (int i = 0; i < columns * rows; ++i)
+            board.corners[static_cast<std::size_t>(i)] = seen.at(rows - 1 - i % rows, i / rows);
+    }
     ChessboardCorners found = refined(board, pixels);
     found.lies_on_its_side = exchanged && (columns + rows) % 2 == 0 && columns != rows;
     return found;

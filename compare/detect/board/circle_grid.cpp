@@ -117,7 +117,7 @@ bool for_each_darkness(const cv::Mat& pixels, const CircleWindow& window,
     return plane.has_value();
 }
 
-// The centroid's offset from `centre`; nothing where no dark disk is.
+// The centroid's offset from `centre`; nothing where no dark disk is seen.
 std::optional<Eigen::Vector2d> centroid_offset(const cv::Mat& pixels, const CircleWindow& window,
                                                const Eigen::Vector2d& centre) {
     constexpr double min_darkness = 0.05;

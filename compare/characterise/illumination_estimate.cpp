@@ -343,24 +343,6 @@ double px_per_mm(const Projector& projector, const Rigid& camera_from_marker,
     return std::min(j.col(0).norm(), j.col(1).norm());
 }
 
-cv::Rect bounding_box(const Projector& projector, const CellGrid& grid,
-                      const Rigid& camera_from_marker) {
-    Eigen::Vector2d low(1e9, 1e9), high(-1e9, -1e9);
-    for (int v = 0; v <= grid.rows(); ++v)
-        for (int u = 0; u <= grid.columns(); ++u)
-            if (const auto q = projector.project(camera_from_marker * grid.point_mm(u, v))) {
-                low = low.cwiseMin(*q);
-                high = high.cwiseMax(*q);
-            }
-    const cv::Rect image(0, 0, projector.camera().width, projector.camera().height);
-    if (!(low.x() <= high.x()))
-        return {};
-    const auto whole = [](double value) { return static_cast<int>(std::clamp(value, -1e6, 1e6)); };
-    return cv::Rect(cv::Point(whole(low.x()), whole(low.y())),
-                    cv::Point(whole(high.x()) + 2, whole(high.y()) + 2)) &
-           image;
-}
-
 // Nothing of a cell that is clipped or hardly seen.
 std::optional<WhitePatch> patch_of(const CellSums& cell, int photo, double full_scale) {
     if (cell.is_clipped || cell.pixels < min_pixels_of_a_cell)
@@ -385,7 +367,11 @@ std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Project
     const Radiance radiance = SensorModel(projector.camera()).linear_radiance(image);
     const cv::Mat clipped = image.pixels >= image.full_scale();
     std::map<std::pair<int, int>, CellSums> cells;
-    const cv::Rect box = bounding_box(projector, grid, camera_from_marker);
+    const Eigen::Vector2d size =
+        grid.cell_mm.cwiseProduct(Eigen::Vector2d(grid.columns(), grid.rows()));
+    const cv::Rect box =
+        candidate_pixels(projector, camera_from_marker,
+                         {grid.corner_mm, grid.corner_mm + size, grid.cell_mm, grid.corner_mm});
     for (int y = box.y; y < box.br().y; ++y)
         for (int x = box.x; x < box.br().x; ++x) {
             const auto point = on_target(projector, camera_from_marker, Eigen::Vector2d(x, y));

@@ -103,6 +103,11 @@ std::optional<Eigen::Matrix3d> homography(const std::vector<Eigen::Vector2d>& fr
 Eigen::Vector2d seen_at(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place);
 Eigen::Matrix2d jacobian_at(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place);
 
+// Above 0 where b is clockwise of a as seen, the image's y down.
+inline double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return a.x() * b.y() - a.y() * b.x();
+}
+
 // Spread of points along their principal axes, largest first, mm.
 Eigen::Vector3d principal_spreads(const std::vector<Eigen::Vector3d>& points_mm);
 

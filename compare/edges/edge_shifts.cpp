@@ -72,10 +72,7 @@ RenderedPlaces rendered_places(const PhotoOfMarker& photo, const PhotometricCame
                                const PhotoState& state) {
     constexpr int room = 16;  // what the model's widest Gaussian brings in
     RenderedPlaces rendered;
-    rendered.region = cv::boundingRect(photo.use);
-    rendered.region -= cv::Point(room, room);
-    rendered.region += cv::Size(2 * room, 2 * room);
-    rendered.region &= cv::Rect({0, 0}, photo.use.size());
+    rendered.region = padded(cv::boundingRect(photo.use), room, photo.use.size());
     const Rigid& pose = state.camera_from_marker;
     const Eigen::Vector3d step = step_between_places(camera.projector(), pose, photo.grid);
     for (int place = 0; place < places; ++place) {
@@ -249,18 +246,12 @@ struct EdgePixels {
 
 EdgePixels pixels_of(const Band& band, const PhotoOfMarker& photo, const RenderedPlaces& rendered,
                      const Photometry& photometry, const PhotometricCamera& camera) {
-    const Eigen::Array2d half =
-        band.half_length * band.tangent.cwiseAbs() + band.half_width * band.normal.cwiseAbs();
     const cv::Rect& region = rendered.region;
-    const Eigen::Array2d first(region.x, region.y), end(region.br().x, region.br().y);
-    const auto within = [&](const Eigen::Array2d& place) -> Eigen::Array2i {
-        return place.max(first).min(end).cast<int>();
-    };
-    const Eigen::Array2i low = within((band.middle.array() - half).ceil()),
-                         high = within((band.middle.array() + half).floor() + 1.0);
+    const cv::Rect box =
+        band_pixels(band.middle, band.normal, band.half_length, band.half_width, region);
     EdgePixels result;
-    for (int y = low.y(); y < high.y(); ++y)
-        for (int x = low.x(); x < high.x(); ++x) {
+    for (int y = box.y; y < box.br().y; ++y)
+        for (int x = box.x; x < box.br().x; ++x) {
             const Eigen::Vector2d from_middle = Eigen::Vector2d(x, y) - band.middle;
             BandPixel pixel;
             pixel.distance = from_middle.dot(band.normal);

@@ -179,20 +179,6 @@ private:
         return projector_.project(plane_.camera_point(uv.x(), uv.y()));
     }
 
-    cv::Rect band_of(const EdgeFrame& frame) const {
-        const Eigen::Vector2d half = frame.half_length_px * frame.tangent.cwiseAbs() +
-                                     frame.half_width_px * frame.edge.normal.cwiseAbs();
-        const Eigen::Vector2d low = frame.edge.centre_px - half, high = frame.edge.centre_px + half;
-        const cv::Rect image({0, 0}, photo_.radiance.size());
-        // Far outside the image nothing is left; the limits keep the integers from overflowing.
-        const auto whole = [](double value) {
-            return static_cast<int>(std::floor(std::clamp(value, -1e6, 1e6)));
-        };
-        const cv::Point first(whole(low.x()), whole(low.y()));
-        const cv::Point last(whole(high.x()) + 2, whole(high.y()) + 2);
-        return cv::Rect(first, last) & image;
-    }
-
     bool is_inside(const Eigen::Vector2d& uv) const {
         const Eigen::Vector2d point = plane_.grid.point_mm(uv.x(), uv.y()).head<2>();
         return (point.array() >= area_.low_mm.array()).all() &&
@@ -201,7 +187,9 @@ private:
 
     // False when one of them is clipped.
     bool add_pixels(const LineInImage& line, const EdgeFrame& frame, StraightEdge& edge) const {
-        const cv::Rect band = band_of(frame);
+        const cv::Rect band =
+            band_pixels(frame.edge.centre_px, frame.edge.normal, frame.half_length_px,
+                        frame.half_width_px, cv::Rect({0, 0}, photo_.radiance.size()));
         for (int y = band.y; y < band.br().y; ++y)
             for (int x = band.x; x < band.br().x; ++x) {
                 const Eigen::Vector2d from_centre = Eigen::Vector2d(x, y) - frame.edge.centre_px;
@@ -273,6 +261,19 @@ void StraightEdge::set_depth() {
     const double n = std::max(1.0, static_cast<double>(pixels.size()));
     depth_term = sum / n;
     depth_term_variance = std::max(0.0, squares / n - depth_term * depth_term);
+}
+
+cv::Rect band_pixels(const Eigen::Vector2d& middle_px, const Eigen::Vector2d& normal,
+                     double half_length_px, double half_width_px, const cv::Rect& within) {
+    const Eigen::Array2d half =
+        half_length_px * normal.reverse().cwiseAbs() + half_width_px * normal.cwiseAbs();
+    const Eigen::Array2d first(within.x, within.y), end(within.br().x, within.br().y);
+    const auto whole = [&](const Eigen::Array2d& place) -> Eigen::Array2i {
+        return place.max(first).min(end).cast<int>();
+    };
+    const Eigen::Array2i low = whole((middle_px.array() - half).floor()),
+                         high = whole((middle_px.array() + half).floor() + 2.0);
+    return {cv::Point(low.x(), low.y()), cv::Point(high.x(), high.y())};
 }
 
 double reach_px(std::span<const StraightEdge> edges) {

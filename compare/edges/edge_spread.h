@@ -90,6 +90,11 @@ struct StraightEdge {
     void set_depth();
 };
 
+// The whole pixels of `within` in which a band lies: so far along and across an edge from its
+// middle.
+cv::Rect band_pixels(const Eigen::Vector2d& middle_px, const Eigen::Vector2d& normal,
+                     double half_length_px, double half_width_px, const cv::Rect& within);
+
 // Distance of the farthest pixel from its edge, px.
 double reach_px(std::span<const StraightEdge> edges);
 

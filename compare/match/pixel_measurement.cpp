@@ -176,10 +176,7 @@ void add_background(const PhotoOfMarker& photo, const PhotometricCamera& camera,
     constexpr int reach = 40;
     const cv::Mat printed =
         pixel_uses(camera.projector(), state.camera_from_marker, whole) != pixel_outside;
-    cv::Rect region = cv::boundingRect(printed);
-    region -= cv::Point(reach, reach);
-    region += cv::Size(2 * reach, 2 * reach);
-    region &= cv::Rect({0, 0}, printed.size());
+    const cv::Rect region = padded(cv::boundingRect(printed), reach, printed.size());
     const double blur_px =
         std::min(blur_sigma_px(camera.model(), state.camera_from_marker.translation.z()), 9.0);
     const auto seen = gray_beside(photo.gray(region), printed(region), blur_px);

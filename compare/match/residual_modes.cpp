@@ -89,11 +89,9 @@ struct ResidualModes::Images {
     cv::Mat detail;               // sharpened
 
     Images(const cv::Mat& predicted, const cv::Mat& counted)
-        : size(predicted.size()), box(cv::boundingRect(counted)), region(box) {
+        : size(predicted.size()), box(cv::boundingRect(counted)) {
         constexpr int room = 8;  // what the Gaussian of the detail reaches
-        region -= cv::Point(room, room);
-        region += cv::Size(2 * room, 2 * room);
-        region &= cv::Rect({0, 0}, predicted.size());
+        region = padded(box, room, size);
         image = predicted(region);
         const cv::Matx<double, 1, 5> slope(1.0 / 12, -8.0 / 12, 0, 8.0 / 12, -1.0 / 12);
         by_x = filtered(image, cv::Mat(slope));

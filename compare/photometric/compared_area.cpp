@@ -10,34 +10,6 @@
 namespace etalon {
 namespace {
 
-// The pixels to try. The image of the rectangle is bounded by the image of its outline: the
-// projection is one-to-one where it is valid. All when a part of the outline cannot be seen.
-cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
-                          const ComparedArea& area) {
-    constexpr int steps_per_side = 64;
-    constexpr double room = 3.0;  // px, for what the outline does between two steps
-    const cv::Size size(projector.camera().width, projector.camera().height);
-    Eigen::AlignedBox2d box;
-    for (int i = 0; i <= steps_per_side; ++i) {
-        const double s = static_cast<double>(i) / steps_per_side;
-        for (const Eigen::Vector2d& at : {Eigen::Vector2d(s, 0), Eigen::Vector2d(s, 1),
-                                          Eigen::Vector2d(0, s), Eigen::Vector2d(1, s)}) {
-            const Eigen::Vector2d point =
-                area.low_mm + (area.high_mm - area.low_mm).cwiseProduct(at);
-            const auto pixel =
-                projector.project(camera_from_marker * Eigen::Vector3d(point.x(), point.y(), 0.0));
-            if (!pixel)
-                return {cv::Point(), size};
-            box.extend(*pixel);
-        }
-    }
-    const Eigen::Array2d none = Eigen::Array2d::Zero(), all(size.width, size.height);
-    const Eigen::Array2i
-        low = (box.min().array() - room).floor().max(none).min(all).cast<int>(),
-        high = ((box.max().array() + room).ceil() + 1.0).max(none).min(all).cast<int>();
-    return {low.x(), low.y(), high.x() - low.x(), high.y() - low.y()};
-}
-
 PixelUse use_of(const Eigen::Vector2d& point_mm, const ComparedArea& area) {
     const bool inside = (point_mm.array() >= area.low_mm.array()).all() &&
                         (point_mm.array() <= area.high_mm.array()).all();
@@ -125,6 +97,39 @@ std::optional<Eigen::Vector3d> PlaneSight::at(int x, int y) const {
     if (!(met.z() > 0))
         return std::nullopt;
     return Eigen::Vector3d(met.x() / met.z(), met.y() / met.z(), 1.0 / met.z());
+}
+
+cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
+                          const ComparedArea& area) {
+    // The projection is one-to-one where it is valid: the outline bounds the image.
+    constexpr int steps_per_side = 64;
+    constexpr double room = 3.0;  // px, for what the outline does between two steps
+    const cv::Size size(projector.camera().width, projector.camera().height);
+    Eigen::AlignedBox2d box;
+    for (int i = 0; i <= steps_per_side; ++i) {
+        const double s = static_cast<double>(i) / steps_per_side;
+        for (const Eigen::Vector2d& at : {Eigen::Vector2d(s, 0), Eigen::Vector2d(s, 1),
+                                          Eigen::Vector2d(0, s), Eigen::Vector2d(1, s)}) {
+            const Eigen::Vector2d point =
+                area.low_mm + (area.high_mm - area.low_mm).cwiseProduct(at);
+            const auto pixel =
+                projector.project(camera_from_marker * Eigen::Vector3d(point.x(), point.y(), 0.0));
+            if (!pixel)
+                return {cv::Point(), size};
+            box.extend(*pixel);
+        }
+    }
+    const Eigen::Array2d none = Eigen::Array2d::Zero(), all(size.width, size.height);
+    const Eigen::Array2i
+        low = (box.min().array() - room).floor().max(none).min(all).cast<int>(),
+        high = ((box.max().array() + room).ceil() + 1.0).max(none).min(all).cast<int>();
+    return {low.x(), low.y(), high.x() - low.x(), high.y() - low.y()};
+}
+
+cv::Rect padded(const cv::Rect& box, int room_px, const cv::Size& image) {
+    return cv::Rect(box.tl() - cv::Point(room_px, room_px),
+                    box.br() + cv::Point(room_px, room_px)) &
+           cv::Rect({0, 0}, image);
 }
 
 cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,

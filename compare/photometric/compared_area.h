@@ -65,4 +65,12 @@ private:
 cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
                    const ComparedArea& area);
 
+// The pixels where the area may be seen: those of the whole image when a part of its outline has no
+// image.
+cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
+                          const ComparedArea& area);
+
+// The box with so many px more on every side, as far as an image of this size has them.
+cv::Rect padded(const cv::Rect& box, int room_px, const cv::Size& image);
+
 }  // namespace etalon

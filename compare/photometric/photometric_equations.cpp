@@ -18,11 +18,6 @@ constexpr double huber_threshold = 3.0;
 constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
 constexpr int min_pixels = 50, blocks_a_side = 10;
 
-cv::Rect box_around(cv::InputArray pixels, int room) {
-    const cv::Rect box = cv::boundingRect(pixels);
-    return {box.x - room, box.y - room, box.width + 2 * room, box.height + 2 * room};
-}
-
 Scene scene_of(const PhotoOfMarker& photo, const Rigid& camera_from_marker) {
     return {{{photo.grid, camera_from_marker}}, photo.background};
 }
@@ -400,7 +395,7 @@ cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& came
     if (cv::countNonZero(fitted) < min_pixels)
         throw NumericalError(
             fmt::format("fewer than {} pixels of the marker can be fitted", min_pixels));
-    return box_around(fitted, room_px) & cv::Rect({0, 0}, fitted.size());
+    return padded(cv::boundingRect(fitted), room_px, fitted.size());
 }
 
 PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera& camera,
@@ -470,7 +465,9 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 
     std::vector<cv::Point> places;
     cv::findNonZero(photo.use(region) == photo.fitted, places);
-    const cv::Rect box = box_around(places, gaussian_reach_px);
+    const cv::Rect fitted = cv::boundingRect(places);
+    const cv::Rect box(fitted.tl() - cv::Point(gaussian_reach_px, gaussian_reach_px),
+                       fitted.br() + cv::Point(gaussian_reach_px, gaussian_reach_px));
     PhotoEquations equations{
         .state = state,
         .noise_scale = noise_scale,
@@ -525,8 +522,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                      const PhotoState& state) {
     require_fitting(photo, camera);
-    const cv::Rect region = box_around(photo.use != pixel_outside, gaussian_reach_px) &
-                            cv::Rect({0, 0}, photo.use.size());
+    const cv::Rect region =
+        padded(cv::boundingRect(photo.use != pixel_outside), gaussian_reach_px, photo.use.size());
     Radiance lit(photo.gray.size(), CV_32FC1, cv::Scalar(0));
     camera.at_sensor(scene_of(photo, state.camera_from_marker), region).copyTo(lit(region));
     return predicted_gray(state.photometry, lit, camera.curve(state.photometry));

@@ -38,7 +38,7 @@ Eigen::Vector2d step_at(const Board& board, int row, int column, int along, int 
 SaddleGuess guess_of(const Board& board, int row, int column, bool lower_right_is_black) {
     const Eigen::Vector2d along = step_at(board, row, column, 1, 0),
                           down = step_at(board, row, column, 0, 1);
-    const double area = std::abs(along.x() * down.y() - along.y() * down.x());
+    const double area = std::abs(cross(along, down));
     return {to_eigen(board.at(row, column)),
             {along, lower_right_is_black ? down : Eigen::Vector2d(-down)},
             area / std::max(along.norm(), down.norm())};

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "compare/detect/detector_adaptors.h"
 #include "core/optimize/least_squares.h"
 
 namespace etalon {
@@ -203,8 +204,7 @@ double distance_from_edges(const Parameters& p, const Eigen::Vector2d& place) {
 Parameters start_of(const SaddleGuess& guess) {
     Parameters p = Parameters::Zero();
     const auto angle = [](const Eigen::Vector2d& v) { return std::atan2(v.y(), v.x()); };
-    const double turn =
-        guess.edges[0].x() * guess.edges[1].y() - guess.edges[0].y() * guess.edges[1].x();
+    const double turn = cross(guess.edges[0], guess.edges[1]);
     p[angle_1] = angle(turn > 0 ? guess.edges[0] : Eigen::Vector2d(-guess.edges[0]));
     p[angle_2] = angle(turn > 0 ? Eigen::Vector2d(-guess.edges[1]) : guess.edges[1]);
     p[log_blur] = std::log(2.0);

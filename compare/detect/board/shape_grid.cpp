@@ -11,6 +11,8 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
+#include "compare/detect/detector_adaptors.h"
+
 namespace etalon {
 namespace {
 
@@ -66,9 +68,7 @@ std::optional<DarkShape> square_of(const Outline& outline) {
     const Eigen::Vector2d one = square.corners[2] - square.corners[0],
                           other = square.corners[3] - square.corners[1],
                           apart = square.corners[1] - square.corners[0];
-    const double share = (apart.x() * other.y() - apart.y() * other.x()) /
-                         (one.x() * other.y() - one.y() * other.x());
-    square.centre = square.corners[0] + share * one;
+    square.centre = square.corners[0] + cross(apart, other) / cross(one, other) * one;
     return square;
 }
 
@@ -225,11 +225,11 @@ private:
     static std::optional<Eigen::Matrix2d> steps_along(const std::vector<Eigen::Vector2d>& arms) {
         constexpr double min_sine = 0.3;
         for (std::size_t i = 1; i < arms.size(); ++i) {
-            const double cross = arms[0].x() * arms[i].y() - arms[0].y() * arms[i].x();
-            if (std::abs(cross) < min_sine * arms[0].norm() * arms[i].norm())
+            const double turn = cross(arms[0], arms[i]);
+            if (std::abs(turn) < min_sine * arms[0].norm() * arms[i].norm())
                 continue;
             Eigen::Matrix2d steps;
-            steps << arms[0], cross > 0.0 ? arms[i] : Eigen::Vector2d(-arms[i]);
+            steps << arms[0], turn > 0.0 ? arms[i] : Eigen::Vector2d(-arms[i]);
             return steps;
         }
         return std::nullopt;

@@ -46,8 +46,7 @@ Corners in_order(const DarkShape& square, const Corners& by_plane) {
 double height_at(const Corners& corners, std::size_t k) {
     const Eigen::Vector2d after = corners[(k + 1) % 4] - corners[k],
                           before = corners[(k + 3) % 4] - corners[k];
-    return std::abs(after.x() * before.y() - after.y() * before.x()) /
-           std::max(after.norm(), before.norm());
+    return std::abs(cross(after, before)) / std::max(after.norm(), before.norm());
 }
 
 // Of a square's shape from the one expected, as a part of its side; where it is does not matter.

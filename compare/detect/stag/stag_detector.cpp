@@ -55,10 +55,6 @@ Eigen::Vector2d vector_of(const cv::Point& pixel) {
     return {pixel.x, pixel.y};
 }
 
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-    return a.x() * b.y() - a.y() * b.x();
-}
-
 // The pixel that is farthest from the chord between the chain's ends, and how far that is.
 std::pair<std::size_t, double> farthest_from_chord(std::span<const cv::Point> chain) {
     const Eigen::Vector2d start = vector_of(chain.front());

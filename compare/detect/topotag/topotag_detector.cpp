@@ -85,10 +85,6 @@ std::optional<Candidate> candidate_in(const std::vector<Region>& tree, const Reg
     return baselines == 1 ? std::optional(candidate) : std::nullopt;
 }
 
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-    return a.x() * b.y() - a.y() * b.x();
-}
-
 // The corners of the convex hull, clockwise as seen (y is down).
 Points hull_of(const Points& points) {
     std::vector<cv::Point2f> all;

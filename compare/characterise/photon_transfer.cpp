@@ -419,8 +419,8 @@ std::vector<Measured> measured_levels(const std::vector<Bin>& levels, const Leve
 
 struct StraightLine {
     Eigen::Vector2d value = Eigen::Vector2d::Zero();  // at signal 0, and slope
-    Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
-    double chi_square = 0.0;
+    Eigen::Matrix2d covariance;
+    double chi_square;
 };
 
 // Weighted least squares; the weights come from the fitted line, not from the scattering values
@@ -430,7 +430,7 @@ StraightLine fit_line(const std::vector<Measured>& levels) {
     for (int round = 0; round < 6; ++round) {
         Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
         Eigen::Vector2d right = Eigen::Vector2d::Zero();
-        double chi_square = 0.0;
+        line.chi_square = 0.0;
         for (const Measured& m : levels) {
             if (!m.level.is_used)
                 continue;
@@ -440,11 +440,10 @@ StraightLine fit_line(const std::vector<Measured>& levels) {
             normal += weight * row * row.transpose();
             right += weight * m.level.variance_dn2 * row;
             const double residual = m.level.variance_dn2 - line.value.dot(row);
-            chi_square += weight * residual * residual;
+            line.chi_square += weight * residual * residual;
         }
         line.covariance = normal.inverse();
         line.value = line.covariance * right;
-        line.chi_square = chi_square;
     }
     return line;
 }

@@ -200,7 +200,7 @@ constexpr double max_drift = 0.01;
 constexpr double min_top = 0.5;  // of full scale, that must be seen
 constexpr int table_intervals = 128;
 
-void check_times(std::span<const ExposedPhoto> photos) {
+void require_times(std::span<const ExposedPhoto> photos) {
     std::set<double> times;
     for (const ExposedPhoto& photo : photos) {
         if (!(photo.exposure_us > 0.0 && std::isfinite(photo.exposure_us)))
@@ -333,25 +333,20 @@ TransferCandidate known_curve(Transfer::Kind kind, const std::vector<ExposedPatc
     return candidate;
 }
 
-void judge(std::vector<TransferCandidate>& candidates, std::size_t observations) {
-    const double n = static_cast<double>(observations);
-    for (TransferCandidate& candidate : candidates)
-        candidate.degrees_of_freedom = static_cast<int>(observations) - candidate.parameters;
-    // The richest model tells how much larger the scatter is than the stated noise.
-    const TransferCandidate& table = candidates.back();
-    const double excess = std::max(1.0, table.chi_square / table.degrees_of_freedom);
-    for (TransferCandidate& candidate : candidates)
-        candidate.information_criterion =
-            candidate.chi_square / excess + candidate.parameters * std::log(n);
-}
-
 // The known curves first: one of them is kept as long as its residuals are at most a fifth larger
 // than the table's, which follows anything.
-Transfer::Kind chosen(const std::vector<TransferCandidate>& candidates) {
+Transfer::Kind chosen(std::vector<TransferCandidate>& candidates, std::size_t observations) {
+    for (TransferCandidate& candidate : candidates)
+        candidate.degrees_of_freedom = static_cast<int>(observations) - candidate.parameters;
     const auto reduced = [](const TransferCandidate& c) {
         return c.chi_square / c.degrees_of_freedom;
     };
+    // The richest model tells how much larger the scatter is than the stated noise.
     const double scatter = std::max(1.0, reduced(candidates.back()));
+    for (TransferCandidate& candidate : candidates)
+        candidate.information_criterion =
+            candidate.chi_square / scatter +
+            candidate.parameters * std::log(static_cast<double>(observations));
     const auto best =
         std::ranges::min_element(candidates, {}, &TransferCandidate::information_criterion);
     for (const TransferCandidate& candidate : candidates)
@@ -414,7 +409,7 @@ void take_nonlinearity(const Table& table, TransferEstimate& estimate) {
 
 TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Sensor& sensor,
                                    double black_standard_uncertainty_dn) {
-    check_times(given);
+    require_times(given);
     std::vector<CodeImage> images;
     for (const ExposedPhoto& photo : given)
         images.push_back(photo.image);
@@ -443,7 +438,6 @@ TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Se
                            {Transfer::Kind::table, curve.chi_square}};
     estimate.candidates.back().parameters =
         estimate.candidates.front().parameters + curve.parameters();
-    judge(estimate.candidates, observed.size());
     const double range = (1 << sensor.bits) - 1 - sensor.black_dn;
     const double top =
         std::max((estimate.saturation_code - sensor.black_dn) / range, estimate.highest_code);
@@ -453,7 +447,7 @@ TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Se
         estimate.points.push_back({curve.irradiance[static_cast<std::size_t>(patch.patch)] *
                                        patch.exposure / curve.radiance(top),
                                    patch.code, patch.standard_uncertainty});
-    estimate.transfer.kind = chosen(estimate.candidates);
+    estimate.transfer.kind = chosen(estimate.candidates, observed.size());
     if (estimate.transfer.kind == Transfer::Kind::table) {
         estimate.transfer.table = table.knots;
         estimate.code_standard_uncertainty = table.uncertainties;

@@ -305,31 +305,26 @@ bool mark_outliers(std::span<const StraightEdge> edges, const Sums& sums, EdgeFi
     return std::ranges::any_of(fit.edges, &FittedEdge::is_outlier);
 }
 
-// How many times larger than the formal covariance the scatter of the edges' scores says it is, on
-// average over the parameters; 1 with too few edges.
-double scatter_ratio(const Sums& sums, const EdgeFit& fit, const MatrixXd& covariance,
-                     const MatrixXd& inverse) {
+// Covariance as the header says: the formal one times how much larger the scatter of the edges'
+// scores says it is, on average over the parameters.
+MatrixXd covariance_of(const Sums& sums, const EdgeFit& fit, bool noise_is_known) {
+    const auto found = covariance_from_information(sums.information, 0.0);
+    if (!found || !found->allFinite())
+        throw NumericalError(undetermined);
+    const MatrixXd& inverse = *found;
+    const double excess =
+        noise_is_known ? std::max(1.0, fit.reduced_chi_square) : fit.reduced_chi_square;
+    const MatrixXd covariance = excess * inverse;
     const auto m = static_cast<int>(inverse.rows());
     if (fit.used_edges < std::max(min_clusters, 2 * m))
-        return 1.0;
+        return covariance;
     MatrixXd scores = MatrixXd::Zero(m, m);
     for (std::size_t i = 0; i < sums.edges.size(); ++i)
         if (!fit.edges[i].is_outlier)
             scores += sums.edges[i].score * sums.edges[i].score.transpose();
     const double n = fit.used_edges;
     const MatrixXd robust = inverse * scores * inverse * (n / (n - m));
-    return MatrixXd(covariance.ldlt().solve(robust)).trace() / m;
-}
-
-// Covariance as the header says.
-MatrixXd covariance_of(const Sums& sums, const EdgeFit& fit, bool noise_is_known) {
-    const auto inverse = covariance_from_information(sums.information, 0.0);
-    if (!inverse || !inverse->allFinite())
-        throw NumericalError(undetermined);
-    const double excess =
-        noise_is_known ? std::max(1.0, fit.reduced_chi_square) : fit.reduced_chi_square;
-    const MatrixXd covariance = excess * *inverse;
-    return covariance * std::max(1.0, scatter_ratio(sums, fit, covariance, *inverse));
+    return covariance * std::max(1.0, MatrixXd(covariance.ldlt().solve(robust)).trace() / m);
 }
 
 void summarize(std::span<const StraightEdge> edges, const BlurModel& model, const Sums& sums,

@@ -31,11 +31,6 @@ cv::Mat filtered(const cv::Mat& image, const cv::Mat& kernel) {
     return result;
 }
 
-const CalibrationModel& calibration_modes() {
-    static const CalibrationModel model{"", {"fx", "fy", "cx", "cy", "k1", "k2"}};
-    return model;
-}
-
 std::vector<int> range(int first, int count) {
     std::vector<int> columns(static_cast<std::size_t>(count));
     std::iota(columns.begin(), columns.end(), first);
@@ -65,16 +60,6 @@ void require_alike(const PhotoFit& fit, const cv::Mat& counted, const cv::Size& 
             "no modes from {} pixels of {} x {} px, a prediction of {} x {} px and noise scale {}",
             cv::countNonZero(counted), counted.cols, counted.rows, fit.predicted.cols,
             fit.predicted.rows, noise_scale));
-}
-
-// Against the covariance that the blocks' scatter tells; the formal one where they are too few.
-double robust_chi_square(const Eigen::VectorXd& values, const Eigen::MatrixXd& inverse,
-                         const Eigen::MatrixXd& scatter, double blocks, double parameters,
-                         double formal) {
-    if (blocks <= parameters + 10.0)
-        return formal;
-    const Eigen::MatrixXd covariance = inverse * scatter * inverse * blocks / (blocks - parameters);
-    return values.dot(pseudo_inverse(covariance, min_eigenvalue * covariance.trace()) * values);
 }
 
 }  // namespace
@@ -145,8 +130,8 @@ ResidualModes::ResidualModes(const PhotoFit& fit, const cv::Mat& counted,
     require_alike(fit, counted, {camera.model().width, camera.model().height}, noise_scale);
     const Images images(fit.predicted, counted);
     const cv::Rect& box = images.box;
-    const ImageMotion motion(camera.projector(), camera_from_marker, calibration_modes(),
-                             images.region);
+    const ImageMotion motion(camera.projector(), camera_from_marker,
+                             {"", {"fx", "fy", "cx", "cy", "k1", "k2"}}, images.region);
     Eigen::Matrix2Xd moved(2, motion.columns());
     Eigen::VectorXd row(column_count);
     information_ = Eigen::MatrixXd::Zero(column_count, column_count);
@@ -258,7 +243,13 @@ ModeFit ResidualModes::fit(ResidualMode mode, const std::vector<ResidualMode>& k
     const double blocks = static_cast<double>(blocks_.size());
     const double parameters = static_cast<double>(own.size() + others.size());
     const double formal = variance > 0 ? explained / variance : 0.0;
-    const double robust = robust_chi_square(values, inverse, scatter, blocks, parameters, formal);
+    double robust = formal;
+    if (blocks > parameters + 10.0) {
+        const Eigen::MatrixXd covariance =
+            inverse * scatter * inverse * blocks / (blocks - parameters);
+        robust =
+            values.dot(pseudo_inverse(covariance, min_eigenvalue * covariance.trace()) * values);
+    }
     result.values = scale(own).cwiseProduct(values);
     result.freedom = static_cast<int>(own.size());
     result.chi_square = std::min(formal, robust);
@@ -274,7 +265,7 @@ std::vector<ModeFit> ResidualModes::significant() const {
         ModeFit best;
         for (int i = 0; i < residual_mode_count; ++i) {
             const auto mode = static_cast<ResidualMode>(i);
-            if (std::find(known.begin(), known.end(), mode) != known.end())
+            if (std::ranges::count(known, mode) > 0)
                 continue;
             const ModeFit one = fit(mode, known);
             if (one.is_significant() && one.size_px > best.size_px)

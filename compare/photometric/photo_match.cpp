@@ -62,30 +62,6 @@ double deviation_of_residuals(const PhotoFit& fit) {
     return std::max(1.4826 * static_cast<double>(*middle), min_gray);
 }
 
-// At a state that was fitted. `photo.use` is that of pixel_uses().
-PhotoFit difference_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                       const PhotoState& state) {
-    PhotoFit fit;
-    fit.state = state;
-    fit.use = photo.use;
-    fit.predicted = predicted_at(photo, camera, state);
-    fit.residual = photo.gray - fit.predicted;
-    const bool known = camera.knows_noise();
-    fit.noise_source = known ? NoiseSource::camera : NoiseSource::residuals;
-    cv::Mat noise(fit.use.size(), CV_32FC1, cv::Scalar(known ? 0.0 : deviation_of_residuals(fit)));
-    for (int y = 0; known && y < noise.rows; ++y)
-        for (int x = 0; x < noise.cols; ++x)
-            noise.at<float>(y, x) =
-                static_cast<float>(camera.noise_gray(fit.predicted.at<float>(y, x)));
-    fit.significance = fit.residual / noise;
-    const cv::Mat scored = photo.use == pixel_scored;
-    fit.noise_gray =
-        cv::norm(noise, cv::NORM_L2, scored) / std::sqrt(std::max(cv::countNonZero(scored), 1));
-    fit.fitted = statistics(fit, pixel_fitted);
-    fit.scored = statistics(fit, pixel_scored);
-    return fit;
-}
-
 }  // namespace
 
 std::optional<double> noise_gray(const Sensor& sensor, double gray) {
@@ -121,32 +97,24 @@ Eigen::VectorXd photometric_variances(const PhotoEquations& equations,
            freedom;
 }
 
-constexpr const char* of_image = "this image";
-
-void add_levels(const std::string& what, const Vector6d& values, const Eigen::VectorXd& variances,
-                std::vector<MatchParameter>& parameters) {
-    constexpr const char* shape[] = {"",         ", along x", ", along y",
-                                     ", by x^2", ", by x y",  ", by y^2"};
-    for (Eigen::Index i = 0; i < variances.size(); ++i)
-        parameters.push_back(
-            {what + shape[i], values[i], std::sqrt(variances[i]), "gray", of_image});
-}
-
 // In the equations' order.
 std::vector<MatchParameter> fitted_parameters(const PhotometricModel& model,
                                               const PhotometricTerms& terms,
                                               const PhotoEquations& equations) {
     const Eigen::VectorXd variances = photometric_variances(equations, terms);
     std::vector<MatchParameter> parameters;
-    const int n = terms.level_terms;
-    add_levels("black level", model.black, variances.head(n), parameters);
-    add_levels("white level", model.white, variances.segment(n, n), parameters);
-    int at = 2 * n;
+    int at = 0;
     const auto add = [&](const std::string& what, double value, double by_parameter,
                          const std::string& unit) {
         parameters.push_back(
-            {what, value, by_parameter * std::sqrt(variances[at++]), unit, of_image});
+            {what, value, by_parameter * std::sqrt(variances[at++]), unit, "this image"});
     };
+    constexpr const char* shape[] = {"",         ", along x", ", along y",
+                                     ", by x^2", ", by x y",  ", by y^2"};
+    for (int i = 0; i < terms.level_terms; ++i)
+        add(std::string("black level") + shape[i], model.black[i], 1.0, "gray");
+    for (int i = 0; i < terms.level_terms; ++i)
+        add(std::string("white level") + shape[i], model.white[i], 1.0, "gray");
     const double sigma = model.psf_sigma_px;
     if (terms.psf)  // from that of the variance: d sigma = d variance / (2 sigma)
         add("width of the blur", sigma, 0.5 / sigma, "px");
@@ -173,9 +141,27 @@ std::optional<double> stated_deviation(const CameraModel& camera, const std::str
     return std::sqrt(camera.covariance->matrix(i, i));
 }
 
+// At the state of equations that were fitted. `photo.use` is that of pixel_uses().
 PhotoFit fit_of(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                 const PhotometricTerms& terms, const PhotoEquations& equations) {
-    PhotoFit fit = difference_at(photo, camera, equations.state);
+    PhotoFit fit;
+    fit.state = equations.state;
+    fit.use = photo.use;
+    fit.predicted = predicted_at(photo, camera, equations.state);
+    fit.residual = photo.gray - fit.predicted;
+    const bool known = camera.knows_noise();
+    fit.noise_source = known ? NoiseSource::camera : NoiseSource::residuals;
+    cv::Mat noise(fit.use.size(), CV_32FC1, cv::Scalar(known ? 0.0 : deviation_of_residuals(fit)));
+    for (int y = 0; known && y < noise.rows; ++y)
+        for (int x = 0; x < noise.cols; ++x)
+            noise.at<float>(y, x) =
+                static_cast<float>(camera.noise_gray(fit.predicted.at<float>(y, x)));
+    fit.significance = fit.residual / noise;
+    const cv::Mat scored = photo.use == pixel_scored;
+    fit.noise_gray =
+        cv::norm(noise, cv::NORM_L2, scored) / std::sqrt(std::max(cv::countNonZero(scored), 1));
+    fit.fitted = statistics(fit, pixel_fitted);
+    fit.scored = statistics(fit, pixel_scored);
     fit.parameters = fitted_parameters(fit.state.photometry, terms, equations);
     fit.state.photometry.pixels = equations.pixels;
     return fit;

@@ -163,12 +163,15 @@ bool are_the_same(const Quad& a, const Quad& b) {
 }
 
 std::optional<Quad> quad_of(std::span<const Line> lines) {
-    const auto first = corner_between(lines[0], lines[1]),
-               second = corner_between(lines[1], lines[2]),
-               third = corner_between(lines[2], lines[3]), last = intersection(lines[3], lines[0]);
-    if (!first || !second || !third || !last)
-        return std::nullopt;
-    return clockwise({*last, *first, *second, *third});
+    Quad quad;
+    for (std::size_t i = 0; i < 4; ++i) {
+        const auto corner =
+            i == 0 ? intersection(lines[3], lines[0]) : corner_between(lines[i - 1], lines[i]);
+        if (!corner)
+            return std::nullopt;
+        quad[i] = *corner;
+    }
+    return clockwise(quad);
 }
 
 // The closed curve from the pixel that is farthest from its centre, a corner if it has corners,

@@ -39,7 +39,7 @@ struct Region {
 // White regions are joined over corners too (8 neighbours), black ones over edges only (4): every
 // region but the outermost one then has exactly one region around it (Rosenfeld, J. ACM 17, 1970).
 // Outside the image all is white. Region 0 is the outermost one; every region comes after its
-// parent. `dark` is CV_8UC1, 255 or 0 (white). About a ns a pixel and 20 a run of equal pixels.
+// parent. `dark` is CV_8UC1, 255 or 0 (white). Some 5 ns a pixel.
 std::vector<Region> region_tree(const cv::Mat& dark);
 
 struct TopotagFit {

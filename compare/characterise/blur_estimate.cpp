@@ -264,9 +264,7 @@ double disk_radius_px(const StraightEdge& edge, const EdgeFit& fit, double depth
     return std::sqrt(disk_radius_squared(edge, fit.parameters[0], fit.parameters[1] * depth_unit));
 }
 
-// The blur changes along an edge that runs into the depth: edges in pieces of 10 px and more.
-// (Whole edges of 20 px on a board tilted by 46 degrees, with 1.8 px of blur, give z_f and N wrong
-// by one standard uncertainty of one photograph.)
+// In pieces of 10 px and more: the blur changes along an edge that runs into the depth.
 std::vector<StraightEdge> in_pieces(std::span<const StraightEdge> edges) {
     std::vector<StraightEdge> pieces;
     for (const StraightEdge& edge : edges) {
@@ -291,8 +289,7 @@ std::vector<StraightEdge> in_pieces(std::span<const StraightEdge> edges) {
     return pieces;
 }
 
-// The edges' widths as a parabola over 1/z: aperture^2 scale^2 / 4 (D - focus)^2 + sigma^2. Nothing
-// when it does not open upwards. Relative errors of variances are alike: weights 1/variance^2.
+// The widths as a parabola over 1/z, weights 1/variance^2; nothing when it does not open upwards.
 std::optional<Eigen::Vector3d> start_of(std::span<const StraightEdge> edges, double depth_unit) {
     const auto n = static_cast<Eigen::Index>(edges.size());
     Eigen::MatrixXd design(n, 3);

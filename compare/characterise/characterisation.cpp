@@ -47,8 +47,7 @@ int bits_of(const CharacteriseInput& input) {
     return bits.front();
 }
 
-// For a plot: what the fit of the defocus used all at once, in groups of equal size, a few edges of
-// each.
+// For a plot: groups of equal size in depth, a few edges of each.
 std::vector<BlurAtDepth> blur_by_depth(std::vector<StraightEdge> edges, CameraModel camera) {
     constexpr std::size_t groups = 10, edges_of_a_group = 7;
     camera.lens.reset();
@@ -70,8 +69,7 @@ std::vector<BlurAtDepth> blur_by_depth(std::vector<StraightEdge> edges, CameraMo
     return result;
 }
 
-// The longest edge of each zone of the image whose angle to the pixels is one that ISO 12233 can
-// use.
+// The longest edge of each zone of the image at an angle that ISO 12233 can use.
 std::vector<const StraightEdge*> modulation_edges(const std::vector<StraightEdge>& edges,
                                                   const CameraModel& camera) {
     std::vector<const StraightEdge*> longest(max_mtf_edges, nullptr);

@@ -72,8 +72,7 @@ public:
         double chi_square = 0.0;
     };
 
-    // Gauss and Newton on coefficients and planes together; the coefficients stay 0 for a fixed
-    // shape.
+    // Gauss and Newton's method; the coefficients stay 0 for a fixed shape.
     Fit fit(Illumination::Kind kind) const {
         const int shape = kind == Illumination::Kind::polynomial ? 3 : 0;
         const int size = shape + 3 * photos_;

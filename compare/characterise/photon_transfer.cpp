@@ -116,8 +116,7 @@ cv::Mat local_level(const cv::Mat& mean, const cv::Mat& use, int step) {
     return sum / cv::max(count, 1.0);
 }
 
-// Correlation of a residual between pixels (x, y) and (x + dx, y + dy), over pairs that are both
-// used: mean product over mean square. 0 without pairs.
+// Correlation of a residual between used pixels (x, y) and (x + dx, y + dy); 0 without pairs.
 double neighbour_correlation(std::span<const cv::Mat> residuals, const cv::Mat& use, int dx,
                              int dy) {
     double product = 0.0, square = 0.0;
@@ -133,8 +132,7 @@ double neighbour_correlation(std::span<const cv::Mat> residuals, const cv::Mat& 
     return square > 0.0 ? product / square : 0.0;
 }
 
-// Noise before rounding, of codes with this variance: rounding's own part and what it may have
-// added beyond are taken out.
+// Noise before rounding, of codes with this variance: at least.
 double least_noise(double code_variance) {
     const double square = std::max(code_variance - rounding_variance, 0.0);
     const double doubt = rounding_uncertainty_of_variance(std::sqrt(square));
@@ -165,8 +163,7 @@ BlackLevel measure_black_level(std::span<const CodeImage> frames) {
     const CodeImage& first = frames.front();
     const double n = static_cast<double>(frames.size());
     const double pixels = static_cast<double>(first.pixels.total());
-    // Sums over the frames of each pixel's difference from the first frame, so that nothing
-    // cancels.
+    // Differences from the first frame, so that nothing cancels.
     cv::Mat sum = cv::Mat::zeros(first.pixels.size(), CV_64FC1), squares = sum.clone(), difference;
     cv::Mat means(1, static_cast<int>(n), CV_64FC1);
     for (int i = 0; i < means.cols; ++i) {
@@ -364,8 +361,7 @@ void add_view(const RepeatedView& view, const SensorModel& sensor, const LevelSc
         }
 }
 
-// A level before the fit: what the codes' variance was, and how well it is known apart from the
-// level of the noise itself.
+// A level before the fit, with what rounding did to it.
 struct Measured {
     NoiseLevel level;
     double rounding_dn2 = 0.0;          // variance that rounding added, taken out of the level's
@@ -423,8 +419,7 @@ struct StraightLine {
     double chi_square;
 };
 
-// Weighted least squares; the weights come from the fitted line, not from the scattering values
-// themselves, which would favour those that came out low.
+// Weights from the fitted line: those of the scattering values would favour low ones.
 StraightLine fit_line(const std::vector<Measured>& levels) {
     StraightLine line;
     for (int round = 0; round < 6; ++round) {

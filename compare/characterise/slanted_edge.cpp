@@ -116,8 +116,7 @@ ArrayXd transposed_difference(const ArrayXd& row) {
 // The transform at each frequency and its derivative by the bins' means.
 class Transform {
 public:
-    // Each bin's mean is moved from its pixels' mean place to the bin's centre along the slope of
-    // its neighbours.
+    // Each bin's mean is moved to the bin's centre along the slope of its neighbours.
     Transform(const Bins& bins, const ArrayXd& variance) : bins_(bins), variance_(variance) {
         line_spread_ = difference(bins.mean - bins.offset * difference(bins.mean));
         window_.resize(line_spread_.size());
@@ -241,8 +240,7 @@ double centroid(const Eigen::MatrixXd& pixels, Eigen::Index y, double centre, do
     return sum > 0.0 ? centre + std::clamp(moment / sum, -half_width, half_width) : centre;
 }
 
-// The standard's two rounds: windows about the middle of the region, then about the line found; a
-// third one, narrower, keeps the far pixels' noise out.
+// The standard's two rounds, and a third, narrower one against the far pixels' noise.
 Line find_line(const Eigen::MatrixXd& pixels) {
     const auto w = static_cast<double>(pixels.cols());
     Line line{0.5 * (w - 1.0), 0.0};

@@ -28,10 +28,8 @@ int patch_count(const std::vector<ExposedPatch>& observed) {
     return std::ranges::max(observed, {}, &ExposedPatch::patch).patch + 1;
 }
 
-// A sensor's inverse transfer curve, radiance from code, fitted to patches that were exposed for
-// known times: g(T) = E t with the patches' irradiances E unknown. Cubic B-spline g with g(0) = 0
-// and g = 1 at the highest code observed. It goes on straight below 0, and beyond the highest code
-// with the bend that it has there.
+// A sensor's inverse transfer curve: g(T) = E t for patches of unknown irradiance E. Cubic B-spline
+// with g(0) = 0 and g = 1 at the highest code observed, straight below 0, with its bend beyond.
 class InverseCurve {
 public:
     InverseCurve(int pieces, double end)
@@ -47,8 +45,7 @@ public:
         const double step = 1e-5 * end_;
         return (radiance(code + step) - radiance(code - step)) / (2.0 * step);
     }
-    // Standard uncertainty of radiance(code) / radiance(top). Beyond the highest code that was seen
-    // the whole effect of the bend is added.
+    // Of radiance(code) / radiance(top). Unseen codes: the whole effect of the bend is added.
     double relative_uncertainty(double code, double top) const;
     int parameters() const { return static_cast<int>(weights_.size()) - 2; }
 
@@ -117,8 +114,8 @@ double InverseCurve::relative_uncertainty(double code, double top) const {
     return std::sqrt(std::max(gradient.dot(covariance_ * gradient), 0.0) + bent * bent);
 }
 
-// Unknown are the inner weights and the irradiances; the equations are linear in both, and their
-// weights need the curve's slope, which the last round gave.
+// Linear in the inner weights and the irradiances; the equations' weights need the last round's
+// slope.
 void InverseCurve::fit(const std::vector<ExposedPatch>& observed) {
     const int inner = pieces_ + 1, patches = patch_count(observed);
     const double longest = std::ranges::max(observed, {}, &ExposedPatch::exposure).exposure;
@@ -170,8 +167,7 @@ bool InverseCurve::rises() const {
     return true;
 }
 
-// Weighted least squares in code, for 1, 2, 3 ... 12 pieces; the number that Schwarz's criterion
-// prefers among those where the curve rises.
+// Of 1, 2, 3 ... 12 pieces those that Schwarz's criterion prefers where the curve rises.
 InverseCurve fit_inverse_curve(const std::vector<ExposedPatch>& observed) {
     const double end = std::ranges::max(observed, {}, &ExposedPatch::code).code;
     std::vector<InverseCurve> curves;
@@ -252,8 +248,7 @@ std::vector<ExposedPatch> observations(std::span<const ExposedPhoto> photos,
     return result;
 }
 
-// Patches that are uniform in the brightest photograph in which they are not clipped, spread over
-// the levels.
+// Patches that are uniform where they are brightest and not clipped, spread over the levels.
 std::vector<cv::Rect> chosen_patches(std::span<const ExposedPhoto> photos, int saturation,
                                      const Sensor& sensor) {
     std::vector<ExposedPhoto> brightest_first(photos.begin(), photos.end());
@@ -383,8 +378,7 @@ Table tabulated(const InverseCurve& curve, double top, double black_uncertainty)
     return table;
 }
 
-// Departure from the line through black with the least squares, where EMVA 1288 looks: from 5 to
-// 95 % of the range.
+// Departure from the least-squares line through black, from 5 to 95 % of the range (EMVA 1288).
 void take_nonlinearity(const Table& table, TransferEstimate& estimate) {
     const auto is_in_range = [&](double code) {
         return code >= 0.05 * estimate.highest_code && code <= 0.95 * estimate.highest_code;

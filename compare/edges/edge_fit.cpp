@@ -177,8 +177,7 @@ FittedEdge first_guess(const StraightEdge& edge) {
     return fitted;
 }
 
-// Least of 1/2 x^T A x - b^T x with x >= lower: Lawson and Hanson's active set, A positive
-// definite. x = 0 is always allowed (no step): parameters off their bound start free.
+// Least of 1/2 x^T A x - b^T x with x >= lower: Lawson and Hanson's active set from x = 0.
 VectorXd bounded_step(const MatrixXd& a, const VectorXd& b, const VectorXd& lower) {
     constexpr double least_gain = 1e-9;
     VectorXd x = VectorXd::Zero(b.size());
@@ -427,8 +426,7 @@ EdgeWidth edge_width(const StraightEdge& edge) {
     return {along_normal * fit.parameters[0], along_normal * std::sqrt(fit.covariance(0, 0))};
 }
 
-// A sloping disk is the mean of uniform disks of the radii s between its own two, by their energy
-// s^2.
+// The mean of uniform disks of the radii s between its own two, by their energy s^2.
 double SlopingDisks::transfer(Eigen::Index k, double frequency) const {
     const double a = inner(k), b = outer(k);
     double sum = 0.0, energy = 0.0;

@@ -28,8 +28,7 @@ struct RenderedPlaces {
     std::array<Rigid, places> poses;
 };
 
-// The lens's blur of a point at this depth, model's Gaussian included: what lies farther carries
-// little light.
+// The lens's blur of a point at this depth, the model's Gaussian included.
 double blur_reach_px(const CameraModel& camera, double depth_mm, double psf_sigma_px) {
     double variance = psf_sigma_px * psf_sigma_px;
     double reach = blur_radius_px(camera, depth_mm);
@@ -176,8 +175,7 @@ public:
             powers.col(j) = powers.col(j - 1).cwiseProduct(displacements);
         coefficients_ = powers.partialPivLu().inverse();
     }
-    // Of the values at the places: the weights that make R and its four derivatives at a
-    // displacement.
+    // Of the values at the places: those that make R and its four derivatives at a displacement.
     Eigen::Matrix<double, places, places> weights(double s) const {
         Eigen::Matrix<double, places, places> basis;
         basis << 1.0, 0.0, 0.0, 0.0, 0.0,               //

@@ -166,8 +166,7 @@ private:
         return frame;
     }
 
-    // How far the line's equation moves per unit of blur. The defocus of a wide lens is that of
-    // depths along the frame's axis, |(x, 1)| times that of distances.
+    // How far the line's equation moves per unit of blur, of depths along the frame's axis.
     double px_per_unit(const Eigen::Vector2d& row, const Eigen::Vector2d& x) const {
         if (projector_.camera().projection.is_flat())
             return row.norm();

@@ -67,8 +67,7 @@ struct Mean {
     double value = 0.0, deviation = 0.0;
 };
 
-// Weighted by the elements' own variances, with the deviation from the weights times the root of
-// the reduced chi-square where that is above 1 (Birge's ratio).
+// Weighted by the elements' own variances; the deviation with Birge's ratio where above 1.
 template <class Element, class Value, class Variance>
 Mean weighted_mean(std::span<const Element> elements, Value value, Variance variance) {
     double weights = 0.0, sum = 0.0, squares = 0.0;

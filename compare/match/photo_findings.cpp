@@ -83,8 +83,7 @@ std::optional<Eigen::Vector2d> pixel_of(const Projector& projector, const Rigid&
     return pixel;
 }
 
-// Nine places in the middle half of a cell; nothing where one of them is not in the image. Adds to
-// the sums of `shown`.
+// Nine places in the middle half of a cell, all in the image. Adds to the sums of `shown`.
 std::optional<CellSample> sample_cell(const cv::Mat& gray, const Projector& projector,
                                       const CellGrid& grid, const Rigid& pose, int row, int column,
                                       ShownPattern& shown) {
@@ -310,8 +309,7 @@ cv::Mat window_means(const cv::Mat& values, const cv::Mat& used, int side, int s
     return means;
 }
 
-// Where a photograph differs from its rendering by a good part of the contrast over more than an
-// edge's width: something covers the marker, or shines on it.
+// Something covers the marker, or shines on it: a good part of the contrast over a wide place.
 struct CoveredAreas {
     double largest = 0.0;       // of all windows, in parts of the contrast
     double share = 0.0;         // of the compared pixels that lie in windows above the limit
@@ -584,8 +582,7 @@ void name_the_rival(const ResidualModes& modes, const ModeFit& fit, Finding& fin
                         rows ? "a wrong calibration" : "a rolling shutter", 100.0 * other / own);
 }
 
-// Measured on the edges' mean profile, as `etalon characterise` does. Nothing where the marker's
-// cells are too small to have one.
+// On the edges' mean profile. Nothing where the marker's cells are too small to have one.
 Findings sharpening_findings(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
                              const PhotometricCamera& camera, const PhotoState& state) {
     constexpr std::size_t enough_edges = 40;

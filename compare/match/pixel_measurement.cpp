@@ -73,8 +73,8 @@ Eigen::MatrixXd scaled_solution(const Eigen::MatrixXd& information, const Eigen:
     return scale.asDiagonal() * solver.solve(Eigen::MatrixXd(scale.asDiagonal() * right));
 }
 
-// The deviations' part of normal equations in which all others are solved. Those that are renders'
-// changes come first, the tone last but one, the noise last.
+// The deviations' part of normal equations in which all others are solved. Order: renders' changes
+// first, the tone last but one, the noise last.
 void reduce(const PhotoEquations& equations, const std::array<bool, deviation::count>& asked,
             PhotoEvidence& pixels) {
     std::vector<Eigen::Index> wanted;

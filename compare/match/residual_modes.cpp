@@ -93,8 +93,7 @@ struct ResidualModes::Images {
 
     Eigen::RowVector2d gradient(int x, int y) const { return {at(by_x, x, y), at(by_y, x, y)}; }
 
-    // How a pixel's gray changes with each column's parameter; `moves` by the calibration's six and
-    // the pose's.
+    // `moves` by the calibration's six and the pose's.
     void fill_row(int x, int y, const PhotometricModel& model, const CameraModel& camera,
                   const Eigen::RowVectorXd& moves, Eigen::VectorXd& row) const {
         const Vector6d terms = level_terms(x, y, size);

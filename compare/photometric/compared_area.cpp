@@ -41,8 +41,7 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
     const CellGrid& grid = marker.grid;
     const Eigen::Vector2d size =
         grid.cell_mm.cwiseProduct(Eigen::Vector2d(grid.columns(), grid.rows()));
-    // Boards and round TopoTags are drawn with cells far smaller than what is on them: blocks of a
-    // square, or of the tag's own cells.
+    // Boards and round TopoTags have cells far smaller than what is on them.
     Eigen::Vector2d cell = grid.cell_mm;
     if (marker.columns > 0)
         cell.setConstant(marker.size_mm / 2.0);
@@ -54,8 +53,7 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
 PlaneSight::PlaneSight(const Projector& projector, const Rigid& camera_from_marker,
                        const cv::Rect& region)
     : projector_(&projector), region_(region), nodes_(cv::Size(0, 0), CV_64FC3) {
-    // [r1 r2 t] takes (X, Y, 1) on the marker to the ray times its depth; the inverse takes a ray
-    // to (X, Y, 1) / depth.
+    // [r1 r2 t] takes (X, Y, 1) to the ray times its depth.
     Eigen::Matrix3d ray_from_plane = camera_from_marker.rotation.toRotationMatrix();
     ray_from_plane.col(2) = camera_from_marker.translation;
     const double volume = ray_from_plane.determinant();

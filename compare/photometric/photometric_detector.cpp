@@ -94,8 +94,8 @@ struct Solution {
     }
 };
 
-// The other of the two poses that geometry hardly tells apart: from the mirrored tilt down to where
-// nine points of the pattern come nearest to their images, if that is not the pose itself again.
+// From the mirrored tilt down to where nine points of the pattern come nearest to their images, if
+// that is not the pose itself again.
 Rigid other_planar_pose(const Projector& projector, const CellGrid& grid, const Rigid& pose) {
     const Rigid mirrored = tilt_mirrored(pose, grid);
     std::vector<Eigen::Vector3d> points;
@@ -171,8 +171,7 @@ Rigid tilt_mirrored(const Rigid& camera_from_marker, const CellGrid& grid) {
     const Eigen::Vector3d middle_mm = grid.point_mm(0.5 * grid.columns(), 0.5 * grid.rows());
     const Eigen::Vector3d middle = camera_from_marker * middle_mm;
     const Eigen::Vector3d sight = middle.normalized();
-    // The marker's axes lose their components along the line of sight to the other side; the
-    // reflected normal is turned back to its side.
+    // The axes are reflected along the line of sight; the normal is turned back to its side.
     Eigen::Matrix3d axes = (Eigen::Matrix3d::Identity() - 2.0 * sight * sight.transpose()) *
                            camera_from_marker.rotation.toRotationMatrix();
     axes.col(2) = -axes.col(2);

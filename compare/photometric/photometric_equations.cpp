@@ -111,8 +111,7 @@ struct PixelEquation {
     }
 };
 
-// Rows that are added to normal equations many at a time: their columns are the last ones of the
-// equations'.
+// Rows of the equations' last columns, added to the normal equations many at a time.
 class RowBlock {
 public:
     RowBlock(Eigen::Index columns, PhotoEquations& equations)
@@ -174,8 +173,7 @@ void add_known_saturation(const Saturation& saturation, const PhotometricTerms& 
     observe(at + 1, known.knee_gray - saturation.knee_gray, knee_deviation_gray);
 }
 
-// A pose that is held is no unknown, nor is a parameter that stands at the end of its range and
-// would leave it.
+// A held pose is no unknown, nor is a parameter that would leave its range.
 void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& terms,
                         PhotoEquations& equations) {
     const auto fix = [&](Eigen::Index at) {

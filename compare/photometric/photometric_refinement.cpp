@@ -179,8 +179,7 @@ ViewEquations camera_equations(const PhotoEquations& equations, std::size_t para
     const Damped one(equations, static_cast<Eigen::Index>(parameters), 0.0);
     const Eigen::MatrixXd information = one.information();
     const Eigen::VectorXd score = one.score();
-    // A square root of the information, which one photograph need not determine fully, made
-    // triangular. Scaled to a unit diagonal: the parameters' units differ by orders of magnitude.
+    // A triangular square root of the information, scaled to a unit diagonal.
     constexpr double rounding = 1e-12;
     const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt();
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(Eigen::MatrixXd(
@@ -232,8 +231,7 @@ PhotoOfMarker training_photo(const Job& job, std::size_t photo, const Photometri
     return photo_of(job, photo, use, 255);
 }
 
-// Refined from these photographs' corners. The photometric models start where they were with all
-// photographs, if those are given: that saves time and decides nothing.
+// The photometric models start where they were with all photographs, if given, to save time.
 Place refined_on(const Job& job, const Indices& training, const CameraFit& corners,
                  const std::shared_ptr<const PhotometricCamera>& camera, const Place* all) {
     std::vector<PhotoOfMarker> photos;

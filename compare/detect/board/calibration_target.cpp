@@ -32,8 +32,7 @@ FoundBoard find_points(const Marker& board, const CodeImage& image) {
     return find_circle_centroids(board, photo);
 }
 
-// The centroid of a projected disk, by Green's theorem along its outline: the trapezoidal rule,
-// which converges exponentially on a closed smooth curve. Nothing when part of it has no image.
+// The centroid of a projected disk by Green's theorem, trapezoidal rule along its outline.
 std::optional<Eigen::Vector2d> disk_centroid(const Projector& projector,
                                              const Rigid& camera_from_target,
                                              const Eigen::Vector3d& centre_mm, double radius_mm) {

@@ -44,8 +44,7 @@ SaddleGuess guess_of(const Board& board, int row, int column, bool lower_right_i
             area / std::max(along.norm(), down.norm())};
 }
 
-// Mirrored orders do not occur on a board seen from the front: rows are then counted from the
-// wrong side.
+// A mirrored order means rows that are counted from the wrong side.
 void make_right_handed(Board& board) {
     const cv::Point2f origin = board.at(0, 0);
     const cv::Point2f along_row = board.at(0, board.columns - 1) - origin;
@@ -59,7 +58,7 @@ void make_right_handed(Board& board) {
 }
 
 // How much brighter the squares between inner corners are whose row and column add to an even
-// number, at their centres. They are the black ones in sim/marker/marker.h.
+// number: black ones in sim/marker/marker.h.
 double even_minus_odd(const Board& board, const cv::Mat& pixels) {
     double sum[2] = {0, 0};
     int count[2] = {0, 0};
@@ -90,8 +89,7 @@ bool find_board_at_scale(const cv::Mat& image, Board& board) {
                                        cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE);
 }
 
-// Large images are halved first, where the finder is quick and squares are large enough; what it
-// gives is refined on the whole image.
+// Large images are halved first, where the finder is quick.
 bool find_whole_board(const cv::Mat& image, Board& board) {
     constexpr double enough_pixels = 1.5e6;
     cv::Mat halved = image;

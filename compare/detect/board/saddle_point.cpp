@@ -28,8 +28,7 @@ struct Sample {
     double value, weight;
 };
 
-// The pixels of a disk, fading out over its last pixel so that nothing jumps when it moves: of wide
-// ones every few pixels, and all that `beside_edges` says are (at a place from the centre).
+// The pixels of a disk, fading out over its last pixel: every `step`-th and all `beside_edges`.
 template <class Function>
 std::vector<Sample> window_around(const cv::Mat& pixels, const Eigen::Vector2d& centre,
                                   double radius, int step, Function beside_edges) {
@@ -52,8 +51,7 @@ std::vector<Sample> window_around(const cv::Mat& pixels, const Eigen::Vector2d& 
     return samples;
 }
 
-// A step blurred by a Gaussian and by the pixel's own square: across an edge that is a box of the
-// square's longer projected side and a shorter one, whose variance joins the Gaussian's.
+// A step blurred by a Gaussian and by the pixel's square, which is a box across the edge.
 struct BlurredStep {
     double value, slope, by_blur;  // -1..1; its derivatives by the distance and by the Gaussian
 };

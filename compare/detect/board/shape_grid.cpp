@@ -76,8 +76,7 @@ struct ShapeScale {
     int halvings, window;  // of the image, and its side in px
 };
 
-// From the coarsest, which is the cheapest, to the finest, which sees dots of 5 px. Those of 200 px
-// are seen at the third halving of an image that has 1000 px.
+// From the coarsest, the cheapest, to the finest, which sees dots of 5 px.
 std::vector<ShapeScale> shape_scales(cv::Size image_size) {
     constexpr int min_side_px = 100, narrow_window = 15, wide_window = 45;
     std::vector<ShapeScale> scales;
@@ -167,8 +166,7 @@ struct PlaceLess {
         return std::pair(a.x(), a.y()) < std::pair(b.x(), b.y());
     }
 };
-// Indices of the shapes in a lattice, by their place in steps; the second step is clockwise of the
-// first as seen.
+// Shapes by their place in steps; the second step is clockwise of the first as seen.
 using Lattice = std::map<Eigen::Vector2i, std::size_t, PlaceLess>;
 
 // One lattice being grown.
@@ -246,8 +244,7 @@ private:
         return found == places_.end() ? nullptr : &points_[found->second].centre;
     }
 
-    // The steps at a place from what is known on both of its sides, or else those it was found
-    // with.
+    // From what is known on both sides of a place, or else the steps it was found with.
     Eigen::Matrix2d steps_at(const Node& node) const {
         Eigen::Matrix2d steps = node.steps;
         const Eigen::Vector2d here = *seen_at(node.place);
@@ -325,8 +322,7 @@ std::vector<Eigen::Matrix2i> changes_of_basis() {
     return changes;
 }
 
-// The largest lattices first, each of at least `least` shapes; every shape is in one at most.
-// Neighbours differ in area by less than half.
+// The largest lattices first, each of at least `least` shapes, every shape in one at most.
 std::vector<Lattice> find_lattices(const std::vector<DarkShape>& shapes, std::size_t least) {
     const Neighbourhood near(shapes);
     std::vector<bool> taken(shapes.size(), false);
@@ -346,16 +342,14 @@ std::vector<Lattice> find_lattices(const std::vector<DarkShape>& shapes, std::si
     return lattices;
 }
 
-// The board in a lattice: the places that it covers, in its order, and which shapes they are;
-// nothing where one is hidden.
+// The places that a board covers in a lattice, in its order, and the shapes seen there.
 struct LaidBoard {
     std::vector<Eigen::Vector2i> covered;
     std::vector<std::optional<std::size_t>> shapes;
     std::size_t seen = 0;
 };
 
-// All shifts of the board over the lattice under all changes of basis, those that have the most
-// shapes, `least` or more.
+// All shifts of the board under all changes of basis that see the most shapes, `least` or more.
 std::vector<LaidBoard> best_ways(const Lattice& lattice, const std::vector<Eigen::Vector2i>& board,
                                  std::size_t least) {
     const Eigen::AlignedBox2i own = bounds(board);
@@ -389,8 +383,8 @@ std::vector<LaidBoard> best_ways(const Lattice& lattice, const std::vector<Eigen
     return best;
 }
 
-// Of all ways in which the board covers the same places, two after half a turn and four of a
-// square, that with its whole first half at the upper left: its first place may be hidden.
+// Of all ways in which the board covers the same places, that with its first half at the upper
+// left.
 FoundShapes first_half_at_upper_left(const std::vector<DarkShape>& shapes,
                                      const std::vector<LaidBoard>& ways) {
     const auto place_of_first_half = [&](const LaidBoard& way) {

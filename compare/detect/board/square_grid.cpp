@@ -60,8 +60,8 @@ double misfit(const Corners& seen, const Corners& expected) {
     return largest;
 }
 
-// Where to look for the corners of every square: at those of the shape that was found, or else
-// where the plane of the others has them. Nothing where most shapes are not the board's squares.
+// The corners of the shape that was found, or else of the others' plane. Nothing where most shapes
+// are not the board's squares.
 std::vector<Corners> guessed_corners(const Marker& board, const Eigen::Matrix3d& view,
                                      const std::vector<std::optional<DarkShape>>& squares,
                                      const std::vector<Eigen::Vector2i>& places) {

@@ -105,8 +105,7 @@ struct LocalView {
     Eigen::Vector2d pixel;
     Eigen::Matrix2d px_per_mm;  // derivative
 
-    // A dark quadrant to the right and below, or with `flipped` directions; `room_mm` to the next
-    // edge in the direction that is seen shortest.
+    // A dark quadrant to the right and below, or flipped; `room_mm` to the next edge.
     SaddleGuess guess(bool flip_x, bool flip_y, double room_mm) const {
         const Eigen::Vector2d along = px_per_mm.col(0), down = px_per_mm.col(1);
         return {pixel,
@@ -115,8 +114,7 @@ struct LocalView {
     }
 };
 
-// From the corners of the matched tags whose centres are within `reach_mm` of the point; nothing
-// without them.
+// From the corners of the matched tags within `reach_mm`; nothing without them.
 std::optional<LocalView> local_view(const std::vector<MatchedTag>& tags,
                                     const Eigen::Vector2d& point_mm, double reach_mm) {
     std::vector<const MatchedTag*> near;
@@ -152,8 +150,7 @@ SeenLayout seen_in(const Marker& board, const CharucoLayout& layout,
                                found)};
 }
 
-// The layout with which most of the tags agree; the named one where both do as well, as when a
-// single row of tags is seen. With an odd number of rows there is only one.
+// The layout of most of the tags, the named one in doubt. An odd number of rows has only one.
 SeenLayout best_layout(const Marker& board, int first_id,
                        const std::vector<DetectedCorners>& found) {
     SeenLayout named = seen_in(board, {first_id, board.white_corner}, found);
@@ -207,8 +204,8 @@ void add_corners_beside(const SeenLayout& seen, const Marker& board, const cv::M
             continue;
         const auto view = local_view(seen.tags, point_mm, around * square);
         const int id = static_cast<int>(i), inner = board.columns - 1;
-        // The squares at the corner's upper left and lower right are black where its row and column
-        // add to an even number, or white.
+        // Squares at the upper left and lower right: black where row and column add to an even
+        // number.
         const bool is_even = (id / inner + id % inner) % 2 == 0;
         if (view)
             found.add(

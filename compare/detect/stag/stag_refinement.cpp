@@ -40,8 +40,7 @@ public:
         return image_centre_ + half_diagonal_px_ * bent(offset(straight), distortion_);
     }
 
-    // Of pixel(point) by the homography's first eight numbers, row by row, by the distortion, and
-    // by the edges' shift (nothing).
+    // Of pixel(point) by the homography's first eight numbers, the distortion, the shift (nothing).
     Derivatives derivatives(const Eigen::Vector2d& point) const {
         const Eigen::Vector3d whole = image_from_marker_ * point.homogeneous();
         const Eigen::Vector2d straight = whole.hnormalized(), d = offset(straight);
@@ -107,8 +106,7 @@ struct StagEdge {
 
 constexpr int edges_a_side = 40, edges_around = 120;
 
-// Inside the circle the outer ring of code discs begins at 0.35; where its discs are white, the
-// next ring at 0.27.
+// The outer ring of code discs begins at 0.35, the next one at 0.27.
 constexpr double room_to_outer_ring = stag_circle_radius - 0.35;
 constexpr double room_to_next_ring = stag_circle_radius - 0.28;
 

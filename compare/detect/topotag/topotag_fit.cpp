@@ -16,8 +16,7 @@ namespace {
 // exact along straight edges, and symmetric about each shape's centre, on which a vertex's place
 // depends. Shapes are painted over each other as if each had been blurred alone.
 
-// A value with its derivatives by the place on the tag (per cell), by the logarithm of the blur and
-// by the growth of what is white (per px).
+// With derivatives by the place on the tag (per cell), ln blur and white's growth (per px).
 struct Shade {
     double value = 0.0;  // 0 black, 1 white
     Eigen::Vector4d slope = Eigen::Vector4d::Zero();
@@ -77,8 +76,7 @@ StepResponse step_at(double x) {
     return table.at(x);
 }
 
-// A strip of half width h at the distance d from its middle, both in sigmas of its blur: the value
-// and its derivatives by d, by ln sigma and by h.
+// A strip of half width h at d from its middle, in sigmas: value, derivatives by d, ln sigma and h.
 Eigen::Vector4d strip(double d, double h) {
     const double a = h - d, b = h + d;
     const StepResponse right = step_at(a), left = step_at(b);
@@ -112,8 +110,7 @@ Shade disk_cover(const Eigen::Vector2d& d, double h, double growth, const SeenEd
             {slope.x(), slope.y(), -height * a * edge.slope, height * edge.slope}};
 }
 
-// How much of a point (in cells) a shape covers. What is white grows and what is black shrinks; the
-// last derivative is that by the growth.
+// How much of a point (in cells) a shape covers. What is white grows and what is black shrinks.
 Shade cover(const TopotagShape& shape, const Eigen::Vector2d& cell, const SeenEdges& edges) {
     const Eigen::Vector2d d = cell - shape.centre;
     const double sign = shape.is_white ? 1.0 : -1.0, growth = sign * edges.growth_in_sigmas;
@@ -151,8 +148,7 @@ Shade shade(std::span<const TopotagShape> shapes, const Eigen::Vector2d& cell,
     return result;
 }
 
-// The tag as it is seen around one node. The baseline's two vertices have one window: the tone
-// curve moves its outer edges towards its middle, not its vertices.
+// The tag around one node. The baseline's two vertices share a window.
 struct Window {
     std::size_t first_vertex = 0;
     std::vector<TopotagShape> dots;  // at the vertices, whether they are there or not
@@ -330,8 +326,7 @@ void summarise(const std::vector<WindowFit>& fits, TopotagFit& result) {
     result.explained = 1.0 - residual / variance;
 }
 
-// Black nodes on white as strong as the others', and dots that are there or are not. A wrong bit
-// would need a dot that is wrong by 0.65, six and a half of the deviations that are let pass.
+// Black nodes on white as strong as the others', and dots that are there or are not.
 bool looks_like_a_tag(const std::vector<WindowFit>& fits, const TopotagFit& tag) {
     constexpr double min_explained = 0.8, min_step = 0.4;  // of the median
     constexpr double max_doubt = 0.35, max_dot_deviation = 0.1;

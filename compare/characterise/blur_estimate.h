@@ -16,7 +16,7 @@
 namespace etalon {
 
 // Point spread: what `lens: psf` of the camera file holds. A Gaussian in place of the Airy pattern
-// (psf: gaussian), without the defocus that the camera's lens section tells; or any round pattern
+// (psf: gaussian), without the defocus that the camera's lens section states; or any round pattern
 // whose density does not rise outwards (psf: measured), which holds the defocus: non-negative
 // weights of disks with sloping rims.
 //

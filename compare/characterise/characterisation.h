@@ -31,7 +31,7 @@ struct CharacteriseInput {
     std::vector<CodeImage> repeats, darks;
     std::vector<ExposedPhoto> exposures;
     // A JPEG file among repeats, darks and exposures, of which no noise is measured: at high
-    // quality its gain is a fifth too low and nothing in the pixels tells. Empty: none.
+    // quality its gain is a fifth too low and the pixels do not show it. Empty: none.
     std::string lossy_file;
 };
 

@@ -6,7 +6,7 @@
 //
 // Every photograph p has its own level and its own plane (x, y from the image's centre in half
 // diagonals), which takes a field's unevenness of first order. Unevenness that is symmetric about
-// the principal point cannot be told from the lens: it limits the result. Candidates: uniform,
+// the principal point cannot be separated from the lens: it limits the result. Candidates: uniform,
 // cos^4 of the field angle, and the polynomial; chosen by Schwarz's criterion with the polynomial's
 // residuals as the scale of the scatter.
 #pragma once

@@ -77,8 +77,7 @@ struct PhotonTransfer {
 //  - the noise of neighbouring pixels is correlated by over 0.05 (JPEG, interpolated colours,
 //    denoising, sharpening);
 //  - fewer than 4 levels of 100 pixels are neither clipped nor lost in rounding (variance below
-//  0.24
-//    DN^2, as EMVA 1288 has it), or they do not determine the gain to 20 %;
+//    0.24 DN^2, as EMVA 1288 has it), or they do not determine the gain to 20 %;
 //  - the variance does not follow the model to 10 %.
 // About 30 ns a pixel and photograph. Safe from every thread.
 PhotonTransfer measure_photon_transfer(std::span<const RepeatedView> views,

@@ -34,7 +34,7 @@ struct Level {
     double level, noise;
 };
 
-Level level_beside(std::span<const EdgePixel> samples, double sign, double half_width) {
+Level side_level(std::span<const EdgePixel> samples, double sign, double half_width) {
     std::vector<const EdgePixel*> side;
     for (const EdgePixel& sample : samples)
         if (sign * sample.distance_px > 0.6 * half_width)
@@ -176,8 +176,8 @@ void find_half(SlantedEdge& edge) {
 }
 
 void transform(std::span<const EdgePixel> samples, double half_width, SlantedEdge& edge) {
-    const Level dark = level_beside(samples, -1.0, half_width);
-    const Level light = level_beside(samples, 1.0, half_width);
+    const Level dark = side_level(samples, -1.0, half_width);
+    const Level light = side_level(samples, 1.0, half_width);
     constexpr double min_contrast_in_noise = 5.0;
     if (!(light.level - dark.level > min_contrast_in_noise * std::max(light.noise, dark.noise)))
         throw NumericalError(

@@ -27,7 +27,7 @@ struct DetectedCorners {
     bool is_whole() const { return points.empty(); }
 };
 
-// The points of the marker that these pixels show: what estimate_pose() needs beside them.
+// The points of the marker that these pixels show: what estimate_pose() needs with them.
 std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const DetectedCorners& corners);
 
 // What a detector finds in one image.

@@ -152,7 +152,7 @@ void add_noise(const PhotoOfMarker& photo, const PhotometricCamera& camera, cons
 
 // Mean of a ring beside the printed area, clear of what is blurred into it, of what lies about its
 // median; nothing where it is not in the image.
-std::optional<double> gray_beside(const cv::Mat& gray, const cv::Mat& printed, double blur_px) {
+std::optional<double> ring_mean(const cv::Mat& gray, const cv::Mat& printed, double blur_px) {
     constexpr int width = 8, enough = 100;
     constexpr double about_gray = 10.0;
     const double clear = 3.0 * blur_px + 2.0;
@@ -179,7 +179,7 @@ void add_background(const PhotoOfMarker& photo, const PhotometricCamera& camera,
     const cv::Rect region = padded(cv::boundingRect(printed), reach, printed.size());
     const double blur_px =
         std::min(blur_sigma_px(camera.model(), state.camera_from_marker.translation.z()), 9.0);
-    const auto seen = gray_beside(photo.gray(region), printed(region), blur_px);
+    const auto seen = ring_mean(photo.gray(region), printed(region), blur_px);
     if (!seen)
         return;
     const cv::Point middle = (region.tl() + region.br()) / 2;
@@ -257,7 +257,7 @@ PhotoEvidence DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
                                        const Rigid& camera_from_marker,
                                        const std::optional<ComparedArea>& whole,
                                        std::optional<double> noise_scale) const {
-    constexpr double none_held_back = 1e3;
+    constexpr double no_limit = 1e3;
     const PhotoOfMarker photo = with_few_flats(all_of_it, camera_, camera_from_marker);
     const ImageMotion motion(camera_.projector(), camera_from_marker, {},
                              fitted_region(photo, camera_));
@@ -270,11 +270,11 @@ PhotoEvidence DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
         state.photometry.psf_sigma_px = std::sqrt(std::max(deviating_[deviation::blur], 0.0));
     state.photometry.tone = deviating_[deviation::tone];
     PhotoEvidence pixels;
-    state = with_fitted_levels(photo, camera_, rendered, motion, state, none_held_back);
+    state = with_fitted_levels(photo, camera_, rendered, motion, state, no_limit);
     pixels.residual_scale =
-        std::max(1.0, 1.4826 * none_held_back *
+        std::max(1.0, 1.4826 * no_limit *
                           photo_equations(photo, camera_, state, detector_terms(camera_.model()),
-                                          rendered, motion, none_held_back)
+                                          rendered, motion, no_limit)
                               .median_size);
     state = with_fitted_levels(photo, camera_, rendered, motion, state, pixels.residual_scale);
     const std::vector<cv::Mat> by_deviations =

@@ -49,10 +49,10 @@ public:
     ResidualModes(const PhotoFit& fit, const cv::Mat& counted, const PhotometricCamera& camera,
                   const Rigid& camera_from_marker, double noise_scale);
 
-    // A mode beside what the fit had and the modes in `known`.
+    // A mode in addition to what the fit had and the modes in `known`.
     ModeFit fit(ResidualMode mode, const std::vector<ResidualMode>& known) const;
 
-    // The modes that stand out, the largest first, each found beside those before it.
+    // The modes that stand out, the largest first, each in addition to those before it.
     std::vector<ModeFit> significant() const;
 
 private:

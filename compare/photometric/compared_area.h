@@ -26,9 +26,8 @@ struct ComparedArea {
 };
 
 // Of a chessboard: its inner corners and the margin around them. Of any other marker: all of its
-// grid, a tag's white border included. Throws ConfigError (at
-// `place`) for a margin that is not finite, leaves nothing, or reaches over one square, where the
-// board ends.
+// grid, a tag's white border included. Throws ConfigError (at `place`) for a margin that is not
+// finite, leaves nothing, or reaches over one square, where the board ends.
 ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
                            const std::string& place);
 

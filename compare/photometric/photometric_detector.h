@@ -105,7 +105,7 @@ private:
     double background_;
 };
 
-// What is fitted beside the pose: planes of black and white, a Gaussian's width where the camera
+// What is fitted with the pose: planes of black and white, a Gaussian's width where the camera
 // has no lens section, a tone where it has no sensor section.
 PhotometricTerms detector_terms(const CameraModel& camera);
 

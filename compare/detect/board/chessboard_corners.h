@@ -27,7 +27,7 @@ struct ChessboardCorners {
 // half turn leaves:
 //  - columns + rows odd: the colours tell (black at the top left as in sim/marker/marker.h);
 //  - even: OpenCV's (the first corner towards the image's top left for a board that is roughly
-//    upright); of square boards the quarter turn is told by the colours.
+//    upright); of square boards the colours give the quarter turn.
 // Safe from every thread. Some 50 ms for a 640x480 photo, up to a second where there is no board
 // (half a minute in pure noise).
 std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image, int columns,

@@ -148,9 +148,9 @@ void expect_within_a_hundredth(const EdgeInView& view, double degrees, Pulls& pu
         }
     }
     std::printf("%5.0f  %6.3f  %.4f  %.4f +- %.4f (%.4f)  %.4f +- %.4f (%.3f)\n", degrees,
-                edge.angle_deg, worst, edge.at_nyquist,
-                edge.at_nyquist_standard_uncertainty, analytic(view.camera, degrees, 0.5),
-                edge.mtf50_cycles_per_px, edge.mtf50_standard_uncertainty,
+                edge.angle_deg, worst, edge.at_nyquist, edge.at_nyquist_standard_uncertainty,
+                analytic(view.camera, degrees, 0.5), edge.mtf50_cycles_per_px,
+                edge.mtf50_standard_uncertainty,
                 analytic(view.camera, degrees, edge.mtf50_cycles_per_px));
     EXPECT_LT(worst, 0.01) << degrees;
     EXPECT_NEAR(edge.angle_deg, degrees, 0.02);

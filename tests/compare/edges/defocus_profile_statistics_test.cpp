@@ -6,8 +6,8 @@
 #include <cstdio>
 
 #include "compare/edges/edge_summary.h"
-#include "core/statistics/distributions.h"
 #include "core/program/errors.h"
+#include "core/statistics/distributions.h"
 #include "tests/compare/edges/edge_scenes.h"
 
 namespace etalon {
@@ -50,8 +50,8 @@ Comparison compared(const Claim& claim, int seed) {
     std::vector<double> chi_squares;
     for (const EdgeShift& edge : shifts)
         chi_squares.push_back(edge.reduced_chi_square);
-    return {defocus_profile(photo, scene.rendered(), camera.projector(), scene.board.grid, scene.pose,
-                            area, shifts),
+    return {defocus_profile(photo, scene.rendered(), camera.projector(), scene.board.grid,
+                            scene.pose, area, shifts),
             edge_summary(shifts), median(chi_squares)};
 }
 
@@ -145,8 +145,8 @@ TEST(DefocusProfile, SaysWhenAWidthHasNoLeastValue) {
     EXPECT_GT(profile.edges, 40);
     CameraModel telecentric = scene.camera;
     telecentric.projection.kind = Projection::telecentric;
-    EXPECT_THROW(defocus_profile(photo, rendering, Projector(telecentric), scene.board.grid, scene.pose,
-                                 compared_area(scene.board, {}, "test"), {}),
+    EXPECT_THROW(defocus_profile(photo, rendering, Projector(telecentric), scene.board.grid,
+                                 scene.pose, compared_area(scene.board, {}, "test"), {}),
                  NumericalError);
 }
 

@@ -74,6 +74,10 @@ struct Prediction {
         return predicted_gray(state({}).photometry, radiance, {});
     }
 
+    std::vector<EdgeShift> shifts_without_noise(const Difference& difference, int samples) const {
+        return shifts(without_noise(radiance(difference, samples)), difference);
+    }
+
     // How far the edge's middle moved along its normal.
     double true_shift(const EdgeShift& edge, const Difference& difference) const {
         Eigen::Vector3d point = camera.projector().unproject(edge.middle_px).value().homogeneous();
@@ -151,8 +155,7 @@ double rms(const std::vector<EdgeShift>& found, const Error& error) {
 TEST(EdgeShifts, OfHalfAPixelAreRight) {
     const Prediction predicted;
     const Difference known{"", {-0.36, -0.5}};
-    const auto found =
-        predicted.shifts(predicted.without_noise(predicted.radiance(known, 64)), known);
+    const auto found = predicted.shifts_without_noise(known, 64);
     const double largest = std::abs(
         std::max_element(found.begin(), found.end(), [](const EdgeShift& a, const EdgeShift& b) {
             return std::abs(a.shift_px) < std::abs(b.shift_px);
@@ -173,8 +176,7 @@ TEST(EdgeShifts, BlurIsRightToATwentieth) {
     const Prediction predicted;
     for (const double variance : {-0.1, 0.1}) {
         const Difference known{"", {0, 0}, variance};
-        const auto found =
-            predicted.shifts(predicted.without_noise(predicted.radiance(known, 64)), known);
+        const auto found = predicted.shifts_without_noise(known, 64);
         double mean = 0.0;
         for (const EdgeShift& edge : found)
             mean += edge.blur_variance_px2 / predicted.true_variance(edge, known) / 49.0;
@@ -188,8 +190,7 @@ TEST(EdgeShifts, BlurIsRightToATwentieth) {
 TEST(EdgeShifts, BeyondTheirRangeAreSaidToBe) {
     const Prediction predicted;
     const Difference known{"", {1.3, 0.2}};
-    const auto found =
-        predicted.shifts(predicted.without_noise(predicted.radiance(known, 32)), known);
+    const auto found = predicted.shifts_without_noise(known, 32);
     int beyond = 0;
     for (const EdgeShift& edge : found) {
         if (std::abs(predicted.true_shift(edge, known)) > 1.0) {
@@ -209,8 +210,7 @@ TEST(EdgeShifts, PartsAddUpAndNameTheirCause) {
     const auto square = [](double part) { return part * std::abs(part); };
     for (const Difference& known : {Difference{"", {0.3, 0.4}}, Difference{"", {0, 0}, 0.1},
                                     Difference{"", {0, 0}, 0, 4, 7}}) {
-        const cv::Mat gray = predicted.without_noise(predicted.radiance(known, 64));
-        const EdgeParts parts = edge_summary(predicted.shifts(gray, known)).parts;
+        const EdgeParts parts = edge_summary(predicted.shifts_without_noise(known, 64)).parts;
         const double whole = square(parts.residual_gray);
         std::printf("parts: shift %.2f, blur %.2f, photometric %.2f, rest %.2f of %.2f gray\n",
                     parts.shift_gray, parts.blur_gray, parts.photometric_gray, parts.rest_gray,

@@ -15,7 +15,6 @@
 #include "compare/characterise/slanted_edge.h"
 #include "compare/characterise/transfer_estimate.h"
 #include "compare/detect/board/calibration_target.h"
-#include "core/geometry/rigid.h"
 
 namespace etalon {
 
@@ -32,7 +31,7 @@ struct CharacteriseInput {
     std::vector<CodeImage> repeats, darks;
     std::vector<ExposedPhoto> exposures;
     // A JPEG file among repeats, darks and exposures, of which no noise is measured: at high
-    // quality its gain is a fifth too low and nothing in the pixels tells. Empty: none.
+    // quality its gain is a fifth too low and the pixels do not show it. Empty: none.
     std::string lossy_file;
 };
 

@@ -172,7 +172,7 @@ ComparedFit without_images(const PhotoFit& matched) {
 void add_edges(const CodeImage& image, const CellGrid& marker, const PhotometricCamera& camera,
                const PhotoFit& matched, ComparedFit& fit) {
     const PhotoOfMarker photo{gray_of(image), marker, matched.use, pixel_fitted};
-    fit.edges = edge_shifts(photo, camera, matched.state).edges;
+    fit.edges = edge_shifts(photo, camera, matched.state);
     fit.edge_summary = edge_summary(edges_of(fit.edges, pixel_scored));
 }
 
@@ -186,7 +186,7 @@ DefocusProfile defocus_of(const CodeImage& image, const Marker& marker, const Co
     selection.clearance_px =
         std::max(selection.clearance_px, 1.5 + rendering.plan.max_blur_radius_px);
     selection.half_width_px = selection.clearance_px + beside;
-    return defocus_profile(image, rendering.radiance, camera.projector(), marker,
+    return defocus_profile(image, rendering.radiance, camera.projector(), marker.grid,
                            fit.camera_from_marker, area, fit.edges, selection);
 }
 

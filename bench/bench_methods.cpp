@@ -23,40 +23,26 @@
 namespace etalon {
 namespace {
 
-// Seven repetitions at least; of short work more, up to so much time, as its first runs are slower.
-constexpr std::size_t repetitions = 7;
-constexpr double long_enough_ms = 150.0;
-constexpr double long_run_ms = 1000.0;
-
 double run_ms(const std::function<void()>& work) {
     const double start = thread_cpu_ms();
     work();
     return thread_cpu_ms() - start;
 }
 
-// After a run that only warms the processor's caches: one, or as many as take 50 ms. Their median.
-double add_warm_runs(const std::function<void()>& work, std::vector<double>& times) {
-    constexpr double long_enough_ms = 50.0;
-    run_ms(work);
-    std::vector<double> of_turn;
-    double sum = 0.0;
-    while (sum < long_enough_ms) {
-        of_turn.push_back(run_ms(work));
-        sum += of_turn.back();
-    }
-    times.insert(times.end(), of_turn.begin(), of_turn.end());
-    return median(of_turn);
+// As many runs as take so long, within these numbers.
+std::vector<double> runs_ms(const std::function<void()>& work, double long_enough_ms,
+                            std::size_t least, std::size_t most) {
+    std::vector<double> times;
+    for (double sum = 0.0; times.size() < least || (sum < long_enough_ms && times.size() < most);
+         sum += times.back())
+        times.push_back(run_ms(work));
+    return times;
 }
 
 using Undistortion = PublishedMethod::Undistortion;
 
 constexpr std::uint64_t cloud_seed = 20;
 constexpr std::uint64_t quasi_monte_carlo_seed = 99;  // not the reference's
-
-// One thread while it lives.
-class OneThread {
-    tbb::global_control limit_{tbb::global_control::max_allowed_parallelism, 1};
-};
 
 // Measures one scene row by row.
 class SceneBench {
@@ -71,7 +57,13 @@ public:
 
     BenchScene run() {
         const bool has_published = scene_.camera.projection.kind == Projection::perspective;
-        result_.refined_pixels = has_published ? blurred_edge_pixels() : refined_pixels();
+        if (has_published)
+            result_.refined_pixels = PublishedMethod(scene_.camera, 64, Undistortion::linearised)
+                                         .render(scene_.scene)
+                                         .edge_pixels;
+        else  // of the tiles that are not uniform
+            for (const TileUse& use : Renderer(scene_.camera).render(scene_.scene).plan.used)
+                result_.refined_pixels += static_cast<int>(use.tiles) * tile_px * tile_px;
         measure_default();
         measure_forced("E", RenderMethod::exact_lens, plan_.lens_sides);
         measure_forced("C", RenderMethod::exact_area, plan_.area_sides);
@@ -86,33 +78,14 @@ public:
     }
 
 private:
-    int blurred_edge_pixels() const {
-        return PublishedMethod(scene_.camera, 64, Undistortion::linearised)
-            .render(scene_.scene)
-            .edge_pixels;
-    }
-
-    // Of the tiles that are not uniform: where there is no published method to say.
-    int refined_pixels() const {
-        int pixels = 0;
-        for (const TileUse& use : Renderer(scene_.camera).render(scene_.scene).plan.used)
-            pixels += static_cast<int>(use.tiles) * tile_px * tile_px;
-        return pixels;
-    }
-
-    void add_row(const std::string& method, const std::string& setting, double cpu_ms,
-                 const RenderComparison& error) {
-        result_.rows.push_back({scene_.name, method, setting, cpu_ms, error,
-                                1e6 * cpu_ms / std::max(1, result_.refined_pixels)});
-    }
-
     // The whole frame, again and again.
     template <class Render>
     double time_and_add(const std::string& method, const std::string& setting,
                         const Render& render) {
         Radiance image;
         const double ms = median_cpu_ms([&] { image = render(); });
-        add_row(method, setting, ms, compare_with_truth(image, truth_));
+        result_.rows.push_back({scene_.name, method, setting, ms,
+                                compare_with_truth(values_at(image, truth_.pixels), truth_)});
         return ms;
     }
 
@@ -165,9 +138,10 @@ private:
         }
     }
 
-    // The times of the two rows whose ratio is promised, once more and by turns.
+    // The times of the two rows whose ratio is promised, once more and by turns, so that what slows
+    // the machine for a while slows both. Each turn: one warm run, or as many as take 50 ms.
     void time_promised_ratio() {
-        constexpr int rays = 256;
+        constexpr int rays = 256, turns = 9;
         const auto baseline = std::ranges::find_if(result_.rows, [](const BenchRow& row) {
             return row.method == "published" && row.setting == published_setting;
         });
@@ -175,21 +149,31 @@ private:
             return;
         BenchRow& ours = result_.rows.front();
         const PublishedMethod published(scene_.camera, rays, Undistortion::per_ray);
-        const TimesByTurns times = cpu_ms_by_turns([&] { renderer_->render(scene_.scene); },
-                                                   [&] { published.render(scene_.scene); });
-        ours.cpu_ms = times.one_ms;
-        baseline->cpu_ms = times.other_ms;
-        result_.ratio_error = times.ratio_error;
-        for (BenchRow* each : {&ours, &*baseline})
-            each->ns_per_pixel = 1e6 * each->cpu_ms / std::max(1, result_.refined_pixels);
+        std::vector<double> ours_ms, baseline_ms;
+        const auto run_turn = [](const std::function<void()>& work, std::vector<double>& all) {
+            run_ms(work);  // warms the processor's caches
+            const std::vector<double> times = runs_ms(work, 50.0, 1, 1'000'000);
+            all.insert(all.end(), times.begin(), times.end());
+            return median(times);
+        };
+        double sum = 0.0, squares = 0.0;
+        for (int turn = 0; turn < turns; ++turn) {
+            const double ms = run_turn([&] { renderer_->render(scene_.scene); }, ours_ms);
+            const double log_ratio =
+                std::log(run_turn([&] { published.render(scene_.scene); }, baseline_ms) / ms);
+            sum += log_ratio;
+            squares += log_ratio * log_ratio;
+        }
+        ours.cpu_ms = median(ours_ms);
+        baseline->cpu_ms = median(baseline_ms);
+        const double variance = std::max(0.0, squares - sum * sum / turns) / (turns - 1);
+        result_.ratio_error = std::sqrt(variance / turns);
     }
 
     // On the compared pixels; the time is scaled to the refined pixels of the frame.
     void measure_quasi_monte_carlo(int samples) {
-        ReferenceOptions options;
-        options.scrambles = 2;
-        options.samples_per_scramble = samples / options.scrambles;
-        options.seed = quasi_monte_carlo_seed;
+        const ReferenceOptions options{
+            .scrambles = 2, .samples_per_scramble = samples / 2, .seed = quasi_monte_carlo_seed};
         std::vector<ReferencePixel> pixels;
         const double ms = median_cpu_ms([&] {
             pixels = integrate_reference(scene_.camera, scene_.scene, truth_.pixels, options);
@@ -197,9 +181,10 @@ private:
         std::vector<double> values;
         for (const ReferencePixel& pixel : pixels)
             values.push_back(pixel.mean);
-        add_row("qmc", fmt::format("n{}", samples),
-                ms * result_.refined_pixels / static_cast<double>(truth_.pixels.size()),
-                compare_with_truth(values, truth_));
+        result_.rows.push_back(
+            {scene_.name, "qmc", fmt::format("n{}", samples),
+             ms * result_.refined_pixels / static_cast<double>(truth_.pixels.size()),
+             compare_with_truth(values, truth_)});
     }
 
     const BenchmarkScene& scene_;
@@ -209,21 +194,9 @@ private:
     BenchScene result_;
 };
 
-// One method's part of the cloud.
-struct CloudSums {
-    std::vector<double> values;  // at the truth's pixels
-    double cpu_ms = 0.0;
-
-    void add(const Radiance& image, const std::vector<cv::Point>& pixels) {
-        for (const cv::Point& pixel : pixels)
-            values.push_back(image.at<float>(pixel));
-    }
-};
-
-void append(RenderTruth& all, const RenderTruth& one) {
-    all.windows.insert(all.windows.end(), one.windows.begin(), one.windows.end());
-    all.pixels.insert(all.pixels.end(), one.pixels.begin(), one.pixels.end());
-    all.values.insert(all.values.end(), one.values.begin(), one.values.end());
+template <class List>
+void append(List& all, const List& some) {
+    all.insert(all.end(), some.begin(), some.end());
 }
 
 // `render` makes the frame of a pose. One pose per task, because one may take 100 times as long as
@@ -259,55 +232,35 @@ void keep_freed_memory() {
 
 double median_cpu_ms(const std::function<void()>& work) {
     const double first = run_ms(work);
-    if (first > long_run_ms)
-        return first;
-    std::vector<double> times;
-    double sum = 0.0;
-    while (times.size() < repetitions ||
-           (sum < long_enough_ms && times.size() < 20 * repetitions)) {
-        times.push_back(run_ms(work));
-        sum += times.back();
-    }
-    return median(times);
-}
-
-TimesByTurns cpu_ms_by_turns(const std::function<void()>& one, const std::function<void()>& other) {
-    constexpr int turns = 9;
-    std::vector<double> ones, others;
-    double sum = 0.0, squares = 0.0;
-    for (int turn = 0; turn < turns; ++turn) {
-        const double one_ms = add_warm_runs(one, ones);
-        const double log_ratio = std::log(add_warm_runs(other, others) / one_ms);
-        sum += log_ratio;
-        squares += log_ratio * log_ratio;
-    }
-    const double variance = std::max(0.0, squares - sum * sum / turns) / (turns - 1);
-    return {median(ones), median(others), std::sqrt(variance / turns)};
+    return first > 1000.0 ? first : median(runs_ms(work, 150.0, 7, 140));
 }
 
 BenchPlan quick_plan() {
-    BenchPlan plan;
-    plan.window_side_px = 4;
-    plan.reference_samples = 512;
-    plan.cloud_reference_samples = 256;
-    plan.lens_sides = {2, 4};
-    plan.area_sides = {3};
-    plan.rays = {64, 256};
-    plan.quasi_monte_carlo = {64};
-    plan.slowest_frame_ms = 1000.0;
-    return plan;
+    return {.window_side_px = 4,
+            .reference_samples = 512,
+            .cloud_reference_samples = 256,
+            .lens_sides = {2, 4},
+            .area_sides = {3},
+            .rays = {64, 256},
+            .quasi_monte_carlo = {64},
+            .slowest_frame_ms = 1000.0};
 }
 
 const BenchRow* BenchScene::row(const std::string& method, const std::string& setting) const {
-    const auto found = std::find_if(rows.begin(), rows.end(), [&](const BenchRow& r) {
-        return r.method == method && r.setting == setting;
-    });
-    return found == rows.end() ? nullptr : &*found;
+    for (const BenchRow& row : rows)
+        if (row.method == method && row.setting == setting)
+            return &row;
+    return nullptr;
+}
+
+std::optional<double> BenchScene::ratio_to_published(const BenchRow& of) const {
+    const BenchRow* published = row("published", published_setting);
+    return published ? std::optional(published->cpu_ms / of.cpu_ms) : std::nullopt;
 }
 
 BenchScene measure_scene(const BenchmarkScene& scene, const BenchPlan& plan) {
     SceneBench bench(scene, plan);  // the reference takes all cores
-    const OneThread limit;
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
     return bench.run();
 }
 
@@ -316,44 +269,44 @@ BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan
     const PublishedMethod published(scene.camera, 256, Undistortion::per_ray);
     const Renderer renderer(scene.camera);
     RenderTruth truth;
-    CloudSums by_default, by_published;
+    std::vector<double> by_default, by_published;  // at the truth's pixels
     BenchScene result;
     result.name = "cloud";
+    result.rows = {{"cloud", "default", "0.1", 0.0, {}},
+                   {"cloud", "published", published_setting, 0.0, {}}};
     Scene posed = scene.scene;
     int done = 0;
     for (const Rigid& pose :
-         spread_poses(scene.camera, posed.markers.front().grid, poses, cloud_seed)) {
+         volume_poses(scene.camera, posed.markers.front().grid, poses, cloud_seed)) {
         posed.markers.front().camera_from_marker = pose;
         const RenderTruth here =
             integrate_truth(scene.camera, posed, plan.cloud_window_side_px,
                             {.samples_per_scramble = plan.cloud_reference_samples});
-        const OneThread limit;
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
         RenderedImage image;
         progress(++done);
         try {
-            by_default.cpu_ms += median_cpu_ms([&] { image = renderer.render(posed); });
+            result.rows[0].cpu_ms += median_cpu_ms([&] { image = renderer.render(posed); });
         } catch (const NumericalError& error) {
             ++result.refused_poses;
             result.left_out = {fmt::format("poses refused, the last because {}", error.what())};
             continue;
         }
-        by_default.add(image.radiance, here.pixels);
         PublishedImage baseline;
-        by_published.cpu_ms += median_cpu_ms([&] { baseline = published.render(posed); });
-        by_published.add(baseline.radiance, here.pixels);
+        result.rows[1].cpu_ms += median_cpu_ms([&] { baseline = published.render(posed); });
+        append(by_default, values_at(image.radiance, here.pixels));
+        append(by_published, values_at(baseline.radiance, here.pixels));
         result.refined_pixels += baseline.edge_pixels;
-        append(truth, here);
+        append(truth.windows, here.windows);
+        append(truth.pixels, here.pixels);
+        append(truth.values, here.values);
     }
     const int rendered = std::max(1, poses - result.refused_poses);
-    by_default.cpu_ms /= rendered;
-    by_published.cpu_ms /= rendered;
+    for (BenchRow& row : result.rows)
+        row.cpu_ms /= rendered;
     result.refined_pixels /= rendered;
-    const double pixels = std::max(1, result.refined_pixels);
-    result.rows = {
-        {"cloud", "default", "0.1", by_default.cpu_ms, compare_with_truth(by_default.values, truth),
-         1e6 * by_default.cpu_ms / pixels},
-        {"cloud", "published", published_setting, by_published.cpu_ms,
-         compare_with_truth(by_published.values, truth), 1e6 * by_published.cpu_ms / pixels}};
+    result.rows[0].error = compare_with_truth(by_default, truth);
+    result.rows[1].error = compare_with_truth(by_published, truth);
     return result;
 }
 

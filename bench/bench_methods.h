@@ -11,25 +11,14 @@
 
 namespace etalon {
 
-// How long work takes, and memory kept for it, for `etalon bench`. glibc.
-
 // From now on this process keeps the memory that it frees. glibc would hand every image of some MiB
-// back to the kernel and have its pages cleared again in the next frame: 1.5 of the published
-// method's 6 ms, and none of the default plan's, which holds one image at a time.
+// back to the kernel: 1.5 of the published method's 6 ms, and none of the default plan's.
 void keep_freed_memory();
 
-// Median CPU time of `work` in the calling thread, without what it may give to others: limit TBB to
-// one thread. `work` runs once before, then seven times, or for 150 ms if that is more (at most 140
-// times); where the first run takes more than a second, it is the only one.
+// Median CPU time of `work` in the calling thread: limit TBB to one. `work` runs once before, then
+// seven times, or for 150 ms if that is more (at most 140 times); where the first run takes more
+// than a second, it is the only one.
 double median_cpu_ms(const std::function<void()>& work);
-
-// The same of two whose ratio is wanted, by turns, so that what slows the machine for a while slows
-// both: nine turns of one warm run each, or of 50 ms if that is more.
-struct TimesByTurns {
-    double one_ms = 0.0, other_ms = 0.0;
-    double ratio_error = 0.0;  // relative standard error of their ratio, by the turns' own ratios
-};
-TimesByTurns cpu_ms_by_turns(const std::function<void()>& one, const std::function<void()>& other);
 
 // How much is measured, unless quick.
 struct BenchPlan {
@@ -49,7 +38,6 @@ struct BenchRow {
     std::string scene, method, setting;
     double cpu_ms = 0.0;  // of a whole frame, caches warm
     RenderComparison error;
-    double ns_per_pixel = 0.0;  // cpu_ms over the scene's refined pixels
 };
 
 // Of one scene, or of the cloud of poses.
@@ -66,6 +54,8 @@ struct BenchScene {
 
     // Nothing where the setting was not measured.
     const BenchRow* row(const std::string& method, const std::string& setting) const;
+    // How much longer than this one the published method takes; nothing where it was not measured.
+    std::optional<double> ratio_to_published(const BenchRow& row) const;
     const BenchRow& default_row() const { return rows.front(); }
 };
 
@@ -75,12 +65,10 @@ inline constexpr const char* published_setting = "n256";
 BenchScene measure_scene(const BenchmarkScene& scene, const BenchPlan& plan);
 
 // The scene's camera and marker at many poses: the default plan and the published method at 256
-// rays. Times are means over the poses; errors are over all of them. `progress` hears how many
-// poses are done.
+// rays. Times are means over the poses; errors are over all of them. `progress` gets the number of
+// poses that are done.
 BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan& plan,
                          const std::function<void(int)>& progress);
-
-// Frames per second: many poses of a marker rendered to sensor frames in memory, on all cores.
 
 struct RenderRate {
     int frames = 0;

@@ -1,6 +1,7 @@
 #include "bench/bench_report.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -11,7 +12,7 @@
 #include "core/config/json_entry.h"
 #include "core/file/text.h"
 #include "report/json_text.h"
-#include "report/number_text.h"
+#include "report/result_table.h"
 #include "report/software_versions.h"
 #include "report/svg_plot.h"
 
@@ -52,46 +53,43 @@ std::string row_name(const BenchRow& row) {
     return row.method == "default" ? row.method : row.method + " " + row.setting;
 }
 
-std::vector<const BenchScene*> all_scenes(const BenchResult& result) {
-    std::vector<const BenchScene*> scenes;
-    for (const BenchScene& scene : result.scenes)
-        scenes.push_back(&scene);
+std::vector<BenchScene> all_scenes(const BenchResult& result) {
+    std::vector<BenchScene> scenes = result.scenes;
     if (result.cloud)
-        scenes.push_back(&*result.cloud);
+        scenes.push_back(*result.cloud);
     return scenes;
 }
 
-std::vector<BenchRow> all_rows(const BenchResult& result) {
-    std::vector<BenchRow> rows;
-    for (const BenchScene* scene : all_scenes(result))
-        rows.insert(rows.end(), scene->rows.begin(), scene->rows.end());
-    return rows;
-}
-
-// The figures of a row, by their names in files.
-struct RowFigure {
-    const char* name;
-    double (*of)(const BenchRow&);
+struct ShownRow : BenchRow {
+    double ns_per_pixel;  // of the scene's refined pixels
+    std::optional<double> ratio;
 };
-constexpr std::array<RowFigure, 8> row_figures{{
-    {"cpu_ms", [](const BenchRow& row) { return row.cpu_ms; }},
-    {"rms", [](const BenchRow& row) { return row.error.rms_gray; }},
-    {"p99", [](const BenchRow& row) { return row.error.p99_gray; }},
-    {"max", [](const BenchRow& row) { return row.error.max_gray; }},
-    {"edge_shift_px", [](const BenchRow& row) { return row.error.edge_shift_px; }},
-    {"ns_per_pixel", [](const BenchRow& row) { return row.ns_per_pixel; }},
-    {"corrected_rms", [](const BenchRow& row) { return row.error.corrected_rms_gray(); }},
-    {"reference_se", [](const BenchRow& row) { return row.error.reference_rms_gray; }},
-}};
 
-// How much longer than this the published method takes; nothing where it was not measured.
-std::optional<double> ratio_to_published(const BenchScene& scene, const BenchRow& row) {
-    const BenchRow* published = scene.row("published", published_setting);
-    return published ? std::optional(published->cpu_ms / row.cpu_ms) : std::nullopt;
-}
-
-std::string ratio_text(const std::optional<double>& ratio) {
-    return fixed(ratio, 2, "-");
+ResultTable rows_table(const BenchResult& result) {
+    const auto of_error = [](auto figure) {
+        return [=](const ShownRow& row) { return std::invoke(figure, row.error); };
+    };
+    using Error = RenderComparison;
+    const ColumnsOf<ShownRow> columns = {
+        {"scene", &ShownRow::scene, "scene"},
+        {"method", &ShownRow::method},
+        {"setting", &ShownRow::setting},
+        {"", row_name, "method and setting"},
+        {"cpu_ms", &ShownRow::cpu_ms, "CPU ms", "", "{:.3g}"},
+        {"rms", of_error(&Error::rms_gray), "RMS", "", "{:.4f}"},
+        {"p99", of_error(&Error::p99_gray), "p99", "", "{:.3f}"},
+        {"max", of_error(&Error::max_gray), "max", "", "{:.3f}"},
+        {"edge_shift_px", of_error(&Error::edge_shift_px), "edge shift, px", "", "{:.2g}"},
+        {"ns_per_pixel", &ShownRow::ns_per_pixel, "ns per refined px", "", "{:.0f}"},
+        {"corrected_rms", of_error(&Error::corrected_rms_gray)},
+        {"reference_se", of_error(&Error::reference_rms_gray)},
+        {"", &ShownRow::ratio, "published takes", "", "{:.2f}"}};
+    std::vector<ShownRow> rows;
+    for (const BenchScene& scene : all_scenes(result))
+        for (const BenchRow& row : scene.rows)
+            rows.push_back({row, 1e6 * row.cpu_ms / std::max(1, scene.refined_pixels),
+                            scene.ratio_to_published(row)});
+    return table_of(columns, rows);
 }
 
 BenchCheck at_least(const std::string& what, double value, double limit) {
@@ -128,7 +126,7 @@ void add_error_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) 
 }
 
 void add_speed_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) {
-    const auto ratio = ratio_to_published(scene, scene.default_row());
+    const auto ratio = scene.ratio_to_published(scene.default_row());
     if (!ratio)
         return;
     checks.push_back(at_least(scene.name + ": time of published n256 over default's", *ratio,
@@ -147,25 +145,18 @@ SvgPlot panel(const BenchScene& scene) {
         {"published", Color::orange},
         {"published-linearised", Color::orange},
         {"qmc", Color::gray}};
-    for (const auto& [method, ink] : methods) {
+    for (const auto& [method, color] : methods) {
         Series curve;
         for (const BenchRow& row : scene.rows)
             if (row.method == method)
                 curve.add(row.cpu_ms, row.error.rms_gray,
                           fmt::format("{}: {:.3g} ms, {:.3g} gray", row_name(row), row.cpu_ms,
                                       row.error.rms_gray));
-        plot.add_curve(curve, ink, method);
+        plot.add_curve(curve, color, method);
     }
     plot.add_level(scene.default_row().error.reference_rms_gray, Color::gray,
                    "the reference's own standard error");
     return plot;
-}
-
-ordered_json row_json(const BenchRow& row) {
-    ordered_json json = {{"scene", row.scene}, {"method", row.method}, {"setting", row.setting}};
-    for (const RowFigure& figure : row_figures)
-        json[figure.name] = figure.of(row);
-    return json;
 }
 
 ordered_json throughput_json(const Throughput& t) {
@@ -199,26 +190,14 @@ std::string compiler_with_flags() {
     return fmt::format("{} {}", compiler->version, ETALON_COMPILER_FLAGS);
 }
 
-std::string table(const BenchResult& result) {
-    std::string text = fmt::format("{:<12} {:<26} {:>9} {:>8} {:>8} {:>8}\n", "scene",
-                                   "method and setting", "CPU ms", "RMS", "max", "ratio");
-    for (const BenchScene* scene : all_scenes(result))
-        for (const BenchRow& row : scene->rows)
-            text += fmt::format("{:<12} {:<26} {:>9.3f} {:>8.4f} {:>8.3f} {:>8}\n", row.scene,
-                                row_name(row), row.cpu_ms, row.error.rms_gray, row.error.max_gray,
-                                ratio_text(ratio_to_published(*scene, row)));
-    return text;
-}
-
 std::string scene_words(const BenchScene& scene) {
     const RenderComparison& error = scene.default_row().error;
     std::string text = fmt::format(
-        "{}: max {:.3f} gray <= 0.1 + 4 s.e.: {}; edge shift {:.1e} px\n", scene.name,
-        error.max_gray, error.max_sigmas <= allowed_sigmas ? "ok" : "FAIL", error.edge_shift_px);
-    text += fmt::format(
+        "{}: max {:.3f} gray <= 0.1 + 4 s.e.: {}; edge shift {:.1e} px\n"
         "  reference s.e. {:.4f} gray, {:.1e} px; without it RMS {:.4f}, shift {:.1e}\n",
-        error.reference_rms_gray, error.reference_shift_px, error.corrected_rms_gray(),
-        error.corrected_shift_px());
+        scene.name, error.max_gray, error.max_sigmas <= allowed_sigmas ? "ok" : "FAIL",
+        error.edge_shift_px, error.reference_rms_gray, error.reference_shift_px,
+        error.corrected_rms_gray(), error.corrected_shift_px());
     if (scene.ns_per_ray > 0.0)
         text += fmt::format("  caches {:.1f} ms; {} refined px; baseline {:.2f} ns per ray\n",
                             scene.cache_ms, scene.refined_pixels, scene.ns_per_ray);
@@ -228,38 +207,34 @@ std::string scene_words(const BenchScene& scene) {
 }
 
 std::string throughput_words(const std::string& name, const Throughput& t) {
-    std::string text =
-        fmt::format("{}: {:.1f} frames/s over {} poses, {:.2f} cores used\n", name,
-                    t.by_default.frames_per_s, t.by_default.frames, t.by_default.cores_used);
-    text += fmt::format(
-        "  published n256: {:.1f} frames/s over {} of them, {:.2f} cores used: {:.1f}x\n",
-        t.by_published.frames_per_s, t.by_published.frames, t.by_published.cores_used, t.ratio());
-    return text + fmt::format("  peak memory {:.1f} MiB after a tenth, {:.1f} MiB at the end\n",
-                              t.early_peak_mib, t.final_peak_mib);
+    const RenderRate &ours = t.by_default, &published = t.by_published;
+    return fmt::format(
+        "{}: {:.1f} frames/s over {} poses, {:.2f} cores used\n"
+        "  published n256: {:.1f} frames/s over {} of them, {:.2f} cores used: {:.1f}x\n"
+        "  peak memory {:.1f} MiB after a tenth, {:.1f} MiB at the end\n",
+        name, ours.frames_per_s, ours.frames, ours.cores_used, published.frames_per_s,
+        published.frames, published.cores_used, t.ratio(), t.early_peak_mib, t.final_peak_mib);
 }
 
-SceneSpeed read_scene(const JsonEntry& entry) {
-    SceneSpeed scene{entry.at("scene").text(), entry.at("default_cpu_ms").number(positive)};
-    if (const JsonEntry ratio = entry.at("ratio"); !ratio.is_null())
-        scene.ratio = ratio.number(positive);
-    scene.ratio_error = entry.at("ratio_error").number(non_negative);
-    return scene;
+std::optional<double> default_ratio(const BenchScene& scene) {
+    return scene.ratio_to_published(scene.default_row());
 }
 
-bool is_slower(const SceneSpeed& before, const SceneSpeed& now, double margin) {
+bool is_slower(const BenchScene& before, const BenchScene& now, double margin) {
     constexpr double errors = 3.0;
-    if (!now.ratio || !before.ratio)
+    const auto then = default_ratio(before), ratio = default_ratio(now);
+    if (!ratio || !then)
         return false;
     const double noise = errors * std::hypot(before.ratio_error, now.ratio_error);
-    return std::log(*before.ratio / *now.ratio) > std::max(-std::log1p(-margin), noise);
+    return std::log(*then / *ratio) > std::max(-std::log1p(-margin), noise);
 }
 
 }  // namespace
 
 std::vector<BenchCheck> bench_checks(const BenchResult& result) {
     std::vector<BenchCheck> checks;
-    for (const BenchScene* scene : all_scenes(result))
-        add_error_checks(*scene, checks);
+    for (const BenchScene& scene : all_scenes(result))
+        add_error_checks(scene, checks);
     if (result.cloud)
         checks.push_back(at_most("cloud: poses refused", result.cloud->refused_poses, 0.0));
     for (const BenchScene& scene : result.scenes)
@@ -277,31 +252,18 @@ std::vector<BenchCheck> bench_checks(const BenchResult& result) {
 }
 
 std::string bench_csv(const BenchResult& result) {
-    std::string text = "scene,method,setting";
-    for (const RowFigure& figure : row_figures)
-        text += fmt::format(",{}", figure.name);
-    text += "\n";
-    for (const BenchRow& row : all_rows(result)) {
-        text += fmt::format("{},{},{}", row.scene, row.method, row.setting);
-        for (const RowFigure& figure : row_figures)
-            text += fmt::format(",{:.6g}", figure.of(row));
-        text += "\n";
-    }
-    return text;
+    return csv_of(rows_table(result), "{:.6g}");
 }
 
 std::string bench_markdown(const BenchResult& result) {
-    std::string text =
-        "| scene | method | CPU ms | RMS | p99 | max | edge shift, px | ns per refined px | "
-        "published n256 takes |\n|---|---|---|---|---|---|---|---|---|\n";
-    for (const BenchScene* scene : all_scenes(result))
-        for (const BenchRow& row : scene->rows)
-            text += fmt::format(
-                "| {} | {} | {:.3g} | {:.4f} | {:.3f} | {:.3f} | {:.2g} | {:.0f} | {} |\n",
-                row.scene, row_name(row), row.cpu_ms, row.error.rms_gray, row.error.p99_gray,
-                row.error.max_gray, row.error.edge_shift_px, row.ns_per_pixel,
-                ratio_text(ratio_to_published(*scene, row)));
-    return text;
+    const ResultTable table = rows_table(result);
+    const std::vector<std::string> headings = headings_of(table);
+    std::string text = fmt::format("| {} |\n|", fmt::join(headings, " | "));
+    for (std::size_t i = 0; i < headings.size(); ++i)
+        text += "---|";
+    for (const std::vector<std::string>& cells : texts_of(table))
+        text += fmt::format("\n| {} |", fmt::join(cells, " | "));
+    return text + "\n";
 }
 
 std::string bench_plot(const std::vector<BenchScene>& scenes) {
@@ -315,12 +277,12 @@ std::string bench_json(const BenchResult& result) {
     ordered_json json = {{"etalon", bench_kind},
                          {"machine", machine_name()},
                          {"compiler", compiler_with_flags()},
-                         {"rows", json_list(all_rows(result), row_json)}};
+                         {"rows", json_rows(rows_table(result))}};
     for (const BenchScene& scene : result.scenes)
         json["scenes"].push_back(
             {{"scene", scene.name},
              {"default_cpu_ms", scene.default_row().cpu_ms},
-             {"ratio", optional_number(ratio_to_published(scene, scene.default_row()))},
+             {"ratio", optional_number(scene.ratio_to_published(scene.default_row()))},
              {"ratio_error", scene.ratio_error},
              {"cache_ms", scene.cache_ms},
              {"refined_pixels", scene.refined_pixels},
@@ -346,17 +308,16 @@ std::string pareto_words(const BenchScene& scene) {
         if (beats(row, scene.default_row()))
             better = &row;
     }
-    const std::string about_default =
-        better ? fmt::format("default is not on the front: {} is faster and more exact",
-                             row_name(*better))
-               : "default is on the front: nothing is both faster and more exact";
-    return fmt::format("{}: {}\n  front: {}\n", scene.name, about_default, front);
+    return fmt::format("{}: default is {} the front: {} {}faster and more exact\n  front: {}\n",
+                       scene.name, better ? "not on" : "on", better ? row_name(*better) : "nothing",
+                       better ? "is " : "is both ", front);
 }
 
 std::string bench_text(const BenchResult& result) {
-    std::string text = table(result) + "\n";
-    for (const BenchScene* scene : all_scenes(result))
-        text += scene_words(*scene);
+    std::string text =
+        text_table(rows_table(result), {"p99", "edge shift, px", "ns per refined px"}) + "\n";
+    for (const BenchScene& scene : all_scenes(result))
+        text += scene_words(scene);
     text += "\n";
     for (const BenchScene& scene : result.scenes)
         text += pareto_words(scene);
@@ -372,8 +333,16 @@ BenchBefore read_bench(const std::filesystem::path& path) {
     if (!root.has("etalon") || root.at("etalon").text() != bench_kind)
         root.fail(std::string("is not of ") + bench_kind);
     BenchBefore before{root.at("machine").text(), root.at("compiler").text(), {}};
-    for (const JsonEntry& entry : root.at("scenes").items())
-        before.scenes.push_back(read_scene(entry));
+    for (const JsonEntry& entry : root.at("scenes").items()) {
+        BenchScene& scene = before.scenes.emplace_back();
+        scene.name = entry.at("scene").text();
+        const double ms = entry.at("default_cpu_ms").number(positive);
+        scene.rows = {{scene.name, "default", "0.1", ms, {}}};
+        if (const JsonEntry ratio = entry.at("ratio"); !ratio.is_null())
+            scene.rows.push_back(
+                {scene.name, "published", published_setting, ms * ratio.number(positive), {}});
+        scene.ratio_error = entry.at("ratio_error").number(non_negative);
+    }
     return before;
 }
 
@@ -381,24 +350,26 @@ std::vector<SpeedChange> speed_changes(const BenchBefore& before, const BenchRes
                                        double margin) {
     std::vector<SpeedChange> changes;
     for (const BenchScene& scene : now.scenes) {
-        const SceneSpeed speed{scene.name, scene.default_row().cpu_ms,
-                               ratio_to_published(scene, scene.default_row()), scene.ratio_error};
-        const auto old = std::ranges::find(before.scenes, scene.name, &SceneSpeed::scene);
+        const auto old = std::ranges::find(before.scenes, scene.name, &BenchScene::name);
         if (old != before.scenes.end())
-            changes.push_back({*old, speed, is_slower(*old, speed, margin)});
+            changes.push_back({*old, scene, is_slower(*old, scene, margin)});
     }
     return changes;
 }
 
 std::string against_text(const BenchBefore& before, const std::vector<SpeedChange>& changes) {
-    std::string text = fmt::format("against {}\n  {}\n", before.machine, before.compiler);
-    text += fmt::format("{:<14} {:>10} {:>10} {:>10} {:>10}\n", "scene", "CPU ms then", "now",
-                        "ratio then", "now");
-    for (const auto& [then, now, is_slower] : changes)
-        text += fmt::format("{:<14} {:>11.3f} {:>10.3f} {:>10} {:>10}{}\n", now.scene, then.cpu_ms,
-                            now.cpu_ms, ratio_text(then.ratio), ratio_text(now.ratio),
-                            is_slower ? "  SLOWER" : "");
-    return text;
+    const auto ms_of = [](const BenchScene& scene) { return scene.default_row().cpu_ms; };
+    const ColumnsOf<SpeedChange> columns = {
+        {"", [](const auto& change) { return change.now.name; }, "scene"},
+        {"", [=](const auto& change) { return ms_of(change.before); }, "CPU ms then", "", "{:.3f}"},
+        {"", [=](const auto& change) { return ms_of(change.now); }, "now", "", "{:.3f}"},
+        {"", [](const auto& change) { return default_ratio(change.before); }, "ratio then", "",
+         "{:.2f}"},
+        {"", [](const auto& change) { return default_ratio(change.now); }, "ratio now", "",
+         "{:.2f}"},
+        {"", [](const auto& change) { return change.is_slower ? "SLOWER" : ""; }, "judged"}};
+    return fmt::format("against {}\n  {}\n{}", before.machine, before.compiler,
+                       text_table(table_of(columns, changes)));
 }
 
 }  // namespace etalon

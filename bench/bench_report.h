@@ -15,7 +15,7 @@ struct BenchResult {
     std::vector<BenchScene> scenes;
     std::optional<BenchScene> cloud;
     std::optional<Throughput> throughput;       // at study_poses(): what is promised
-    std::optional<Throughput> wide_throughput;  // at spread_poses(), focus included
+    std::optional<Throughput> wide_throughput;  // at volume_poses(), focus included
 };
 
 // A promised figure, as measured.
@@ -45,23 +45,15 @@ std::string pareto_words(const BenchScene& scene);
 // are ratios to the published method, each measured by turns in its own run, so that the two runs
 // may be of different machines and days. CPU times are for reading only.
 
-// The default on one scene.
-struct SceneSpeed {
-    std::string scene;
-    double cpu_ms = 0.0;
-    std::optional<double> ratio;  // of the published method's time to it; nothing: not measured
-    double ratio_error = 0.0;     // relative standard error
-};
-
 struct SpeedChange {
-    SceneSpeed before, now;
+    BenchScene before, now;
     // The ratio fell by more than the margin, and by more than three standard errors of both.
     bool is_slower = false;
 };
 
 struct BenchBefore {
     std::string machine, compiler;
-    std::vector<SceneSpeed> scenes;
+    std::vector<BenchScene> scenes;  // with the rows whose ratio is judged
 };
 
 // Throws ConfigError with file, line and key for what is no bench.json of this version.

@@ -15,6 +15,11 @@
 
 namespace etalon {
 
+// And without sensor.
+CameraModel camera_without_lens(int width, int height, const Intrinsics& intrinsics,
+                                const Distortion& distortion = {},
+                                const LensProjection& projection = {});
+
 struct BenchmarkScene {
     std::string name;  // "webcam-500", "sharp-1000", "canon-900", ...
     CameraModel camera;

@@ -10,9 +10,9 @@ namespace {
 
 constexpr double gray = 1.0 / 255.0;
 
-// In grid coordinates as parts of the marker's width and height. For a tag of 10 x 10 cells: its
+// Centres of the windows, as parts of the grid's width and height. For a tag of 10 x 10 cells: its
 // black square's corners, cells inside, the background beside it and far away.
-constexpr std::array<std::pair<double, double>, 5> places{
+constexpr std::array<std::pair<double, double>, 5> window_centres{
     {{0.1, 0.1}, {0.4, 0.5}, {0.9, 0.9}, {0.5, 1.06}, {-0.6, 0.3}}};
 
 // A straight edge through a point of the grid, along u or along v.
@@ -23,7 +23,6 @@ struct CheckedEdge {
 // The black square's upper and right edges.
 constexpr std::array edges{CheckedEdge{0.62, 0.1, true}, CheckedEdge{0.9, 0.38, false}};
 
-// Where points of a marker appear.
 class WindowPlacer {
 public:
     WindowPlacer(const CameraModel& camera, const PlacedMarker& marker)
@@ -31,7 +30,8 @@ public:
 
     Eigen::Vector2d size() const { return {marker_.grid.columns(), marker_.grid.rows()}; }
 
-    // A window around a grid point, or where the way from it to the grid's centre first allows one.
+    // A window around a grid point; where it does not lie inside the image, nearer to the grid's
+    // centre.
     cv::Rect window(const Eigen::Vector2d& place, const cv::Size& extent) const {
         const Eigen::Vector2d centre = 0.5 * size();
         for (double part = 1.0; part > 1e-3; part *= 0.9)
@@ -63,19 +63,18 @@ public:
     }
 
 private:
+    Eigen::Vector3d point(const Eigen::Vector2d& place) const {
+        return marker_.camera_from_marker * marker_.grid.point_mm(place.x(), place.y());
+    }
     std::optional<Eigen::Vector2d> projected(const Eigen::Vector2d& place) const {
-        return projector_.project(marker_.camera_from_marker *
-                                  marker_.grid.point_mm(place.x(), place.y()));
+        return projector_.project(point(place));
     }
 
     // Blur on both sides, and 3 px for pixel and diffraction core.
     int profile_length(const Eigen::Vector2d& place) const {
-        const Eigen::Vector3d p =
-            marker_.camera_from_marker * marker_.grid.point_mm(place.x(), place.y());
-        const double room =
-            std::min(blur_radius_px(camera_, depth_mm(camera_.projection, p)), 50.0) + 3.0;
-        const int length = 2 * static_cast<int>(std::ceil(room)) + 1;
-        return std::min({length, camera_.width, camera_.height});
+        const double depth = depth_mm(camera_.projection, point(place));
+        const double half = std::min(blur_radius_px(camera_, depth), 50.0) + 3.0;
+        return std::min({2 * static_cast<int>(std::ceil(half)) + 1, camera_.width, camera_.height});
     }
 
     // Between the cells on both sides of the edge; 1 where they are alike.
@@ -99,12 +98,10 @@ double square(double x) {
     return x * x;
 }
 
-// Mean squares over the profiles: of the displacement that the errors amount to, and of its noise.
-struct ShiftSquares {
+// The RMS over the profiles of the displacement that the errors amount to, and of its noise.
+void add_edge_shift(std::span<const double> errors, const RenderTruth& truth,
+                    RenderComparison& result) {
     double shift = 0.0, noise = 0.0;
-};
-ShiftSquares mean_square_shift(std::span<const double> errors, const RenderTruth& truth) {
-    ShiftSquares sum;
     std::size_t first = 0, profiles = 0;
     for (const ComparisonWindow& window : truth.windows) {
         const auto width = static_cast<std::size_t>(window.pixels.width);
@@ -118,13 +115,14 @@ ShiftSquares mean_square_shift(std::span<const double> errors, const RenderTruth
                 light += errors[pixel];
                 variance += square(truth.values[pixel].standard_error / gray);
             }
-            sum.shift += square(light * window.shift_px_per_gray);
-            sum.noise += variance * square(window.shift_px_per_gray);
+            shift += square(light * window.shift_px_per_gray);
+            noise += variance * square(window.shift_px_per_gray);
         }
         first += width * height;
     }
     const double count = static_cast<double>(std::max<std::size_t>(1, profiles));
-    return {sum.shift / count, sum.noise / count};
+    result.edge_shift_px = std::sqrt(shift / count);
+    result.reference_shift_px = std::sqrt(noise / count);
 }
 
 double percentile(std::vector<double> values, double part) {
@@ -144,24 +142,17 @@ double RenderComparison::corrected_shift_px() const {
     return std::sqrt(std::max(0.0, square(edge_shift_px) - square(reference_shift_px)));
 }
 
-std::vector<ComparisonWindow> comparison_windows(const CameraModel& camera, const Scene& scene,
-                                                 int side) {
-    if (scene.markers.empty())
-        throw NumericalError("a scene without a marker has nothing to compare");
-    const WindowPlacer placer(camera, scene.markers.front());
-    std::vector<ComparisonWindow> windows;
-    for (const auto& [u, v] : places)
-        windows.push_back(
-            {placer.window(Eigen::Vector2d(u, v).cwiseProduct(placer.size()), {side, side})});
-    for (const CheckedEdge& edge : edges)
-        windows.push_back(placer.edge_window(edge, side));
-    return windows;
-}
-
 RenderTruth integrate_truth(const CameraModel& camera, const Scene& scene, int side,
                             const ReferenceOptions& reference) {
+    if (scene.markers.empty())
+        throw NumericalError("a scene without a marker has nothing to compare");
     RenderTruth truth;
-    truth.windows = comparison_windows(camera, scene, side);
+    const WindowPlacer placer(camera, scene.markers.front());
+    for (const auto& [u, v] : window_centres)
+        truth.windows.push_back(
+            {placer.window(Eigen::Vector2d(u, v).cwiseProduct(placer.size()), {side, side})});
+    for (const CheckedEdge& edge : edges)
+        truth.windows.push_back(placer.edge_window(edge, side));
     for (const ComparisonWindow& window : truth.windows)
         for (int y = 0; y < window.pixels.height; ++y)
             for (int x = 0; x < window.pixels.width; ++x)
@@ -191,27 +182,15 @@ RenderComparison compare_with_truth(std::span<const double> radiance, const Rend
     result.reference_rms_gray = std::sqrt(result.reference_rms_gray);
     result.p99_gray = percentile(sizes, 0.99);
     result.max_gray = *std::max_element(sizes.begin(), sizes.end());
-    const ShiftSquares shifts = mean_square_shift(errors, truth);
-    result.edge_shift_px = std::sqrt(shifts.shift);
-    result.reference_shift_px = std::sqrt(shifts.noise);
+    add_edge_shift(errors, truth, result);
     return result;
 }
 
-RenderComparison compare_with_truth(const Radiance& image, const RenderTruth& truth) {
+std::vector<double> values_at(const Radiance& image, const std::vector<cv::Point>& pixels) {
     std::vector<double> values;
-    for (const cv::Point& pixel : truth.pixels)
+    for (const cv::Point& pixel : pixels)
         values.push_back(image.at<float>(pixel));
-    return compare_with_truth(values, truth);
-}
-
-RenderComparison compare_with_reference(const BenchmarkScene& scene, int side,
-                                        const ReferenceOptions& reference,
-                                        const RenderOptions& options) {
-    const RenderedImage image = Renderer(scene.camera).render(scene.scene, options);
-    RenderComparison result = compare_with_truth(
-        image.radiance, integrate_truth(scene.camera, scene.scene, side, reference));
-    result.plan = image.plan;
-    return result;
+    return values;
 }
 
 }  // namespace etalon

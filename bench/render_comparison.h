@@ -2,11 +2,10 @@
 // and edges, its inside, and the background beside and far from it (diffraction tails). Used by
 // tests and by `etalon bench`.
 //
-// Errors are in gray, 1/255 of linear full scale. The edge shift is what the error amounts to as a
-// displacement: along a profile across an edge (a row or a column of pixels, the one nearer to the
-// edge's normal), the sum of the signed errors over the contrast of the edge is how far the edge
-// would have to be moved along the profile to change the same light; times the cosine between
-// profile and normal, it is the displacement of the edge, px.
+// Errors are in gray, 1/255 of linear full scale. The edge shift is the displacement that would
+// change the same light. A profile across an edge is a row or a column of pixels, the one nearer to
+// the edge's normal. The sum of its signed errors over the edge's contrast is the shift along the
+// profile; times the cosine between profile and normal, it is that of the edge, px.
 #pragma once
 
 #include <span>
@@ -24,13 +23,6 @@ struct ComparisonWindow {
     double shift_px_per_gray = 0.0;  // edge displacement for a profile's sum of errors
 };
 
-// Two corners, the inside, background beside and far away, side x side pixels each; and two edges,
-// side pixels along the edge and at least so many across. Windows that would lie outside the image
-// are moved towards the marker's centre. Throws NumericalError when that is outside too, or for a
-// scene without a marker.
-std::vector<ComparisonWindow> comparison_windows(const CameraModel& camera, const Scene& scene,
-                                                 int side);
-
 // What the pixels of some windows should be.
 struct RenderTruth {
     std::vector<ComparisonWindow> windows;
@@ -38,7 +30,10 @@ struct RenderTruth {
     std::vector<ReferencePixel> values;
 };
 
-// Parallel. A pixel costs what integrate_reference() says.
+// Two corners, the inside, background beside and far away, side x side pixels each; and two edges,
+// side pixels along the edge and at least so many across. Windows that would lie outside the image
+// are moved towards the marker's centre. Throws NumericalError when that is outside too, or for a
+// scene without a marker. Parallel. A pixel costs what integrate_reference() says.
 RenderTruth integrate_truth(const CameraModel& camera, const Scene& scene, int side,
                             const ReferenceOptions& reference);
 
@@ -53,20 +48,15 @@ struct RenderComparison {
                                       // standard errors of the reference
     double edge_shift_px = 0.0;       // RMS over the profiles
     double reference_shift_px = 0.0;  // of that, what the reference's standard error amounts to
-    RenderPlan plan;                  // of compare_with_reference()
 
     // What remains of the RMS values when the reference's own noise is taken off.
     double corrected_rms_gray() const;
     double corrected_shift_px() const;
 };
 
-// `radiance`: one value per pixel of the truth; or an image that has them. All zero without pixels.
-RenderComparison compare_with_truth(std::span<const double> radiance, const RenderTruth& truth);
-RenderComparison compare_with_truth(const Radiance& image, const RenderTruth& truth);
+std::vector<double> values_at(const Radiance& image, const std::vector<cv::Point>& pixels);
 
-// All in one.
-RenderComparison compare_with_reference(const BenchmarkScene& scene, int side,
-                                        const ReferenceOptions& reference,
-                                        const RenderOptions& options = {});
+// `radiance`: one value per pixel of the truth. All zero without pixels.
+RenderComparison compare_with_truth(std::span<const double> radiance, const RenderTruth& truth);
 
 }  // namespace etalon

@@ -3,13 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <functional>
-
-#include "capture/camera_plugin.h"
 #include "capture/files_camera.h"
-#include "capture/frame/camera.h"
 #include "capture/v4l2/v4l2_camera.h"
-#include "core/program/errors.h"
 #include "core/program/plugin.h"
 
 #ifndef ETALON_ARAVIS

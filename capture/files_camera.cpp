@@ -1,7 +1,5 @@
 #include "capture/files_camera.h"
 
-#include <fmt/format.h>
-
 #include <cctype>
 
 #include "capture/frame/device_camera.h"
@@ -87,16 +85,6 @@ private:
     std::size_t next_ = 0;
 };
 
-}  // namespace
-
-std::unique_ptr<Camera> open_files_camera(const fs::path& folder, Clock& clock) {
-    return std::make_unique<FilesCamera>(folder, clock);
-}
-
-namespace {
-
-namespace fs = std::filesystem;
-
 bool is_image_name(const fs::path& path) {
     std::string extension = path.extension().string();
     std::transform(extension.begin(), extension.end(), extension.begin(),
@@ -168,6 +156,10 @@ std::vector<FrameRecord> frames_in_log(const fs::path& folder) {
 }
 
 }  // namespace
+
+std::unique_ptr<Camera> open_files_camera(const fs::path& folder, Clock& clock) {
+    return std::make_unique<FilesCamera>(folder, clock);
+}
 
 RecordedFrames recorded_frames(const fs::path& folder) {
     std::error_code ignored;

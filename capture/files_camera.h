@@ -5,10 +5,6 @@
 // recording cannot obey are refused.
 #pragma once
 
-#include <filesystem>
-#include <memory>
-#include <vector>
-
 #include "capture/frame/camera.h"
 #include "capture/frame/frame_log.h"
 

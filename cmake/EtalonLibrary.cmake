@@ -99,7 +99,7 @@ function(etalon_precompile_tests target)
     endif()
 endfunction()
 
-# etalon_text(FILE): a style sheet or script of pages as a constant. Of station/compare/comparison.css,
+# etalon_text(FILE): a style sheet, a script or a text for people as a constant. Of station/compare/comparison.css,
 # "station/compare/comparison.css.h" defines etalon::comparison_css.
 function(etalon_text file)
     cmake_path(ABSOLUTE_PATH file)

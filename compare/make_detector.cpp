@@ -37,12 +37,6 @@ constexpr Known detectors[] = {
     {"stag", Marker::Kind::stag},
 };
 
-[[noreturn]] void refuse(const std::string& name, const std::string& place) {
-    const std::string nearest = nearest_word(name, detector_names());
-    throw ConfigError({place}, fmt::format("there is no detector '{}'{}", name,
-                                           nearest.empty() ? "" : "; is it " + nearest + "?"));
-}
-
 }  // namespace
 
 std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& marker,
@@ -52,8 +46,11 @@ std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& m
     });
     if (known == std::end(detectors) && name == "auto")
         throw ConfigError({place}, "no detector finds " + marker.spec + ": give its poses");
-    if (known == std::end(detectors) && std::ranges::count(detector_names(), name) == 0)
-        refuse(name, place);
+    if (known == std::end(detectors) && std::ranges::count(detector_names(), name) == 0) {
+        const std::string nearest = nearest_word(name, detector_names());
+        throw ConfigError({place}, fmt::format("there is no detector '{}'{}", name,
+                                               nearest.empty() ? "" : "; is it " + nearest + "?"));
+    }
     if (known == std::end(detectors))
         throw ConfigError({place}, fmt::format("the {} detector cannot see {}", name, marker.spec));
     switch (marker.kind) {

@@ -11,35 +11,12 @@
 #include "sim/scene/pose_file.h"
 
 namespace etalon {
-namespace {
-
-// Images with more bits than a byte arrive in 16-bit files, whatever the sensor has.
-void take_the_sensors_bits(CodeImage& image, const Sensor& sensor, const std::string& photo) {
-    if (image.bits != 16 || sensor.bits <= 8)
-        return;
-    double highest = 0.0;
-    cv::minMaxLoc(image.pixels, nullptr, &highest);
-    if (highest > (1 << sensor.bits) - 1)
-        throw ConfigError({photo},
-                          fmt::format("holds the code value {:.0f}, too large for the camera's {} "
-                                      "bits",
-                                      highest, sensor.bits));
-    image.bits = sensor.bits;
-}
-
-// What a calibration of another tool may lack.
-std::optional<cv::Size> size_in_photos(const std::filesystem::path& camera_file,
-                                       const std::vector<std::filesystem::path>& photos) {
-    if (photos.empty() || is_etalon_file(camera_file))
-        return std::nullopt;
-    return read_image(photos.front()).pixels.size();
-}
-
-}  // namespace
-
 CameraModel read_camera_for(const std::filesystem::path& camera_file,
                             const std::vector<std::filesystem::path>& photos) {
-    return read_any_camera(camera_file, size_in_photos(camera_file, photos));
+    std::optional<cv::Size> size;  // which a calibration of another tool may lack
+    if (!photos.empty() && !is_etalon_file(camera_file))
+        size = read_image(photos.front()).pixels.size();
+    return read_any_camera(camera_file, size);
 }
 
 std::vector<Rigid> read_poses_for(const std::filesystem::path& poses,
@@ -64,8 +41,17 @@ CodeImage taken_by(const CameraModel& camera, CodeImage image, const std::string
             {photo},
             fmt::format("is {} x {} px, but the calibration {} is for {} x {} px", size.width,
                         size.height, calibration, camera.width, camera.height));
-    if (camera.sensor)
-        take_the_sensors_bits(image, *camera.sensor, photo);
+    // Images with more bits than a byte arrive in 16-bit files, whatever the sensor has.
+    if (!camera.sensor || image.bits != 16 || camera.sensor->bits <= 8)
+        return image;
+    image.bits = camera.sensor->bits;
+    double highest = 0.0;
+    cv::minMaxLoc(image.pixels, nullptr, &highest);
+    if (highest > image.full_scale())
+        throw ConfigError({photo},
+                          fmt::format("holds the code value {:.0f}, too large for the camera's {} "
+                                      "bits",
+                                      highest, image.bits));
     return image;
 }
 

@@ -1,5 +1,4 @@
-// The plugin `genicam`: see capture/camera_plugin.h.
-#include "capture/camera_plugin.h"
+// The plugin `genicam`: see capture/frame/camera.h.
 #include "capture/genicam/genicam_camera.h"
 #include "plugins/plugin.h"
 

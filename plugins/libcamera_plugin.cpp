@@ -1,5 +1,4 @@
-// The plugin `libcamera`: see capture/camera_plugin.h.
-#include "capture/camera_plugin.h"
+// The plugin `libcamera`: see capture/frame/camera.h.
 #include "capture/libcamera/libcamera_camera.h"
 #include "plugins/plugin.h"
 

@@ -11,16 +11,41 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
-#include <optional>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 
 namespace etalon {
 
 namespace py = pybind11;
+using namespace py::literals;
+
+// A class of Python: py::class_ with its read-only properties said in a line each.
+template <class Type, class... Options>
+class Bound : public py::class_<Type, Options...> {
+public:
+    using Base = py::class_<Type, Options...>;
+    using Base::Base;
+
+    // `getter`: what std::invoke() calls with an object, a member for instance.
+    template <class Getter>
+    Bound& get(const char* name, const char* doc, Getter getter) {
+        if constexpr (std::is_member_object_pointer_v<Getter>)
+            Base::def_readonly(name, getter, doc);
+        else
+            Base::def_property_readonly(name, getter, doc);
+        return *this;
+    }
+    template <class... Arguments>
+    Bound& def(Arguments&&... arguments) {
+        Base::def(std::forward<Arguments>(arguments)...);
+        return *this;
+    }
+    template <class... Arguments>
+    Bound& def_static(Arguments&&... arguments) {
+        Base::def_static(std::forward<Arguments>(arguments)...);
+        return *this;
+    }
+};
 
 using NumberArray = py::array_t<double, py::array::c_style>;
 
@@ -55,7 +80,6 @@ template <class Object, class Member>
 auto as_array(Member Object::*member) {
     return [member](const Object& object) { return array_of(object.*member); };
 }
-
 // uint8 or uint16, (height, width), pixels of a row side by side; `bits` 0: 8 or 16 as the type
 // has. It shares the array's memory, which must outlive it.
 CodeImage code_image(const py::array& values, const char* name, int bits = 0);
@@ -69,5 +93,19 @@ py::array shared_array(const cv::Mat& image, bool is_writable = true);
 
 // "(3, 2)"
 std::string shape_text(const py::array& values);
+
+// What each file of this folder adds to the module `etalon`: etalon/__init__.pyi, docs/python.md.
+void bind_transforms(py::module_& module);
+void bind_camera(py::module_& module);
+void bind_marker(py::module_& module);
+void bind_render(py::module_& module);
+void bind_detect(py::module_& module);
+void bind_photometric(py::module_& module);
+void bind_calibrate(py::module_& module);
+void bind_compare(py::module_& module);
+void bind_devices(py::module_& module);
+void bind_station(py::module_& module);
+void bind_study(py::module_& module);
+void bind_twin(py::module_& module);
 
 }  // namespace etalon

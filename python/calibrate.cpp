@@ -5,13 +5,10 @@
 #include "compare/detect/board/calibration_target.h"
 #include "core/program/errors.h"
 #include "python/arrays.h"
-#include "python/bindings.h"
 #include "python/interruptible.h"
 
 namespace etalon {
 namespace {
-
-using namespace py::literals;
 
 ObservedTarget observe_in(const py::array& photo, const Marker& target) {
     const CodeImage image = code_image(photo, "photo");
@@ -76,92 +73,82 @@ py::array_t<bool> left_out(const CalibratedView& view) {
 }
 
 void bind_views(py::module_& module) {
-    py::class_<CalibrationView>(module, "CalibrationView",
-                                "Points of a planar target and where one photograph shows them.")
+    Bound<CalibrationView>(module, "CalibrationView",
+                           "Points of a planar target and where one photograph shows them.")
         .def(py::init([](const py::object& points_mm, const py::object& pixels) {
                  return CalibrationView{point_list(points_mm, "points_mm"),
                                         pixel_list(pixels, "pixels")};
              }),
-             py::arg("points_mm"), py::arg("pixels"),
+             "points_mm"_a, "pixels"_a,
              R"(points_mm: (N, 3) in the target's frame and plane z = 0, mm. pixels: (N, 2).)")
-        .def_property_readonly("points_mm", as_array(&CalibrationView::points_mm), "(N, 3), mm.")
-        .def_property_readonly("pixels", as_array(&CalibrationView::pixels), "(N, 2), px.")
-        .def_readonly("ids", &CalibrationView::ids,
-                      "Index of each point on the target; empty: 0, 1, ...");
+        .get("points_mm", "(N, 3), mm.", as_array(&CalibrationView::points_mm))
+        .get("pixels", "(N, 2), px.", as_array(&CalibrationView::pixels))
+        .get("ids", "Index of each point on the target; empty: 0, 1, ...", &CalibrationView::ids);
 
-    py::class_<ObservedTarget>(module, "ObservedTarget", "What a photograph shows of a board.")
-        .def_readonly("view", &ObservedTarget::view, "CalibrationView, or None.")
-        .def_property_readonly(
-            "reason",
-            [](const ObservedTarget& seen) {
-                return seen.view || !seen.reason.empty() ? seen.reason : "the board is not found";
-            },
-            "Why there is no view; else empty.")
-        .def_readonly(
-            "shown_as", &ObservedTarget::shown_as,
-            "The board's name where it is drawn otherwise than it was named; else empty.");
+    Bound<ObservedTarget>(module, "ObservedTarget", "What a photograph shows of a board.")
+        .get("view", "CalibrationView, or None.", &ObservedTarget::view)
+        .get("reason", "Why there is no view; else empty.",
+             [](const ObservedTarget& seen) {
+                 return seen.view || !seen.reason.empty() ? seen.reason : "the board is not found";
+             })
+        .get("shown_as",
+             "The board's name where it is drawn otherwise than it was named; else empty.",
+             &ObservedTarget::shown_as);
 
-    py::class_<CalibratedView>(module, "CalibratedView", "A view in a calibration.")
-        .def_property_readonly("camera_from_target", as_array(&CalibratedView::camera_from_target),
-                               "(4, 4), mm, or None of a view that no pose explains.")
-        .def_property_readonly("residuals_px", as_array(&CalibratedView::residuals_px),
-                               "(N, 2): photograph minus model.")
-        .def_property_readonly("left_out", &left_out, "(N,) bool: points that did not fit.")
-        .def_property_readonly("used", &CalibratedView::used, "Whether the view was used.")
-        .def_readonly("rms_px", &CalibratedView::rms_px, "Over its points that were used.");
+    Bound<CalibratedView>(module, "CalibratedView", "A view in a calibration.")
+        .get("camera_from_target", "(4, 4), mm, or None of a view that no pose explains.",
+             as_array(&CalibratedView::camera_from_target))
+        .get("residuals_px", "(N, 2): photograph minus model.",
+             as_array(&CalibratedView::residuals_px))
+        .get("left_out", "(N,) bool: points that did not fit.", &left_out)
+        .get("used", "Whether the view was used.", &CalibratedView::used)
+        .get("rms_px", "Over its points that were used.", &CalibratedView::rms_px);
 }
 
 }  // namespace
 
 void bind_calibrate(py::module_& module) {
     bind_views(module);
-    py::class_<CameraCalibration>(module, "CameraCalibration",
-                                  "A camera's intrinsics, and what they are worth.")
-        .def_property_readonly(
-            "camera", [](const CameraCalibration& result) { return Projector(result.camera); },
-            "Camera, with the stated covariance.")
-        .def_property_readonly(
-            "model", [](const CameraCalibration& result) { return result.model.name; },
-            "pinhole, radial, standard, ...")
-        .def_property_readonly(
-            "parameters", [](const CameraCalibration& result) { return result.model.parameters; },
-            "Names of the free parameters, in the covariance's order.")
-        .def_readonly("rms_px", &CameraCalibration::rms_px, "Over all points that were used.")
-        .def_readonly("leave_one_out_rms_px", &CameraCalibration::leave_one_out_rms_px,
-                      "Of views that were not calibrated from, or None.")
-        .def_property_readonly("overfits", &CameraCalibration::overfits,
-                               "Whether a simpler model predicts better.")
-        .def_property_readonly(
-            "covariance",
-            [](const CameraCalibration& result) { return array_of(result.covariances.stated); },
-            "(P, P), in the order of parameters.")
-        .def_property_readonly("deviations", &deviations,
-                               "Standard deviation of each parameter, by its name.")
-        .def_property_readonly("uncertainty", &uncertainty,
-                               R"(Of the projection: pixels (M, 2), held_px (M,), rotated_px (M,).
+    Bound<CameraCalibration>(module, "CameraCalibration",
+                             "A camera's intrinsics, and what they are worth.")
+        .get("camera", "Camera, with the stated covariance.",
+             [](const CameraCalibration& result) { return Projector(result.camera); })
+        .get("model", "pinhole, radial, standard, ...",
+             [](const CameraCalibration& result) { return result.model.name; })
+        .get("parameters", "Names of the free parameters, in the covariance's order.",
+             [](const CameraCalibration& result) { return result.model.parameters; })
+        .get("rms_px", "Over all points that were used.", &CameraCalibration::rms_px)
+        .get("leave_one_out_rms_px", "Of views that were not calibrated from, or None.",
+             &CameraCalibration::leave_one_out_rms_px)
+        .get("overfits", "Whether a simpler model predicts better.", &CameraCalibration::overfits)
+        .get("covariance", "(P, P), in the order of parameters.",
+             [](const CameraCalibration& result) { return array_of(result.covariances.stated); })
+        .get("deviations", "Standard deviation of each parameter, by its name.", &deviations)
+        .get("uncertainty", R"(Of the projection: pixels (M, 2), held_px (M,), rotated_px (M,).
 
-One standard deviation, px, with the camera held and after the best rotation.)")
-        .def_readonly("views", &CameraCalibration::views, "CalibratedViews, in the order given.");
+One standard deviation, px, with the camera held and after the best rotation.)",
+             &uncertainty)
+        .get("views", "CalibratedViews, in the order given.", &CameraCalibration::views);
 
-    module.def("observe", &observe_in, py::arg("photo"), py::arg("target"),
+    module.def("observe", &observe_in, "photo"_a, "target"_a,
                R"(A board's points in a photograph: an ObservedTarget.
 
 photo: (height, width) uint8 or uint16, shared. target: a Marker that is a board. Raises ConfigError
 for a target with too few points.)");
-    const auto model = py::arg("model") = py::none();
-    const auto leave_one_out = py::arg("leave_one_out") = true;
-    const auto resamples = py::arg("resamples") = bootstrap_resamples;
-    const auto fit_board = py::arg("fit_board") = false;
-    module.def("calibrate", &from_photos, py::arg("photos"), py::arg("target"), py::kw_only(),
-               model, leave_one_out, resamples, fit_board,
+    const auto model = "model"_a = py::none();
+    const auto leave_one_out = "leave_one_out"_a = true;
+    const auto resamples = "resamples"_a = bootstrap_resamples;
+    const auto fit_board = "fit_board"_a = false;
+    module.def("calibrate", &from_photos, "photos"_a, "target"_a, py::kw_only(), model,
+               leave_one_out, resamples, fit_board,
                R"(Intrinsics from photographs of a board: a CameraCalibration.
 
 photos: three or more of (height, width) uint8 or uint16, of one size, shared; those that do not
 show the board are left out. model: None takes the one that they support. resamples: of the bootstrap, 0
 leaves it out. fit_board: the board's shape, too. Raises ConfigError, and NumericalError for
 photographs that do not determine the camera.)");
-    module.def("calibrate_camera", &from_views, py::arg("views"), py::arg("image_size"),
-               py::kw_only(), model, leave_one_out, resamples, fit_board,
+    module.def("calibrate_camera", &from_views, "views"_a, "image_size"_a, py::kw_only(), model,
+               leave_one_out, resamples, fit_board,
                R"(The same from CalibrationViews of observe(), or of your own points.
 
 image_size: (width, height), px.)");

@@ -13,7 +13,6 @@
 #include "calib/intrinsics/camera_check.h"
 #include "core/program/errors.h"
 #include "python/arrays.h"
-#include "python/bindings.h"
 #include "python/interruptible.h"
 
 namespace etalon {
@@ -48,9 +47,9 @@ Projector from_opencv(const std::pair<int, int>& image_size, const py::object& m
     if (k.size() != 9 || k.at(1, 0) != 0.0 || k.at(2, 0) != 0.0 || k.at(2, 1) != 0.0 ||
         k.at(2, 2) != 1.0)
         throw ConfigError({"matrix"}, "must be [fx skew cx; 0 fy cy; 0 0 1]");
-    std::array<double, 14> coefficients{};
+    std::array<double, Distortion::count> coefficients{};  // k7, the last, is none of OpenCV's
     const std::vector<double> given = number_list(distortion, "distortion");
-    if (given.size() > coefficients.size())
+    if (given.size() >= coefficients.size())
         throw ConfigError({"distortion"}, "OpenCV has 14 coefficients at most");
     std::copy(given.begin(), given.end(), coefficients.begin());
     if (image_size.first < 1 || image_size.second < 1)
@@ -59,7 +58,7 @@ Projector from_opencv(const std::pair<int, int>& image_size, const py::object& m
     camera.width = image_size.first;
     camera.height = image_size.second;
     camera.intrinsics = {k.at(0, 0), k.at(1, 1), k.at(0, 2), k.at(1, 2), k.at(0, 1)};
-    camera.distortion = Distortion::from_opencv_order(coefficients);
+    camera.distortion = Distortion::of(coefficients);
     return Projector(camera);
 }
 
@@ -162,7 +161,6 @@ py::object lens(const Projector& camera) {
     const auto& lens = camera.camera().lens;
     if (!lens)
         return py::none();
-    using namespace py::literals;
     static constexpr const char* spreads[] = {"ideal", "gaussian", "measured", "wave"};
     return py::dict("f_number"_a = lens->f_number, "focus_distance_mm"_a = lens->focus_distance_mm,
                     "wavelength_nm"_a = lens->wavelength_nm, "object_na"_a = lens->object_na,
@@ -174,7 +172,6 @@ py::object sensor(const Projector& camera) {
     const auto& sensor = camera.camera().sensor;
     if (!sensor)
         return py::none();
-    using namespace py::literals;
     static constexpr const char* curves[] = {"linear", "rec709", "table"};
     return py::dict("pixel_pitch_um"_a = sensor->pixel_pitch_um, "bits"_a = sensor->bits,
                     "transfer"_a = curves[static_cast<int>(sensor->transfer.kind)],
@@ -184,7 +181,6 @@ py::object sensor(const Projector& camera) {
 
 py::dict check(const Projector& camera) {
     const CameraCheck check = without_gil([&] { return check_camera(camera.camera()); });
-    using namespace py::literals;
     static constexpr const char* weights[] = {"note", "warning", "fault"};
     py::list findings;
     for (const CameraFinding& finding : check.findings)
@@ -206,34 +202,31 @@ std::string text_of(const Projector& camera) {
 }  // namespace
 
 void bind_camera(py::module_& module) {
-    py::class_<Projector>(module, "Camera",
-                          R"(A calibrated camera. Immutable, safe from every thread.
+    Bound<Projector>(module, "Camera",
+                     R"(A calibrated camera. Immutable, safe from every thread.
 
 Camera frame: x right, y down, z forward, mm. Pixel (0, 0) is the centre of the top-left pixel.)")
-        .def(py::init(&from_opencv), py::arg("image_size"), py::arg("matrix"),
-             py::arg("distortion") = py::tuple(),
+        .def(py::init(&from_opencv), "image_size"_a, "matrix"_a, "distortion"_a = py::tuple(),
              R"(A perspective camera from OpenCV's numbers; others are read from files: load().
 
 image_size: (width, height), px. matrix: (3, 3), [fx skew cx; 0 fy cy; 0 0 1], px.
 distortion: up to 14 coefficients in OpenCV's order. Raises ConfigError, NumericalError.)")
-        .def_static("load", &load, py::arg("path"), py::arg("image_size") = py::none(),
+        .def_static("load", &load, "path"_a, "image_size"_a = py::none(),
                     R"(Reads camera.yml or the calibration of another tool, of any lens.
 
 image_size: (width, height) where the file may not say it. Raises ConfigError with file, line and
 key.)")
-        .def("save", &save, py::arg("path"), py::arg("tool") = "etalon",
+        .def("save", &save, "path"_a, "tool"_a = "etalon",
              R"(Writes camera.yml, so that load() gives the same doubles, or another tool's file.
 
 tool: etalon, opencv, ros, kalibr, mrcal, matlab, boofcv or colmap. Raises ConfigError where the
 tool lacks a coefficient that is not 0.)")
-        .def("project", &project, py::arg("points_camera"), py::kw_only(),
-             py::arg("jacobians") = false,
+        .def("project", &project, "points_camera"_a, py::kw_only(), "jacobians"_a = false,
              R"(Pixels (..., 2) of points (..., 3) in the camera frame, mm.
 
 With jacobians=True also d pixel / d point, (..., 2, 3), px/mm. NaN where a point has no image:
 behind the camera, outside the distortion model's valid region, not finite.)")
-        .def("unproject", &unproject, py::arg("pixels"), py::kw_only(),
-             py::arg("jacobians") = false,
+        .def("unproject", &unproject, "pixels"_a, py::kw_only(), "jacobians"_a = false,
              R"(Rays (..., 3) of pixels (..., 2): Z = 1, or length 1 of a wide lens.
 
 With jacobians=True also d ray / d pixel, (..., 3, 2). NaN where a pixel has no ray. Of a
@@ -241,24 +234,18 @@ telecentric camera X and Y in mm.)")
         .def("check", &check, R"(Whether the whole image can be used, and what is unusual: a dict.
 
 Angles in degrees, image_without_ray 0 to 1, findings with weight, about and message.)")
-        .def_property_readonly(
-            "width", [](const Projector& c) { return c.camera().width; }, "px")
-        .def_property_readonly(
-            "height", [](const Projector& c) { return c.camera().height; }, "px")
-        .def_property_readonly(
-            "serial", [](const Projector& c) { return c.camera().serial; },
-            "Serial number; empty where it is not known.")
-        .def_property_readonly(
-            "projection",
-            [](const Projector& c) { return name_of(c.camera().projection.kind).name; },
-            "perspective, telecentric, equidistant, ...: docs/files.md.")
-        .def_property_readonly("parameters", &parameters,
-                               "By name: fx, fy, cx, cy, skew, k1 ... k7, and the projection's.")
-        .def_property_readonly("matrix", &matrix, "(3, 3), [fx skew cx; 0 fy cy; 0 0 1], px.")
-        .def_property_readonly("covariance", &covariance,
-                               "(names, (P, P)) of the calibrated parameters, or None.")
-        .def_property_readonly("lens", &lens, "What is known of the lens: a dict, or None.")
-        .def_property_readonly("sensor", &sensor, "What is known of the sensor: a dict, or None.")
+        .get("width", "px", [](const Projector& c) { return c.camera().width; })
+        .get("height", "px", [](const Projector& c) { return c.camera().height; })
+        .get("serial", "Serial number; empty where it is not known.",
+             [](const Projector& c) { return c.camera().serial; })
+        .get("projection", "perspective, telecentric, equidistant, ...: docs/files.md.",
+             [](const Projector& c) { return name_of(c.camera().projection.kind).name; })
+        .get("parameters", "By name: fx, fy, cx, cy, skew, k1 ... k7, and the projection's.",
+             &parameters)
+        .get("matrix", "(3, 3), [fx skew cx; 0 fy cy; 0 0 1], px.", &matrix)
+        .get("covariance", "(names, (P, P)) of the calibrated parameters, or None.", &covariance)
+        .get("lens", "What is known of the lens: a dict, or None.", &lens)
+        .get("sensor", "What is known of the sensor: a dict, or None.", &sensor)
         .def("__repr__", &text_of);
 }
 

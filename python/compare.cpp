@@ -6,13 +6,10 @@
 #include "compare/photometric/photo_match.h"
 #include "core/program/errors.h"
 #include "python/arrays.h"
-#include "python/bindings.h"
 #include "python/interruptible.h"
 
 namespace etalon {
 namespace {
-
-using namespace py::literals;
 
 struct ComparedOnce {
     std::string failure;  // why there is no match
@@ -66,14 +63,14 @@ py::list model_parameters(const PhotoFit& fit) {
 }
 
 void bind_findings(py::module_& module) {
-    py::class_<Finding>(module, "Finding", "What speaks against a match.")
-        .def_readonly("name", &Finding::name, "occluded, glare, blur_differs, ...")
-        .def_readonly("sentence", &Finding::sentence, "For a technician.")
-        .def_readonly("value", &Finding::value, "Measured, in unit.")
-        .def_readonly("limit", &Finding::limit, "That it is beyond.")
-        .def_readonly("unit", &Finding::unit, "px, %, gray; empty for a ratio.")
-        .def_readonly("is_refusal", &Finding::is_not_assessable,
-                      "The figures of this photograph mean nothing.")
+    Bound<Finding>(module, "Finding", "What speaks against a match.")
+        .get("name", "occluded, glare, blur_differs, ...", &Finding::name)
+        .get("sentence", "For a technician.", &Finding::sentence)
+        .get("value", "Measured, in unit.", &Finding::value)
+        .get("limit", "That it is beyond.", &Finding::limit)
+        .get("unit", "px, %, gray; empty for a ratio.", &Finding::unit)
+        .get("is_refusal", "The figures of this photograph mean nothing.",
+             &Finding::is_not_assessable)
         .def("__repr__", [](const Finding& finding) {
             return "<etalon.Finding " + finding.name + ": " + finding.sentence + ">";
         });
@@ -86,35 +83,28 @@ void bind_fit(py::module_& module) {
     const auto figure = [](double ResidualStatistics::*which) {
         return [which](const PhotoFit& fit) { return fit.scored.*which; };
     };
-    py::class_<PhotoFit>(module, "PhotoFit", R"(A photograph against its rendering at one pose.
+    Bound<PhotoFit>(module, "PhotoFit", R"(A photograph against its rendering at one pose.
 
 Gray: code value / full scale * 255. Fitted on one half of the marker's cells, scored on the
 other.)")
-        .def_property_readonly(
-            "camera_from_marker",
-            [](const PhotoFit& fit) { return array_of(fit.state.camera_from_marker); },
-            "(4, 4), mm.")
-        .def_property_readonly("rms_gray", figure(&ResidualStatistics::rms_gray),
-                               "Of the scored pixels.")
-        .def_property_readonly("mean_gray", figure(&ResidualStatistics::mean_gray), "Signed.")
-        .def_property_readonly("p99_gray", figure(&ResidualStatistics::p99_gray),
-                               "99 % of the absolute residuals are at most this.")
-        .def_property_readonly(
-            "noise_gray", [](const PhotoFit& fit) { return fit.noise_gray; },
-            "Standard deviation of the noise, RMS.")
-        .def_property_readonly(
-            "predicted", image(&PhotoFit::predicted),
-            "(height, width) float32, gray: what the photograph should have been.")
-        .def_property_readonly("residual", image(&PhotoFit::residual),
-                               "(height, width) float32, gray: photograph minus predicted.")
-        .def_property_readonly(
-            "significance", image(&PhotoFit::significance),
-            "(height, width) float32: residual / standard deviation of the noise.")
-        .def_property_readonly("use", image(&PhotoFit::use),
-                               "(height, width) uint8: 0 outside, 1 fitted, 2 scored.")
-        .def_property_readonly(
-            "parameters", &model_parameters,
-            "Of the photometric model: dicts of name, value, deviation, unit, source.");
+        .get("camera_from_marker", "(4, 4), mm.",
+             [](const PhotoFit& fit) { return array_of(fit.state.camera_from_marker); })
+        .get("rms_gray", "Of the scored pixels.", figure(&ResidualStatistics::rms_gray))
+        .get("mean_gray", "Signed.", figure(&ResidualStatistics::mean_gray))
+        .get("p99_gray", "99 % of the absolute residuals are at most this.",
+             figure(&ResidualStatistics::p99_gray))
+        .get("noise_gray", "Standard deviation of the noise, RMS.",
+             [](const PhotoFit& fit) { return fit.noise_gray; })
+        .get("predicted", "(height, width) float32, gray: what the photograph should have been.",
+             image(&PhotoFit::predicted))
+        .get("residual", "(height, width) float32, gray: photograph minus predicted.",
+             image(&PhotoFit::residual))
+        .get("significance", "(height, width) float32: residual / standard deviation of the noise.",
+             image(&PhotoFit::significance))
+        .get("use", "(height, width) uint8: 0 outside, 1 fitted, 2 scored.", image(&PhotoFit::use))
+        .get("parameters",
+             "Of the photometric model: dicts of name, value, deviation, unit, source.",
+             &model_parameters);
 }
 
 }  // namespace
@@ -127,25 +117,19 @@ void bind_compare(py::module_& module) {
             return result.match ? std::optional((*result.match).*which) : std::nullopt;
         };
     };
-    py::class_<ComparedOnce>(module, "Comparison", "A photograph against its rendering.")
-        .def_property_readonly("is_matched", &ComparedOnce::is_matched,
-                               "Compared, and nothing speaks against a match.")
-        .def_readonly("findings", &ComparedOnce::findings, "What speaks against a match.")
-        .def_readonly("failure", &ComparedOnce::failure,
-                      "Why it could not be compared; else empty.")
-        .def_property_readonly("calibrated", fit(&PhotoMatch::calibrated),
-                               "PhotoFit at the pose under test, or None.")
-        .def_property_readonly("refined", fit(&PhotoMatch::refined),
-                               "PhotoFit at the photometric pose, or None.")
-        .def_property_readonly(
-            "pose",
-            [](const ComparedOnce& result) {
-                return result.match ? std::optional(result.match->pose) : std::nullopt;
-            },
-            "PhotometricPose, or None.");
-    module.def("compare", &compare, py::arg("photo"), py::arg("marker"), py::arg("camera"),
-               py::arg("camera_from_marker") = py::none(), py::kw_only(),
-               py::arg("background") = 1.0,
+    Bound<ComparedOnce>(module, "Comparison", "A photograph against its rendering.")
+        .get("is_matched", "Compared, and nothing speaks against a match.",
+             &ComparedOnce::is_matched)
+        .get("findings", "What speaks against a match.", &ComparedOnce::findings)
+        .get("failure", "Why it could not be compared; else empty.", &ComparedOnce::failure)
+        .get("calibrated", "PhotoFit at the pose under test, or None.",
+             fit(&PhotoMatch::calibrated))
+        .get("refined", "PhotoFit at the photometric pose, or None.", fit(&PhotoMatch::refined))
+        .get("pose", "PhotometricPose, or None.", [](const ComparedOnce& result) {
+            return result.match ? std::optional(result.match->pose) : std::nullopt;
+        });
+    module.def("compare", &compare, "photo"_a, "marker"_a, "camera"_a,
+               "camera_from_marker"_a = py::none(), py::kw_only(), "background"_a = 1.0,
                R"(A photograph of a marker against its rendering: a Comparison.
 
 photo: (height, width) uint8 or uint16, shared. camera_from_marker: (4, 4), mm, the pose under test;

@@ -7,7 +7,6 @@
 #include "compare/photometric/photometric_detector.h"
 #include "core/program/errors.h"
 #include "python/arrays.h"
-#include "python/bindings.h"
 #include "python/interruptible.h"
 
 namespace etalon {
@@ -78,64 +77,57 @@ PhotometricPose find(const PhotometricDetector& detector, const py::array& photo
 }
 
 void bind_estimate(py::module_& module) {
-    py::class_<PoseEstimate>(module, "PoseEstimate",
-                             "A pose from corners, with the other planar solution.")
-        .def_property_readonly("camera_from_marker", as_array(&PoseEstimate::camera_from_marker),
-                               "(4, 4), mm.")
-        .def_readonly("reprojection_rms_px", &PoseEstimate::reprojection_rms_px,
-                      "RMS distance of the corners, px.")
-        .def_property_readonly("alternative", as_array(&PoseEstimate::alternative),
-                               "(4, 4) of the other planar solution, or None.")
-        .def_readonly("alternative_rms_px", &PoseEstimate::alternative_rms_px, "Its RMS, px.")
-        .def_property_readonly(
-            "covariance_per_px2", as_array(&PoseEstimate::covariance_per_px2),
-            R"((6, 6): times sigma_px^2 of a corner's coordinate it is the covariance.
+    Bound<PoseEstimate>(module, "PoseEstimate",
+                        "A pose from corners, with the other planar solution.")
+        .get("camera_from_marker", "(4, 4), mm.", as_array(&PoseEstimate::camera_from_marker))
+        .get("reprojection_rms_px", "RMS distance of the corners, px.",
+             &PoseEstimate::reprojection_rms_px)
+        .get("alternative", "(4, 4) of the other planar solution, or None.",
+             as_array(&PoseEstimate::alternative))
+        .get("alternative_rms_px", "Its RMS, px.", &PoseEstimate::alternative_rms_px)
+        .get("covariance_per_px2",
+             R"((6, 6): times sigma_px^2 of a corner's coordinate it is the covariance.
 
-Rotation (rad), then translation (mm), left perturbation in the camera frame.)");
+Rotation (rad), then translation (mm), left perturbation in the camera frame.)",
+             as_array(&PoseEstimate::covariance_per_px2));
 }
 
 }  // namespace
 
 void bind_detect(py::module_& module) {
     bind_estimate(module);
-    py::class_<PhotoPose>(module, "Detection",
-                          "A marker in one photograph, or why it is not there.")
-        .def_property_readonly(
-            "found", [](const PhotoPose& p) { return p.corners.has_value(); },
-            "Whether it has corners.")
-        .def_readonly("reason", &PhotoPose::failure,
-                      "Why there are no corners or no pose; else empty.")
-        .def_property_readonly("corners", &corners, "(N, 2), px, or None.")
-        .def_property_readonly("points", &points,
-                               "(N,): index into Marker.points_mm of each corner, or None.")
-        .def_readonly("pose", &PhotoPose::estimate,
-                      "PoseEstimate, or None: without a camera, or where the corners tell none.")
-        .def_readonly(
-            "shown_as", &PhotoPose::shown_as,
-            "The marker's name where it is drawn otherwise than it was named; else empty.");
+    Bound<PhotoPose>(module, "Detection", "A marker in one photograph, or why it is not there.")
+        .get("found", "Whether it has corners.",
+             [](const PhotoPose& p) { return p.corners.has_value(); })
+        .get("reason", "Why there are no corners or no pose; else empty.", &PhotoPose::failure)
+        .get("corners", "(N, 2), px, or None.", &corners)
+        .get("points", "(N,): index into Marker.points_mm of each corner, or None.", &points)
+        .get("pose", "PoseEstimate, or None: without a camera, or where the corners tell none.",
+             &PhotoPose::estimate)
+        .get("shown_as",
+             "The marker's name where it is drawn otherwise than it was named; else empty.",
+             &PhotoPose::shown_as);
 
-    py::class_<SharedDetector>(module, "Detector",
-                               R"(A detector for one marker, for many photographs.
+    Bound<SharedDetector>(module, "Detector",
+                          R"(A detector for one marker, for many photographs.
 
 Threads that share one take turns: one detector per thread is faster.)")
         .def(
-            py::init<const Marker&, const std::string&>(), py::arg("marker"),
-            py::arg("name") = "auto",
+            py::init<const Marker&, const std::string&>(), "marker"_a, "name"_a = "auto",
             R"(name: auto, apriltag, aruco, topotag, chessboard, charuco, aprilgrid, circles, squares, stag.
 
 Raises ConfigError when there is none or it cannot see the marker.)")
-        .def_property_readonly("name", &SharedDetector::name, "apriltag, ...")
-        .def("detect", &detect_with, py::arg("photo"), py::arg("camera") = py::none(),
-             "As etalon.detect().");
+        .get("name", "apriltag, ...", &SharedDetector::name)
+        .def("detect", &detect_with, "photo"_a, "camera"_a = py::none(), "As etalon.detect().");
 
-    module.def("detect", &detect, py::arg("photo"), py::arg("marker"),
-               py::arg("camera") = py::none(), py::arg("detector") = "auto",
+    module.def("detect", &detect, "photo"_a, "marker"_a, "camera"_a = py::none(),
+               "detector"_a = "auto",
                R"(The marker's corners in a photograph and, with a camera, its pose: a Detection.
 
 photo: (height, width) uint8 or uint16, shared. A marker that is not found is no error: reason says
 why. Raises ConfigError for a photograph of another size than the camera's.)");
     module.def(
-        "estimate_pose", &pose_from, py::arg("camera"), py::arg("points_mm"), py::arg("pixels"),
+        "estimate_pose", &pose_from, "camera"_a, "points_mm"_a, "pixels"_a,
         R"(A PoseEstimate from points (N, 3) of the marker's plane, mm, seen at pixels (N, 2).
 
 None where they fix no pose in front of the camera. Raises NumericalError for a telecentric
@@ -143,37 +135,33 @@ camera.)");
 }
 
 void bind_photometric(py::module_& module) {
-    py::class_<PhotometricPose>(module, "PhotometricPose", "A pose from all of a marker's pixels.")
-        .def_property_readonly("camera_from_marker", as_array(&PhotometricPose::camera_from_marker),
-                               "(4, 4), mm.")
-        .def_property_readonly(
-            "covariance", as_array(&PhotometricPose::covariance),
+    Bound<PhotometricPose>(module, "PhotometricPose", "A pose from all of a marker's pixels.")
+        .get("camera_from_marker", "(4, 4), mm.", as_array(&PhotometricPose::camera_from_marker))
+        .get(
+            "covariance",
             R"((6, 6): rotation (rad), then translation (mm), left perturbation in the camera frame.
 
-What a wrong calibration or size of the print does is not in it.)")
-        .def_property_readonly(
-            "other",
-            [](const PhotometricPose& p) {
-                return array_of(p.other ? std::optional(p.other->camera_from_marker)
-                                        : std::nullopt);
-            },
-            "(4, 4) of the other planar solution, or None.")
-        .def_property_readonly(
-            "log_likelihood_ratio",
-            [](const PhotometricPose& p) {
-                return p.other ? std::optional(p.other->log_likelihood_ratio) : std::nullopt;
-            },
-            "Of the better pose to the other one, or None: beyond 20 there is no doubt.")
-        .def_readonly("noise_scale", &PhotometricPose::noise_scale,
-                      "Size of the residuals: in units of the camera's noise, or gray.")
-        .def_readonly("reduced_squares", &PhotometricPose::reduced_squares,
-                      "Mean square of the residuals; 1 for pure noise.")
-        .def_readonly("pixels", &PhotometricPose::pixels, "That were fitted.")
-        .def_readonly("converged", &PhotometricPose::converged, "Whether the fit came to its end.");
+What a wrong calibration or size of the print does is not in it.)",
+            as_array(&PhotometricPose::covariance))
+        .get("other", "(4, 4) of the other planar solution, or None.",
+             [](const PhotometricPose& p) {
+                 return array_of(p.other ? std::optional(p.other->camera_from_marker)
+                                         : std::nullopt);
+             })
+        .get("log_likelihood_ratio",
+             "Of the better pose to the other one, or None: beyond 20 there is no doubt.",
+             [](const PhotometricPose& p) {
+                 return p.other ? std::optional(p.other->log_likelihood_ratio) : std::nullopt;
+             })
+        .get("noise_scale", "Size of the residuals: in units of the camera's noise, or gray.",
+             &PhotometricPose::noise_scale)
+        .get("reduced_squares", "Mean square of the residuals; 1 for pure noise.",
+             &PhotometricPose::reduced_squares)
+        .get("pixels", "That were fitted.", &PhotometricPose::pixels)
+        .get("converged", "Whether the fit converged.", &PhotometricPose::converged);
 
-    py::class_<PhotometricDetector>(
-        module, "PhotometricDetector",
-        R"(Poses from all pixels of a marker or board, from a pose nearby.
+    Bound<PhotometricDetector>(module, "PhotometricDetector",
+                               R"(Poses from all pixels of a marker or board, from a pose nearby.
 
 Safe from every thread.)")
         .def(py::init([](const Projector& camera, const Marker& marker, double background) {
@@ -181,12 +169,12 @@ Safe from every thread.)")
                      return PhotometricDetector(camera.camera(), marker, "marker", background);
                  });
              }),
-             py::arg("camera"), py::arg("marker"), py::arg("background") = 1.0,
+             "camera"_a, "marker"_a, "background"_a = 1.0,
              R"(background: radiance beside the marker, whose white is 1.
 
 Raises ConfigError, NumericalError.)")
-        .def("find", &find, py::arg("photo"), py::arg("start"),
-             py::arg("start_error_px") = PhotometricDetector::basin_px,
+        .def("find", &find, "photo"_a, "start"_a,
+             "start_error_px"_a = PhotometricDetector::basin_px,
              R"(The PhotometricPose in a photograph.
 
 photo: (height, width) uint8 or uint16, shared. start: a pose (4, 4) nearby, mm, a detector's or the

@@ -4,11 +4,8 @@
 
 #include "capture/camera_recovery.h"
 #include "python/arrays.h"
-#include "python/bindings.h"
 
 namespace etalon {
-
-using namespace py::literals;
 
 SharedCamera::SharedCamera(const std::string& uri, const CameraLink& link) {
     device_ = interruptible([&](std::stop_token stop) {
@@ -157,54 +154,47 @@ std::unique_ptr<SharedCamera> open_by_uri(const std::string& uri, double frame_t
 }
 
 void bind_cameras(py::module_& module) {
-    py::class_<Frame>(module, "Frame", "A photograph with what is known of it.")
-        .def_property_readonly(
-            "image",
-            [](const Frame& frame) -> py::object {
-                if (frame.status != FrameStatus::complete)
-                    return py::none();
-                return shared_array(frame.image.pixels);
-            },
-            "(height, width) uint8 or uint16; None unless the frame is complete.")
-        .def_property_readonly(
-            "status", [](const Frame& frame) { return name(frame.status); },
-            "complete, short_frame, corrupt, lost or timed_out.")
-        .def_readonly("status_detail", &Frame::status_detail, "The driver's own words.")
-        .def_property_readonly(
-            "bits", [](const Frame& frame) { return frame.image.bits; },
-            "Full scale is 2^bits - 1.")
-        .def_readonly("id", &Frame::id, "The device's frame counter.")
-        .def_property_readonly(
-            "settings", [](const Frame& frame) { return in_force(frame.settings); },
-            "In force during the exposure: a dict.");
+    Bound<Frame>(module, "Frame", "A photograph with what is known of it.")
+        .get("image", "(height, width) uint8 or uint16; None unless the frame is complete.",
+             [](const Frame& frame) -> py::object {
+                 if (frame.status != FrameStatus::complete)
+                     return py::none();
+                 return shared_array(frame.image.pixels);
+             })
+        .get("status", "complete, short_frame, corrupt, lost or timed_out.",
+             [](const Frame& frame) { return name(frame.status); })
+        .get("status_detail", "The driver's own words.", &Frame::status_detail)
+        .get("bits", "Full scale is 2^bits - 1.",
+             [](const Frame& frame) { return frame.image.bits; })
+        .get("id", "The device's frame counter.", &Frame::id)
+        .get("settings", "In force during the exposure: a dict.",
+             [](const Frame& frame) { return in_force(frame.settings); });
 
-    py::class_<SharedCamera>(module, "CameraDevice",
-                             R"(A camera that takes photographs. Close it, or use it in a `with`.
+    Bound<SharedCamera>(module, "CameraDevice",
+                        R"(A camera that takes photographs. Close it, or use it in a `with`.
 
 Threads that share one take turns.)")
-        .def("configure", &configure, py::kw_only(), py::arg("exposure_us") = 0,
-             py::arg("gain_db") = 0.0, py::arg("width") = 0, py::arg("height") = 0,
-             py::arg("bits") = 8, py::arg("format") = "", py::arg("black_level") = py::none(),
-             py::arg("trigger") = "", py::arg("controls") = std::map<std::string, double>(),
+        .def("configure", &configure, py::kw_only(), "exposure_us"_a = 0, "gain_db"_a = 0.0,
+             "width"_a = 0, "height"_a = 0, "bits"_a = 8, "format"_a = "",
+             "black_level"_a = py::none(), "trigger"_a = "",
+             "controls"_a = std::map<std::string, double>(),
              R"(Applies the settings, reads each one back, gets ready; what is in force, as a dict.
 
 0, None and "" leave the device's own. Raises DeviceError when it refuses or changes one.)")
-        .def("frame", &SharedCamera::frame, py::arg("retries") = 5,
+        .def("frame", &SharedCamera::frame, "retries"_a = 5,
              R"(A Frame whose exposure began after this call; bad ones are tried again.
 
 Raises DeviceError when the device is gone. Ctrl-C ends it.)")
         .def("close", &SharedCamera::close, "Gives the device free.")
-        .def_property_readonly("identity", &identity, "uri, vendor, model, serial: a dict.")
-        .def_property_readonly("statistics", &statistics, "Counters since opening: a dict.")
-        .def_property_readonly(
-            "remarks",
-            [](SharedCamera& camera) { return camera.ask(std::mem_fn(&Camera::remarks)); },
-            "What limits this connection, one line each.")
+        .get("identity", "uri, vendor, model, serial: a dict.", &identity)
+        .get("statistics", "Counters since opening: a dict.", &statistics)
+        .get("remarks", "What limits this connection, one line each.",
+             [](SharedCamera& camera) { return camera.ask(std::mem_fn(&Camera::remarks)); })
         .def("__enter__", [](const py::object& self) { return self; })
         .def("__exit__", [](SharedCamera& camera, const py::args&) { camera.close(); });
     module.def(
-        "open_camera", &open_by_uri, py::arg("uri"), py::kw_only(),
-        py::arg("frame_timeout_s") = 1.0, py::arg("packet_size") = 1400,
+        "open_camera", &open_by_uri, "uri"_a, py::kw_only(), "frame_timeout_s"_a = 1.0,
+        "packet_size"_a = 1400,
         R"(A CameraDevice by its URI: genicam:ID-or-IP, v4l2:/dev/video0, libcamera:ID, files:FOLDER.
 
 Raises ConfigError for a URI that no backend knows, DeviceError when nobody answers.)");
@@ -228,15 +218,13 @@ py::list axes_list(const std::vector<Axis>& axes) {
 
 void bind_devices(py::module_& module) {
     bind_cameras(module);
-    py::class_<SharedStage>(
-        module, "Stage",
-        R"(A station's stage, within its soft limits, forbidden boxes and slow zones.
+    Bound<SharedStage>(module, "Stage",
+                       R"(A station's stage, within its soft limits, forbidden boxes and slow zones.
 
 Positions: one per axis, mm or rad. Closing it, leaving its `with` or losing it stops every axis.
 Threads that share one take turns. Ctrl-C during a motion stops the axes.)")
-        .def_property_readonly(
-            "axes", [](const SharedStage& stage) { return axes_list(stage.axes()); },
-            "Dicts of name, kind, unit, low, high, speed.")
+        .get("axes", "Dicts of name, kind, unit, low, high, speed.",
+             [](const SharedStage& stage) { return axes_list(stage.axes()); })
         .def(
             "enable", [](SharedStage& stage) { stage.run(std::mem_fn(&Stage::enable)); },
             "Switches the axes on. Raises DeviceError.")
@@ -250,7 +238,7 @@ Soft limits, forbidden boxes and slow zones do not hold meanwhile. Raises Device
             R"(In place of enable() and home(): goes on where an earlier program left the axes.
 
 Raises DeviceError unless every axis is enabled, homed and at rest.)")
-        .def("move", &move, py::arg("target"),
+        .def("move", &move, "target"_a,
              R"(Moves all axes to target (A,), returns when they have settled.
 
 Raises ConfigError before anything moves for a target that is not allowed, DeviceError for an alarm
@@ -260,8 +248,7 @@ or a lost link; the axes are stopped first.)")
             [](SharedStage& stage, double share) {
                 stage.ask([&](Stage& device) { device.limit_speed(share); });
             },
-            py::arg("share"),
-            "Moves from now on run at this share of each axis' speed, 0 < share <= 1.")
+            "share"_a, "Moves from now on run at this share of each axis' speed, 0 < share <= 1.")
         .def(
             "position",
             [](SharedStage& stage) { return array_of(stage.ask(std::mem_fn(&Stage::position))); },

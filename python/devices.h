@@ -3,18 +3,7 @@
 // it waits.
 #pragma once
 
-#include <pybind11/pybind11.h>
-
-#include <functional>
-#include <memory>
-#include <mutex>
-#include <string>
-#include <vector>
-
-#include "capture/frame/camera.h"
-#include "core/program/errors.h"
 #include "python/interruptible.h"
-#include "stage/motion/stage.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {

@@ -5,11 +5,8 @@
 
 #include <pybind11/pybind11.h>
 
-#include <cstdio>
 #include <functional>
 #include <memory>
-#include <optional>
-#include <stop_token>
 #include <utility>
 
 #include "core/time/progress.h"

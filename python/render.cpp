@@ -4,7 +4,6 @@
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "python/arrays.h"
-#include "python/bindings.h"
 #include "python/interruptible.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
@@ -78,51 +77,45 @@ py::array linear_radiance(const SensorModel& sensor, const py::array& image) {
 }  // namespace
 
 void bind_marker(py::module_& module) {
-    py::class_<Marker>(module, "Marker", R"(A marker or board by its name: docs/files.md, "Markers".
+    Bound<Marker>(module, "Marker", R"(A marker or board by its name: docs/files.md, "Markers".
 
 Marker frame: x right, y down, z into the marker, as printed and seen from the front; mm.)")
-        .def(py::init(&marker_named), py::arg("spec"),
+        .def(py::init(&marker_named), "spec"_a,
              R"(spec: "apriltag:36h11:5@50mm", "chessboard:9x6@25mm", ... Raises ConfigError.)")
-        .def_readonly("spec", &Marker::spec, "The name, as given.")
-        .def_readonly("id", &Marker::id, "Of a single tag.")
-        .def_readonly("size_mm", &Marker::size_mm, "Side of the tag or of a board's square.")
-        .def_property_readonly("points_mm", as_array(&Marker::points_mm),
-                               "(N, 3): what detectors report, in the marker frame, mm.")
-        .def_property_readonly(
-            "cells", [](const Marker& marker) { return shared_array(marker.grid.cells, false); },
-            "(rows, columns) float32, read-only: radiance 0 to 1 of each printed cell.")
-        .def_property_readonly(
-            "corner_mm", [](const Marker& marker) { return pair_of(marker.grid.corner_mm); },
-            "(x, y) of the grid's top left corner, mm.")
-        .def_property_readonly(
-            "cell_mm", [](const Marker& marker) { return pair_of(marker.grid.cell_mm); },
-            "(x, y): size of a cell, mm.")
+        .get("spec", "The name, as given.", &Marker::spec)
+        .get("id", "Of a single tag.", &Marker::id)
+        .get("size_mm", "Side of the tag or of a board's square.", &Marker::size_mm)
+        .get("points_mm", "(N, 3): what detectors report, in the marker frame, mm.",
+             as_array(&Marker::points_mm))
+        .get("cells", "(rows, columns) float32, read-only: radiance 0 to 1 of each printed cell.",
+             [](const Marker& marker) { return shared_array(marker.grid.cells, false); })
+        .get("corner_mm", "(x, y) of the grid's top left corner, mm.",
+             [](const Marker& marker) { return pair_of(marker.grid.corner_mm); })
+        .get("cell_mm", "(x, y): size of a cell, mm.",
+             [](const Marker& marker) { return pair_of(marker.grid.cell_mm); })
         .def("__repr__",
              [](const Marker& marker) { return fmt::format("<etalon.Marker {}>", marker.spec); });
 }
 
 void bind_render(py::module_& module) {
-    py::class_<RenderedImage>(module, "RenderedImage", "What Renderer.render() makes.")
-        .def_property_readonly(
-            "radiance", [](const RenderedImage& image) { return shared_array(image.radiance); },
-            "(height, width) float32: linear radiance, 1 = full scale.")
-        .def_property_readonly(
-            "valid", [](const RenderedImage& image) { return shared_array(image.valid, false); },
-            "(height, width) uint8, read-only: 255 where the pixel has a ray, else 0.")
-        .def_property_readonly(
-            "plan", [](const RenderedImage& image) { return image.plan.describe(); },
-            "How it was rendered and what was left out, with bounds; one line.");
+    Bound<RenderedImage>(module, "RenderedImage", "What Renderer.render() makes.")
+        .get("radiance", "(height, width) float32: linear radiance, 1 = full scale.",
+             [](const RenderedImage& image) { return shared_array(image.radiance); })
+        .get("valid", "(height, width) uint8, read-only: 255 where the pixel has a ray, else 0.",
+             [](const RenderedImage& image) { return shared_array(image.valid, false); })
+        .get("plan", "How it was rendered and what was left out, with bounds; one line.",
+             [](const RenderedImage& image) { return image.plan.describe(); });
 
-    py::class_<Renderer>(module, "Renderer",
-                         R"(Renders markers as a camera sees them, in linear radiance.
+    Bound<Renderer>(module, "Renderer",
+                    R"(Renders markers as a camera sees them, in linear radiance.
 
 One per camera: holds what it learns of it. Safe from every thread.)")
         .def(py::init([](const Projector& camera) {
                  return without_gil([&] { return Renderer(camera.camera()); });
              }),
-             py::arg("camera"))
-        .def("render", &render, py::arg("markers"), py::kw_only(), py::arg("background") = 1.0,
-             py::arg("tolerance_gray") = 0.1, py::arg("method") = "automatic",
+             "camera"_a)
+        .def("render", &render, "markers"_a, py::kw_only(), "background"_a = 1.0,
+             "tolerance_gray"_a = 0.1, "method"_a = "automatic",
              R"(A RenderedImage of markers at their poses.
 
 markers: a list of (Marker, camera_from_marker), the latter (4, 4), mm. background: radiance around
@@ -130,25 +123,24 @@ them, 1 = full scale. tolerance_gray: largest error aimed at, 1/255 of full scal
 exact_lens, exact_area, reference (slow) or wave. Raises NumericalError for a marker behind the
 lens or hidden by another one.)");
 
-    py::class_<SensorModel>(module, "SensorModel",
-                            R"(The sensor behind the lens: code values from radiance, and back.
+    Bound<SensorModel>(module, "SensorModel",
+                       R"(The sensor behind the lens: code values from radiance, and back.
 
 Safe from every thread. Raises ConfigError for a sensor section that contradicts itself.)")
         .def(py::init([](const Projector& camera) {
                  return without_gil([&] { return SensorModel(camera.camera()); });
              }),
-             py::arg("camera"))
-        .def("expose", &expose, py::arg("radiance"), py::kw_only(), py::arg("seed") = py::none(),
-             py::arg("frame") = 0,
+             "camera"_a)
+        .def("expose", &expose, "radiance"_a, py::kw_only(), "seed"_a = py::none(), "frame"_a = 0,
              R"(Code values (height, width), uint8 or uint16, of radiance (height, width) float32.
 
 A longer exposure is a larger radiance. seed: with the sensor's noise, a function of (seed, frame,
 pixel). Raises NumericalError for another size than the camera's and what is not finite.)")
-        .def("linear_radiance", &linear_radiance, py::arg("image"),
+        .def("linear_radiance", &linear_radiance, "image"_a,
              R"(Radiance at the sensor, (height, width) float32, of code values.
 
 Black level and curve are undone, the relative response is not.)")
-        .def_property_readonly("bits", &SensorModel::bits, "Full scale is 2^bits - 1.");
+        .get("bits", "Full scale is 2^bits - 1.", &SensorModel::bits);
 }
 
 }  // namespace etalon

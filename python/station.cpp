@@ -1,8 +1,8 @@
 // etalon.Station: what a station.yaml says, its devices, and the main job; records analysed again.
+// etalon.run_study: detectors compared.
 #include "calib/camera/projector.h"
 #include "core/file/file_lock.h"
 #include "python/arrays.h"
-#include "python/bindings.h"
 #include "python/devices.h"
 #include "python/interruptible.h"
 #include "report/number_text.h"
@@ -11,11 +11,11 @@
 #include "station/register/stage_registration.h"
 #include "station/setup/plan.h"
 #include "station/setup/station_lock.h"
+#include "study/study_report.h"
+#include "study/study_run.h"
 
 namespace etalon {
 namespace {
-
-using namespace py::literals;
 
 // What the record says, in Python's types.
 py::object read_back(const std::filesystem::path& folder) {
@@ -101,44 +101,33 @@ NumberArray registration_covariance(const StageRegistration& result) {
 }
 
 void bind_registration(py::module_& module) {
-    py::class_<StageRegistration>(module, "StageRegistration",
-                                  "Where a stage stands before the camera, and the marker on it.")
-        .def_property_readonly(
-            "camera_from_base",
-            [](const StageRegistration& r) { return array_of(r.registration.camera_from_base); },
-            "(4, 4), mm.")
-        .def_property_readonly(
-            "carriage_from_marker",
-            [](const StageRegistration& r) {
-                return array_of(r.registration.carriage_from_marker);
-            },
-            "(4, 4), mm.")
-        .def_property_readonly(
-            "deviations",
-            [](const StageRegistration& r) { return array_of(numbers_of(r.deviations)); },
-            "(12,): standard deviations of the two, each rotation (rad), then translation (mm).")
-        .def_property_readonly("covariance", &registration_covariance,
-                               "(12, 12), in the same order.")
-        .def_property_readonly(
-            "freedoms",
-            [](const StageRegistration& r) {
-                std::vector<std::string> names;
-                for (const GaugeFreedom& freedom : r.registration.freedoms)
-                    names.push_back(freedom.name);
-                return names;
-            },
-            "Directions that no motion of the stage can tell, by name.")
-        .def_property_readonly("badly_determined", &badly_determined,
-                               "Directions that the poses hardly tell: name, deviation, unit.")
-        .def_property_readonly("photos", &photos,
-                               "Of each: photo, failure, difference_mm (3,), difference_rad (3,).")
-        .def_readonly("used", &StageRegistration::used, "Number of photographs that took part.")
-        .def_readonly("detector", &StageRegistration::detector, "apriltag, photometric, ...")
-        .def_property_readonly(
-            "residual_rms_px",
-            [](const StageRegistration& r) { return r.registration.residual_rms_px; },
-            "Over the coordinates of the corners; 0 of photometric poses.");
-    module.def("register_record", &register_record, py::arg("record"), py::arg("detector") = "",
+    Bound<StageRegistration>(module, "StageRegistration",
+                             "Where a stage stands before the camera, and the marker on it.")
+        .get("camera_from_base", "(4, 4), mm.",
+             [](const StageRegistration& r) { return array_of(r.registration.camera_from_base); })
+        .get("carriage_from_marker", "(4, 4), mm.",
+             [](const StageRegistration& r) {
+                 return array_of(r.registration.carriage_from_marker);
+             })
+        .get("deviations",
+             "(12,): standard deviations of the two, each rotation (rad), then translation (mm).",
+             [](const StageRegistration& r) { return array_of(numbers_of(r.deviations)); })
+        .get("covariance", "(12, 12), in the same order.", &registration_covariance)
+        .get("freedoms", "Directions that no motion of the stage can tell, by name.",
+             [](const StageRegistration& r) {
+                 std::vector<std::string> names;
+                 for (const GaugeFreedom& freedom : r.registration.freedoms)
+                     names.push_back(freedom.name);
+                 return names;
+             })
+        .get("badly_determined", "Directions that the poses hardly tell: name, deviation, unit.",
+             &badly_determined)
+        .get("photos", "Of each: photo, failure, difference_mm (3,), difference_rad (3,).", &photos)
+        .get("used", "Number of photographs that took part.", &StageRegistration::used)
+        .get("detector", "apriltag, photometric, ...", &StageRegistration::detector)
+        .get("residual_rms_px", "Over the coordinates of the corners; 0 of photometric poses.",
+             [](const StageRegistration& r) { return r.registration.residual_rms_px; });
+    module.def("register_record", &register_record, "record"_a, "detector"_a = "",
                R"(A StageRegistration from the photographs and positions of a run's record.
 
 detector: "" takes the station's; "photometric" weighs each pose by its covariance. Raises
@@ -177,25 +166,41 @@ StationFile read_file(const std::filesystem::path& path) {
     return without_gil([&] { return read_station(path); });
 }
 
+// ---- etalon.run_study: detectors compared on rendered poses
+
+py::object study_to(const std::filesystem::path& file, const std::filesystem::path& out,
+                    const std::vector<std::string>& ablate, bool progress) {
+    run_interruptibly([&](std::stop_token stop) {
+        const StudyFile study = read_study(file);
+        const Shard all;
+        const StudyOptics optics(study, study_variants(study, ablate));
+        StudyRecord record(out, describe(study, file, optics.variants(), all));
+        RunProgress shown(progress);
+        if (!run_study(optics, all, record, stop, shown.progress()).complete)
+            throw Interrupted();
+        const StudyResults results = read_results(out);
+        write_study_report(results, summarise(results), out);
+    });
+    return py::module_::import("etalon.records").attr("read_results")(out);
+}
+
 }  // namespace
 
 void bind_station(py::module_& module) {
     bind_registration(module);
-    py::class_<StationFile>(module, "Station",
-                            "A camera, a stage and what they are to be told: station.yaml.")
-        .def(py::init(&read_file), py::arg("path"),
+    Bound<StationFile>(module, "Station",
+                       "A camera, a stage and what they are to be told: station.yaml.")
+        .def(py::init(&read_file), "path"_a,
              "Reads station.yaml; touches no device. Raises ConfigError with file, line and key.")
-        .def_readonly("id", &StationFile::id, "Names the station in records.")
-        .def_readonly("marker", &StationFile::marker, "The Marker on the stage.")
-        .def_property_readonly(
-            "camera", [](const StationFile& station) { return Projector(station.camera.model); },
-            "The calibration under test, a Camera.")
-        .def_property_readonly(
-            "axes", [](const StationFile& station) { return axes_list(station.stage.axes); },
-            "Dicts of name, kind, unit, low, high, speed; mm or rad.")
+        .get("id", "Names the station in records.", &StationFile::id)
+        .get("marker", "The Marker on the stage.", &StationFile::marker)
+        .get("camera", "The calibration under test, a Camera.",
+             [](const StationFile& station) { return Projector(station.camera.model); })
+        .get("axes", "Dicts of name, kind, unit, low, high, speed; mm or rad.",
+             [](const StationFile& station) { return axes_list(station.stage.axes); })
         .def("plan", &plan,
              "Where a run goes: targets (P, A), hold_out (P,) bool, expected_duration_s.")
-        .def("base_from_carriage", &carriage_at, py::arg("positions"),
+        .def("base_from_carriage", &carriage_at, "positions"_a,
              "(4, 4), mm, at positions (A,), mm or rad.")
         .def("open_camera", &open_station_camera,
              "The CameraDevice with the station's settings, ready. Raises DeviceError.")
@@ -204,33 +209,41 @@ void bind_station(py::module_& module) {
             [](const StationFile& station, bool homed) {
                 return std::make_unique<SharedStage>(station.stage, homed);
             },
-            py::arg("homed") = false,
+            "homed"_a = false,
             R"(The Stage, with all rules of the file. Nothing moves yet.
 
-homed: your word that axes stand at their zero, for controllers that do not tell. Raises
+homed: true confirms that the axes stand at their zero, for controllers that do not tell. Raises
 DeviceError.)")
-        .def("qualify", &qualify_station, py::arg("out"), py::kw_only(), py::arg("homed") = false,
-             py::arg("progress") = false,
+        .def("qualify", &qualify_station, "out"_a, py::kw_only(), "homed"_a = false,
+             "progress"_a = false,
              R"(The whole job: plan, motion, capture, detection, comparison, verdict.
 
 out: new folder for the record. Returns what read_record() does: outcome is PASS, FAIL, INCONCLUSIVE
 or, with its reason, ERROR. progress: to stderr. Raises ConfigError and DeviceError before anything
 moved. Ctrl-C stops the axes, and what was measured is kept.)")
-        .def("register_photos", &register_positions, py::arg("positions"), py::arg("detector") = "",
+        .def("register_photos", &register_positions, "positions"_a, "detector"_a = "",
              R"(A StageRegistration from photographs at known positions.
 
 positions: CSV with `photo` and a column for each axis, x_mm, rz_deg, ... Raises ConfigError and
 NumericalError.)")
         .def("__repr__",
              [](const StationFile& station) { return "<etalon.Station " + station.id + ">"; });
-    module.def("analyse_record", &analyse, py::arg("record"), py::kw_only(),
-               py::arg("progress") = false,
+    module.def("analyse_record", &analyse, "record"_a, py::kw_only(), "progress"_a = false,
                R"(Analyses a run's record again and replaces its results; as read_record() after it.
 
 Raises ConfigError for a record that is not what a run wrote.)");
-    module.def("resume_record", &resume, py::arg("record"), py::kw_only(), py::arg("homed") = false,
-               py::arg("progress") = false,
-               R"(Goes on with a run that did not come to its end; as Station.qualify().)");
+    module.def("resume_record", &resume, "record"_a, py::kw_only(), "homed"_a = false,
+               "progress"_a = false, R"(Resumes an unfinished run; as Station.qualify().)");
+}
+
+void bind_study(py::module_& module) {
+    module.def(
+        "run_study", &study_to, "study"_a, "out"_a, py::kw_only(),
+        "ablate"_a = std::vector<std::string>(), "progress"_a = false,
+        R"(Compares detectors on rendered poses: study.yaml in, results and report in the folder out.
+
+ablate: also with each of these switched: tone, half-pixel, noise, blur, undistortion. Returns what
+read_results() does. Ctrl-C keeps what is done; the same call goes on. Raises ConfigError.)");
 }
 
 }  // namespace etalon

@@ -3,7 +3,6 @@
 
 #include "core/geometry/rigid.h"
 #include "python/arrays.h"
-#include "python/bindings.h"
 #include "python/interruptible.h"
 #include "report/number_text.h"
 #include "sim/scene/pose_file.h"
@@ -45,22 +44,22 @@ void radiance_to_file(const std::filesystem::path& path, const py::array& radian
 }  // namespace
 
 void bind_transforms(py::module_& module) {
-    module.def("rigid_from_vector", &from_vector, py::arg("pose"),
+    module.def("rigid_from_vector", &from_vector, "pose"_a,
                R"(Transforms (..., 4, 4) of poses (..., 6): rx, ry, rz (rad), tx, ty, tz (mm).)");
     module.def(
-        "vector_from_rigid", &to_vector, py::arg("transform"),
+        "vector_from_rigid", &to_vector, "transform"_a,
         R"(The six numbers of a transform (4, 4): rotation vector (rad), translation (mm).)");
-    module.def("read_poses", &poses_of_file, py::arg("path"),
+    module.def("read_poses", &poses_of_file, "path"_a,
                R"(Transforms (N, 4, 4) of a pose file, CSV or JSON. Raises ConfigError.)");
-    module.def("read_image", &image_of_file, py::arg("path"),
+    module.def("read_image", &image_of_file, "path"_a,
                R"(A PNG, TIFF or JPEG as (height, width) uint8 or uint16; colour becomes luma.
 
 Raises ConfigError with the path.)");
-    module.def("write_image", &image_to_file, py::arg("path"), py::arg("image"),
+    module.def("write_image", &image_to_file, "path"_a, "image"_a,
                R"(Writes (height, width) uint8 or uint16 as PNG or TIFF, by the file's extension.
 
 Raises ConfigError with the path.)");
-    module.def("write_radiance", &radiance_to_file, py::arg("path"), py::arg("radiance"),
+    module.def("write_radiance", &radiance_to_file, "path"_a, "radiance"_a,
                R"(Writes (height, width) float32 as a 32-bit TIFF. Raises ConfigError.)");
 }
 

@@ -1,5 +1,4 @@
 // etalon._etalon._Twin: what etalon.twin() starts (etalon/testing.py).
-#include "python/bindings.h"
 
 #ifdef ETALON_HAVE_TWIN
 #include "mocks/twin/twin.h"
@@ -29,14 +28,14 @@ struct EndWithoutGil {
 }  // namespace
 
 void bind_twin(py::module_& module) {
-    py::class_<Twin, std::unique_ptr<Twin, EndWithoutGil>>(
+    Bound<Twin, std::unique_ptr<Twin, EndWithoutGil>>(
         module, "_Twin", "A simulated stage and camera on 127.0.0.1, until it is deleted.")
         .def(py::init(
                  [](const std::filesystem::path& file, const std::optional<std::uint64_t>& seed) {
                      return std::unique_ptr<Twin, EndWithoutGil>(start(file, seed).release());
                  }),
-             py::arg("file"), py::arg("seed") = py::none())
-        .def_property_readonly("stage_place", &Twin::stage_place, "Where the stage listens.");
+             "file"_a, "seed"_a = py::none())
+        .get("stage_place", "Where the stage listens.", &Twin::stage_place);
 }
 
 }  // namespace etalon

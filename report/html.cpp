@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <map>
-#include <string_view>
 
 #include "core/file/text.h"
 #include "core/image/picture_codec.h"

@@ -3,8 +3,6 @@
 #pragma once
 
 #include <opencv2/core.hpp>
-#include <string>
-#include <vector>
 
 #include "report/result_table.h"
 #include "report/software_versions.h"

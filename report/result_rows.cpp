@@ -6,7 +6,6 @@
 #include <algorithm>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
 
 namespace etalon {
@@ -47,13 +46,6 @@ bool is_only_begun(const std::filesystem::path& folder, const RowsDescription& d
         });
 }
 
-void begin_folder(const std::filesystem::path& folder, const RowsDescription& description) {
-    make_folder(folder);
-    if (!is_only_begun(folder, description))
-        refuse(folder, fmt::format("is not empty and holds no {}", description.work.what));
-    write_text(folder / results_file, description.header);
-}
-
 void require_same(const std::filesystem::path& folder, const RowsDescription& description) {
     const ShardedWork& work = description.work;
     const ordered_json there = read_json(folder / work.description);
@@ -76,7 +68,10 @@ RowRecord::RowRecord(const std::filesystem::path& folder, const RowsDescription&
         lock_.emplace(folder / results_file);
         keep_whole_units(description);
     } else {
-        begin_folder(folder, description);
+        make_folder(folder);
+        if (!is_only_begun(folder, description))
+            refuse(folder, fmt::format("is not empty and holds no {}", description.work.what));
+        write_text(folder / results_file, description.header);
         lock_.emplace(folder / results_file);
         write_text(file, description.json + "\n");
     }

@@ -10,10 +10,6 @@
 #pragma once
 
 #include <cstddef>
-#include <filesystem>
-#include <fstream>
-#include <optional>
-#include <string>
 #include <vector>
 
 #include "core/file/file_lock.h"
@@ -22,10 +18,8 @@
 
 namespace etalon {
 
-// A part of a work of many equal units (poses, runs) that several machines do together: every n-th
-// unit, so that the parts take the same time.
-
-// Part `index` of `count`: the units index - 1, index - 1 + count, ...
+// Part `index` of `count` of a work of many equal units that several machines do together: the
+// units index - 1, index - 1 + count, ..., so that the parts take the same time.
 struct Shard {
     std::size_t index = 1, count = 1;
 

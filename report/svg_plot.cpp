@@ -65,14 +65,6 @@ std::vector<std::pair<double, std::string>> labelled_ticks(const std::pair<doubl
     return ticks;
 }
 
-// Along an axis: the values, or their logarithms.
-std::vector<double> placed(std::vector<double> values, bool is_log) {
-    if (is_log)
-        for (double& value : values)
-            value = std::log10(value);
-    return values;
-}
-
 // Of more marks than this, all that a picture can tell is drawn: of those in the same square of the
 // picture one, so that none that stands alone is lost. Of arrows the longest, of points the first.
 constexpr std::size_t max_marks = 400;
@@ -219,25 +211,31 @@ void SvgPlot::set_size(int width, int height) {
     height_ = height;
 }
 
+// Along axes that may be logarithmic.
+void SvgPlot::add(PlotLayer layer) {
+    const auto take_logarithms = [](std::vector<double>& values) {
+        for (double& value : values)
+            value = std::log10(value);
+    };
+    if (is_log_x_)
+        take_logarithms(layer.xs);
+    if (is_log_y_) {
+        take_logarithms(layer.ys);
+        take_logarithms(layer.us);
+    }
+    layers_.push_back(std::move(layer));
+}
+
 void SvgPlot::add_points(const Series& series, Color color, const std::string& name) {
-    layers_.push_back({Kind::points,
-                       color,
-                       name,
-                       placed(series.xs, is_log_x_),
-                       placed(series.ys, is_log_y_),
-                       {},
-                       {},
-                       series.notes});
+    add({Kind::points, color, name, series.xs, series.ys, {}, {}, series.notes});
 }
 
 void SvgPlot::add_line(const Series& series, Color color, const std::string& name) {
-    layers_.push_back(
-        {Kind::line, color, name, placed(series.xs, is_log_x_), placed(series.ys, is_log_y_)});
+    add({Kind::line, color, name, series.xs, series.ys});
 }
 
 void SvgPlot::add_band(const Series& series, Color color, const std::string& name) {
-    layers_.push_back({Kind::band, color, name, placed(series.xs, is_log_x_),
-                       placed(series.lows, is_log_y_), placed(series.highs, is_log_y_)});
+    add({Kind::band, color, name, series.xs, series.lows, series.highs});
 }
 
 void SvgPlot::add_curve(const Series& series, Color color, const std::string& name) {
@@ -272,7 +270,7 @@ void SvgPlot::show_image(int width, int height) {
 }
 
 void SvgPlot::add_level(double y, Color color, const std::string& label) {
-    layers_.push_back({Kind::level, color, label, {}, placed({y}, is_log_y_)});
+    add({Kind::level, color, label, {}, {y}});
 }
 
 SvgPlot::Frame SvgPlot::frame(double top) const {

@@ -1,8 +1,7 @@
-// Plots for reports as SVG text: scatter, lines, bands, arrows, with ticks at 1-2-5 steps. Colours
-// come from the page's style sheet (report/html.h), so that a plot follows the page into dark mode.
-// A plot in a file of its own has its style in it. Every point shows its values when pointed at.
-//
-// Not for interactive exploring: a report must open offline and print.
+// Plots for reports as SVG text, which open offline and print: scatter, lines, bands, arrows, with
+// ticks at 1-2-5 steps. Colours come from the page's style sheet (report/html.h), also those of its
+// dark mode. A plot in a file of its own has its style in it. Every point shows its values when
+// pointed at.
 #pragma once
 
 #include <Eigen/Core>
@@ -66,8 +65,8 @@ public:
     void set_y_range(double low, double high) { y_range_ = {low, high}; }
 
     // Coordinates that are not finite are left out. Of more than 400 points (or arrows) of a layer
-    // one is drawn in each square of 6 px, the first (of arrows in 16 px, the longest): what stands
-    // alone is always drawn. The plot then says so.
+    // one is drawn in each square of 6 px, the first (of arrows in 16 px, the longest), and the
+    // plot says so.
     void add_points(const Series& series, Color color, const std::string& name);
     void add_line(const Series& series, Color color, const std::string& name);
     // Filled between low and high.
@@ -91,6 +90,7 @@ public:
 private:
     struct Frame;  // the map from data to picture
 
+    void add(PlotLayer layer);
     Frame frame(double top) const;
     std::string axes(const Frame& frame) const;
     std::string thinning() const;
@@ -111,8 +111,8 @@ std::string stand_alone_svg(std::string svg);
 std::string svg_panels(std::span<SvgPlot> plots, int columns, int width, int height);
 
 // A map of a positive quantity over a camera's image: coloured cells, a scale beside them, and the
-// value under the pointer. Colours are those of "viridis" (Smith and van der Walt), which rise
-// evenly in lightness and are told apart by colour-blind readers.
+// value under the pointer. The colours are "viridis" (Smith and van der Walt): even in lightness
+// and safe for colour-blind readers.
 struct HeatMap {
     // Centres of the cells in image coordinates, their size, and the image they lie in, all in px.
     std::vector<Eigen::Vector2d> centres;

@@ -4,7 +4,6 @@
 #include "station/compare/commands.h"
 #include "station/devices/commands.h"
 #include "station/render/commands.h"
-#include "station/shell/commands.h"
 #include "station/studies/commands.h"
 
 namespace etalon {

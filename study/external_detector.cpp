@@ -5,7 +5,6 @@
 #include <csignal>
 #include <cstring>
 #include <nlohmann/json.hpp>
-#include <system_error>
 
 #include "core/program/errors.h"
 
@@ -15,14 +14,6 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr std::size_t max_answer = 65536;  // bytes
-
-Duration left_until(Instant deadline) {
-    return std::max(deadline - SteadyClock().now(), Duration::zero());
-}
-
-ExternalAnswer without_pose(const std::string& why) {
-    return {std::nullopt, why};
-}
 
 std::optional<Rigid> pose_in(const nlohmann::json& numbers) {
     if (!numbers.is_array() || numbers.size() != 6)
@@ -51,7 +42,7 @@ std::optional<ExternalAnswer> external_answer(const std::string& line) {
     const auto failure = json.find("failure");
     if (failure == json.end() || !failure->is_string())
         return std::nullopt;
-    return without_pose(failure->get<std::string>());
+    return ExternalAnswer{std::nullopt, failure->get<std::string>()};
 }
 
 ExternalDetector::ExternalDetector(std::vector<std::string> command, milliseconds time_out,
@@ -97,7 +88,7 @@ std::string ExternalDetector::ended() {
 ExternalAnswer ExternalDetector::failed(const std::string& why) {
     process_->send(SIGKILL);
     process_.reset();
-    return without_pose(why);
+    return {std::nullopt, why};
 }
 
 ExternalAnswer ExternalDetector::receive(Instant deadline) {
@@ -105,7 +96,8 @@ ExternalAnswer ExternalDetector::receive(Instant deadline) {
     while (line.find('\n') == std::string::npos) {
         if (line.size() > max_answer)
             return failed(fmt::format("the answer is longer than {} bytes", max_answer));
-        const std::string part = process_->read_output(left_until(deadline));
+        const std::string part =
+            process_->read_output(std::max(deadline - SteadyClock().now(), Duration::zero()));
         if (part.empty())
             return failed(process_->has_closed_output()
                               ? ended()
@@ -131,8 +123,8 @@ ExternalAnswer ExternalDetector::detect(const std::filesystem::path& image,
         if (!process_)
             start();
     } catch (const std::system_error& error) {
-        return without_pose(
-            fmt::format("the program cannot be started: {}", error.code().message()));
+        return {std::nullopt,
+                fmt::format("the program cannot be started: {}", error.code().message())};
     }
     const Instant deadline = SteadyClock().now() + time_out_;
     const std::error_code error = process_->write(line, time_out_);

@@ -1,33 +1,14 @@
-// A detector that is a program of its own: somebody else's, in any language, in no way linked.
-//
-// The program is started once and gets one line per image on its standard input,
-//
-//     IMAGE<tab>CAMERA
-//
-// the paths of an image file and of its camera file. For each it prints one line of JSON on its
-// standard output, at once (flushed):
-//
-//     {"camera_from_marker": [rx, ry, rz, tx, ty, tz]}     rotation vector in rad, mm
-//     {"failure": "why there is no pose"}
-//
-// in the frames of docs/conventions.md; further entries are ignored. What it prints on its standard
-// error goes where ours goes. End of input tells it to end.
-//
-// Whatever it does is its own failure and never ours: a crash, an answer that is none, or silence
-// for longer than the time-out counts as no detection, with the reason in words. It is then ended,
-// with all that it started, and started anew for the next image.
+// A detector that is a program of its own: docs/study.md, "Programs of your own". A crash, an
+// answer that is none, or silence for longer than the time-out counts as no detection, with the
+// reason in words. The program is then ended, with all that it started, and started anew for the
+// next image.
 #pragma once
 
-#include <chrono>
 #include <filesystem>
 #include <memory>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "core/geometry/rigid.h"
 #include "core/process/subprocess.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 

@@ -2,14 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstring>
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
-#include "core/statistics/distributions.h"
 #include "report/svg_plot.h"
 #include "study/pair_matrix.css.h"
 #include "study/pair_matrix.js.h"
@@ -47,26 +43,10 @@ std::size_t row(const PairAxis& axis, double error) {
     return PairMatrix::rows - cell(axis, error, PairMatrix::rows);
 }
 
-PairPanel empty_panel(const PairAxis& freedom) {
-    PairPanel panel;
-    panel.counts.resize(PairMatrix::columns * (PairMatrix::rows + 2));
-    panel.bins.resize(PairMatrix::bins);
+// One end of a bin along a degree of freedom.
+double bin_low(const PairAxis& freedom, std::size_t bin) {
     const double width = (freedom.high - freedom.low) / PairMatrix::bins;
-    for (std::size_t i = 0; i < PairMatrix::bins; ++i) {
-        panel.bins[i].low = freedom.low + width * static_cast<double>(i);
-        panel.bins[i].high = panel.bins[i].low + width;
-    }
-    return panel;
-}
-
-void add(PairPanel& panel, const PairAxis& freedom, double place, const PairAxis& axis,
-         double error) {
-    const std::size_t r = row(axis, error);
-    ++panel.counts[r * PairMatrix::columns + cell(freedom, place, PairMatrix::columns)];
-    PairBin& bin = panel.bins[cell(freedom, place, PairMatrix::bins)];
-    bin.all.add(error);
-    if (r > 0 && r <= PairMatrix::rows)
-        bin.inside.add(error);
+    return freedom.low + width * static_cast<double>(bin);
 }
 
 void find_axes(PairMatrix& matrix, std::span<const PoseComponents> truth,
@@ -84,10 +64,23 @@ void find_axes(PairMatrix& matrix, std::span<const PoseComponents> truth,
     }
 }
 
-void count_beyond(PairMatrix& matrix, const DetectedError& error) {
+void add(PairMatrix& matrix, const PoseComponents& truth, const DetectedError& detected) {
     for (std::size_t e = 0; e < pose_component_count; ++e) {
-        matrix.above[e] += error.measures[e] > matrix.errors[e].high;
-        matrix.below[e] += error.measures[e] < matrix.errors[e].low;
+        const double error = detected.measures[e];
+        const std::size_t r = row(matrix.errors[e], error);
+        const bool is_above = r == 0, is_below = r > PairMatrix::rows;
+        matrix.above[e] += is_above;
+        matrix.below[e] += is_below;
+        for (std::size_t f = 0; f < pose_component_count; ++f) {
+            PairPanel& panel = matrix.panels[e][f];
+            const PairAxis& freedom = matrix.freedoms[f];
+            const std::size_t column = cell(freedom, truth[f], PairMatrix::columns);
+            ++panel.counts[r * PairMatrix::columns + column];
+            PairBin& bin = panel.bins[cell(freedom, truth[f], PairMatrix::bins)];
+            bin.all.add(error);
+            if (!is_above && !is_below)
+                bin.inside.add(error);
+        }
     }
 }
 
@@ -214,7 +207,8 @@ std::string bin_path(const PairPanel& panel, const PairAxis& freedom, const Pair
                      double deviations) {
     std::string path;
     bool pen_down = false;
-    for (const PairBin& bin : panel.bins) {
+    for (std::size_t i = 0; i < panel.bins.size(); ++i) {
+        const PairBin& bin = panel.bins[i];
         const auto mean = bin.inside.mean(), deviation = bin.inside.standard_deviation();
         if (!mean || (deviations != 0.0 && !deviation)) {
             pen_down = false;
@@ -222,7 +216,7 @@ std::string bin_path(const PairPanel& panel, const PairAxis& freedom, const Pair
         }
         const double value = *mean + (deviations != 0.0 ? deviations * *deviation : 0.0);
         path += fmt::format("{}{:.1f} {:.1f}{}", pen_down ? "L" : "M",
-                            across(freedom, 0.5 * (bin.low + bin.high)),
+                            across(freedom, 0.5 * (bin_low(freedom, i) + bin_low(freedom, i + 1))),
                             std::clamp(down(error, value), panel_rim, panel_height - panel_rim),
                             pen_down ? "" : "h0");
         pen_down = true;
@@ -236,11 +230,10 @@ std::string spread_text(const RunningMoments& moments) {
     return fmt::format("{:.3g} ± {:.3g}", *moments.mean(), *moments.standard_deviation());
 }
 
-std::string bin_text(const PairBin& bin, std::size_t e, std::size_t f) {
+std::string bin_text(const PairBin& bin, double low, double high, std::size_t e, std::size_t f) {
     const std::size_t beyond = bin.all.count() - bin.inside.count();
-    std::string text =
-        fmt::format("{}: {:.4g} to {:.4g}\n{} poses\n{}: {}", freedom_label(f), bin.low, bin.high,
-                    bin.all.count(), error_label(e), spread_text(bin.inside));
+    std::string text = fmt::format("{}: {:.4g} to {:.4g}\n{} poses\n{}: {}", freedom_label(f), low,
+                                   high, bin.all.count(), error_label(e), spread_text(bin.inside));
     if (beyond > 0)
         text += fmt::format("\n{} beyond the axis; with them {}", beyond, spread_text(bin.all));
     return text;
@@ -393,14 +386,13 @@ private:
     std::string bins(std::size_t e, std::size_t f) const {
         std::string text;
         const double width = panel_width / PairMatrix::bins;
-        double x = 0.0;
-        for (const PairBin& bin : matrix_.panels[e][f].bins) {
+        const PairAxis& freedom = matrix_.freedoms[f];
+        for (std::size_t i = 0; i < PairMatrix::bins; ++i)
             text += fmt::format(
-                "<rect class='bin' x='{}' width='{}' height='{}'><title>{}</title>"
-                "</rect>",
-                x, width, panel_height, bin_text(bin, e, f));
-            x += width;
-        }
+                "<rect class='bin' x='{}' width='{}' height='{}'><title>{}</title></rect>",
+                width * static_cast<double>(i), width, panel_height,
+                bin_text(matrix_.panels[e][f].bins[i], bin_low(freedom, i), bin_low(freedom, i + 1),
+                         e, f));
         return text;
     }
 
@@ -468,18 +460,14 @@ PairMatrix pair_matrix(const std::string& detector, std::span<const PoseComponen
     if (matrix.detected == 0)
         return matrix;
     find_axes(matrix, truth, errors);
-    for (std::size_t e = 0; e < pose_component_count; ++e)
-        for (std::size_t f = 0; f < pose_component_count; ++f)
-            matrix.panels[e][f] = empty_panel(matrix.freedoms[f]);
-    for (std::size_t i = 0; i < errors.size(); ++i) {
-        if (!errors[i])
-            continue;
-        count_beyond(matrix, *errors[i]);
-        for (std::size_t e = 0; e < pose_component_count; ++e)
-            for (std::size_t f = 0; f < pose_component_count; ++f)
-                add(matrix.panels[e][f], matrix.freedoms[f], truth[i][f], matrix.errors[e],
-                    errors[i]->measures[e]);
-    }
+    for (auto& line : matrix.panels)
+        for (PairPanel& panel : line) {
+            panel.counts.resize(PairMatrix::columns * (PairMatrix::rows + 2));
+            panel.bins.resize(PairMatrix::bins);
+        }
+    for (std::size_t i = 0; i < errors.size(); ++i)
+        if (errors[i])
+            add(matrix, truth[i], *errors[i]);
     return matrix;
 }
 

@@ -1,18 +1,11 @@
 // The 36 pairs of a marker study: each of a detector's six pose errors against each of the six
-// degrees of freedom of the true pose, as densities that stay readable, and of the same size, for
-// 100 or for 100 000 poses.
+// degrees of freedom of the true pose, as densities.
 //
-// An error's axis spans its bulk, the median +- 6 robust standard deviations (1.4826 times the
-// median distance from the median) or less where the data end before. What lies beyond is never
-// dropped: it is drawn in a panel's rims, where along the degree of freedom it happens, and counted
-// beside the row. Lines are mean and +- standard deviation of the poses inside the axis, by bins.
+// An error's axis spans the median +- 6 robust standard deviations (1.4826 times the median
+// distance from the median), or less where the data end before. What lies beyond is drawn in a
+// panel's rims and counted at the row. Lines are mean and +- standard deviation inside the axis, by
+// bins.
 #pragma once
-
-#include <array>
-#include <cstdint>
-#include <span>
-#include <string>
-#include <vector>
 
 #include "compare/expect/pose_statistics.h"
 #include "report/html.h"
@@ -23,9 +16,8 @@ struct PairAxis {
     double low = 0.0, high = 0.0;  // low < high
 };
 
-// A slice along the degree of freedom, and the errors of its poses.
+// The errors of the poses in a slice of the degree of freedom.
 struct PairBin {
-    double low = 0.0, high = 0.0;
     RunningMoments inside, all;  // within the error's axis; with those beyond it
 };
 
@@ -54,12 +46,11 @@ struct PairMatrix {
 PairMatrix pair_matrix(const std::string& detector, std::span<const PoseComponents> truth,
                        const DetectorErrors& errors);
 
-// A file of its own for papers, in plain colours; opens in browsers, librsvg and Inkscape. Some
-// 0.3 MB at any number of poses.
+// A file of its own, for papers. Some 0.3 MB at any number of poses.
 std::string pair_matrix_svg(const PairMatrix& matrix);
 
-// All detectors' matrices, one of them shown: tabs choose it; pointing at a bin tells its figures,
-// clicking a panel enlarges it; printed, all are shown. Some 0.5 MB per detector. Once per page.
+// All detectors' matrices, one at a time behind tabs; printed, all. Some 0.5 MB per detector. Once
+// per page.
 void add_pair_matrices(HtmlPage& page, std::span<const PairMatrix> matrices);
 
 }  // namespace etalon

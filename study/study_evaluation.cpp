@@ -2,15 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <map>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
-#include "core/image/image.h"
-#include "core/program/errors.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 namespace {
@@ -266,7 +261,11 @@ void StudyWorker::judge_image(const CodeImage& image, const StudyOptics::Imaging
                               std::vector<StudyFinding>& findings) {
     const std::size_t detectors = optics_.study().detectors.size();
     const bool is_external = externals_[detector] != nullptr;
-    const Detection sighting = is_external ? Detection{} : see(image, detector);
+    Detection sighting;
+    if (!is_external) {
+        const Stopwatch watch(times_.detectors[detector]);
+        sighting = finders_[detector]->detect(image);
+    }
     std::map<bool, std::size_t> photometric;  // by undistortion: corners do not come into it
     for (const std::size_t variant : imaging.variants) {
         const Rigid& truth = pose.camera_from_marker;
@@ -283,11 +282,6 @@ void StudyWorker::judge_image(const CodeImage& image, const StudyOptics::Imaging
                                : findings[same->second * detectors + detector];
         }
     }
-}
-
-Detection StudyWorker::see(const CodeImage& image, std::size_t detector) {
-    const Stopwatch watch(times_.detectors[detector]);
-    return finders_[detector]->detect(image);
 }
 
 StudyFinding StudyWorker::judge_corners(const Detection& sighting, std::size_t variant,

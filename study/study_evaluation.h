@@ -1,20 +1,12 @@
 // What the detectors of a study make of one pose: the marker rendered, disturbed and exposed, seen
 // by every detector, and their poses judged against the truth.
 //
-// Detectors with the same marker see the same image; variants of the study
-// (study/study_file.h) share renders, exposures and detections as far as they do not differ
-// in them: half-pixel and undistortion cost a pose estimate each, noise and tone no render.
+// Detectors with the same marker see the same image; variants share renders, exposures and
+// detections as far as they do not differ in them.
 #pragma once
-
-#include <filesystem>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "compare/expect/pose_statistics.h"
 #include "compare/photometric/photometric_detector.h"
-#include "sim/render/renderer.h"
 #include "study/external_detector.h"
 #include "study/study_file.h"
 
@@ -125,7 +117,6 @@ private:
     void judge_image(const CodeImage& image, const StudyOptics::Imaging& imaging,
                      std::size_t detector, const StudyPose& pose,
                      std::vector<StudyFinding>& findings);
-    Detection see(const CodeImage& image, std::size_t detector);
     StudyFinding judge_corners(const Detection& sighting, std::size_t variant, std::size_t detector,
                                const Rigid& truth);
     StudyFinding judge_photometric(const CodeImage& image, const Detection& sighting,

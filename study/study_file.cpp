@@ -2,16 +2,12 @@
 
 #include <fmt/ranges.h>
 
-#include <algorithm>
-#include <map>
-
 #include "calib/files/camera_file.h"
 #include "compare/detect/detector_adaptors.h"
 #include "compare/make_detector.h"
 #include "core/config/strict_reader.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {

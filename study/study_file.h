@@ -2,34 +2,14 @@
 // through what disturbances, and who is to find them. Layout of the file: docs/study.md.
 #pragma once
 
-#include <chrono>
-#include <cstdint>
-#include <filesystem>
-#include <functional>
-#include <memory>
-#include <string>
-#include <vector>
-
-#include "calib/camera/camera_model.h"
 #include "compare/detect/detector.h"
 #include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "sim/scene/pose_volume.h"
 #include "sim/sensor/disturbances.h"
 
 namespace etalon {
 
-// What a study can switch to tell where an error comes from: each takes one thing out of the way
-// from the scene to the pose that the error may be made of. Switched off where the camera has it,
-// on where it has not.
-//
-//     tone          the sensor's curve: Rec. 709 instead of linear, and linear instead of any curve
-//     half-pixel    corners as the library counts pixels, half a pixel off for those whose pixel
-//                   centres are at 0.5 (AprilTag's), as if nobody had converted them
-//     noise         shot and read noise of the sensor section
-//     blur          defocus and diffraction of the lens section: a sharp pinhole
-//     undistortion  poses estimated as if the camera did not distort
-
+// What a study can switch to tell where an error comes from: docs/study.md, Explaining an error.
 enum class StudySwitch { tone, half_pixel, noise, blur, undistortion };
 
 // Which are switched; by default none.

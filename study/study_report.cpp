@@ -2,12 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <limits>
-
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "core/program/version.h"
 #include "report/html.h"
 #include "report/number_text.h"

@@ -1,19 +1,7 @@
-// What a finished study leaves for people: in its folder
-//
-//   report.html          tables, the 36 pairs of every detector, plots against every axis
-//   summary.csv/.json    the tables' figures with their intervals
-//   pairs-NAME.svg       a detector's 36 pairs, for papers
-//
-// All of it follows from study.json and results.csv alone: resumed, merged and undisturbed studies
-// leave the same bytes.
+// What a finished study leaves for people: report.html, summary.csv and .json, pairs-NAME.svg
+// (docs/study.md). All of it follows from study.json and results.csv alone.
 #pragma once
 
-#include <filesystem>
-#include <span>
-#include <string>
-#include <vector>
-
-#include "compare/expect/pose_statistics.h"
 #include "report/svg_plot.h"
 #include "study/study_summary.h"
 
@@ -25,9 +13,6 @@ std::string study_html(const StudyResults& results, const StudySummary& summary)
 // four detectors.
 void write_study_report(const StudyResults& results, const StudySummary& summary,
                         const std::filesystem::path& folder);
-
-// Plots of several detectors of one study against one axis: a disturbance, a degree of freedom or
-// the marker's size in the image.
 
 struct BinnedDetector {
     std::string name;

@@ -2,15 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "calib/camera/camera_model.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
 #include "report/result_table.h"

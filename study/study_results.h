@@ -1,25 +1,11 @@
-// The results of a study as files, and read back: what its statistics and its report are made from.
+// The results of a study as files, study.json and results.csv (docs/study.md), and read back: what
+// its statistics and its report are made from.
 #pragma once
 
-#include <filesystem>
-#include <map>
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "compare/expect/pose_statistics.h"
 #include "report/result_rows.h"
 #include "study/study_evaluation.h"
 
 namespace etalon {
-
-// The folder of a study (report/result_rows.h):
-//
-//   study.json     what the results follow from: the study, its camera, the program's version
-//   results.csv    a line per pose, variant and detector, in this order
-//
-// and, once all of it is there, what is made of it (study/study_report.h). Layout of the files:
-// docs/study.md.
 
 // An axis that is drawn along with the poses: a disturbance or the focus distance.
 struct StudyAxis {
@@ -27,8 +13,7 @@ struct StudyAxis {
     friend bool operator==(const StudyAxis&, const StudyAxis&) = default;
 };
 
-// What a reader of a study's results must know of the study, and what the results follow from. Two
-// runs may be continued, or merged, where it is the same.
+// What the results follow from. Where it is the same, runs can be continued or merged.
 struct StudyDescription {
     struct DetectorEntry {
         std::string name, detector, marker;

@@ -5,9 +5,6 @@
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 
-#include "core/program/errors.h"
-#include "core/time/clock.h"
-
 namespace etalon {
 namespace {
 

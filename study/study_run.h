@@ -1,8 +1,6 @@
 // Carries a study out: every pose that its record does not hold yet, in parallel, written in order.
 #pragma once
 
-#include <stop_token>
-
 #include "core/time/progress.h"
 #include "study/study_results.h"
 

@@ -3,11 +3,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
-#include <array>
-
-#include "compare/expect/pose_statistics.h"
-#include "core/program/errors.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
 
@@ -29,14 +24,6 @@ double quantile_95(std::vector<double> values) {
     const auto at = values.begin() + static_cast<std::ptrdiff_t>(rank - 1);
     std::nth_element(values.begin(), at, values.end());
     return *at;
-}
-
-void judge_corners(SizeClass& one, std::vector<double> corners_px) {
-    if (corners_px.empty())
-        return;
-    if (corners_px.size() >= min_quantile_values)
-        one.corner_quantile_px = quantile_95(corners_px);
-    one.median_corner_px = median_estimate(corners_px);
 }
 
 using nlohmann::ordered_json;
@@ -160,11 +147,12 @@ std::string csv_lines(const std::string& start, const PoseStatistics& statistics
     std::string text;
     for (std::size_t k = 0; statistics.all && k < error_measure_count; ++k) {
         const ErrorStatistics& s = (*statistics.all)[k];
-        text += fmt::format("{}{},{},{},{},{},{},{},{},,,\n", start, statistics.poses,
+        text += fmt::format("{}{},{},{},{}", start, statistics.poses,
                             statistics.detected ? statistics.detected->count : 0,
-                            error_measures[k].name, error_measures[k].unit, csv_cell(s.mean),
-                            csv_cell(s.standard_deviation), csv_cell(s.mean_absolute),
-                            csv_cell(s.median_absolute));
+                            error_measures[k].name, error_measures[k].unit);
+        for (const auto& [name, value_of] : short_statistics)
+            text += "," + csv_cell(value_of(s));
+        text += ",,,\n";
     }
     return text;
 }
@@ -201,7 +189,10 @@ std::vector<SizeClass> size_classes(const DetectorErrors& errors, std::span<cons
         }
         if (one.poses > 0)
             one.detected = wilson_share(detected, one.poses);
-        judge_corners(one, std::move(corners_px));
+        if (!corners_px.empty())
+            one.median_corner_px = median_estimate(corners_px);
+        if (corners_px.size() >= min_quantile_values)
+            one.corner_quantile_px = quantile_95(corners_px);
     }
     return result;
 }

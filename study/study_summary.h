@@ -2,22 +2,13 @@
 // over those that all detectors of the variant detect; and the same as tables, CSV and JSON.
 #pragma once
 
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
-
-#include "compare/expect/pose_statistics.h"
 #include "report/result_table.h"
 #include "study/study_results.h"
 
 namespace etalon {
 
-// Detection and corner error by the marker's size in the image, for users who know how large their
-// markers will be.
-
-// The poses at which the marker has from_px <= size < to_px. The size is that of results.csv: the
-// root of the area that the marker's points span in the image.
+// The poses at which the marker has from_px <= size < to_px: the root of the area that its points
+// span in the image.
 struct SizeClass {
     double from_px = 0.0;
     std::optional<double> to_px;  // nothing: no upper end
@@ -58,10 +49,8 @@ struct StudySummary {
 // 25 ms and 1 us a line of the results.
 StudySummary summarise(const StudyResults& results);
 
-// Of the study as it is, for the page and for a terminal: detection; corner errors by the marker's
-// size; errors of every measure with their intervals on one set of poses; in short (as the
-// published comparison has them, a column each component) on the common poses; and what variants
-// change.
+// Of the study as it is, for the page and for a terminal. The short errors, of the common poses,
+// have a column for each component, as the published comparison has.
 ResultTable detection_table(const StudyDescription& description,
                             const std::vector<DetectorSummary>& detectors);
 ResultTable size_table(const StudyDescription& description,
@@ -76,17 +65,9 @@ ResultTable variant_table(const StudyDescription& description, const StudySummar
 // Of those what fits a terminal.
 std::string summary_text(const StudyResults& results, const StudySummary& summary);
 
-// A line per variant, detector, set of poses and measure. Columns, empty where there is nothing:
-//
-//     variant,detector,set       set: "own", "common", or "size", a class of the own poses by size
-//     poses,detected             of the set
-//     measure,unit               of "size": "corner", the RMS corner error of a pose
-//     mean, std, mean_absolute, median_absolute      each with _low and _high, the 95 % interval
-//     size_from_px,size_to_px    of "size": the class (study/study_summary.h)
-//     quantile95_absolute        of "size": the error that 95 % of its poses do not exceed
+// docs/study.md, "What it leaves".
 std::string summary_csv(const StudyDescription& description, const StudySummary& summary);
 
-// Everything with its intervals.
 std::string summary_json(const StudyResults& results, const StudySummary& summary);
 
 // "-0.0213", "12.90": four figures; for cells of tables.

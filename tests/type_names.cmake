@@ -9,7 +9,7 @@ set(folders core report calib stage capture plugins sim compare bench study stat
 set(types "^(struct|class|union|enum class|enum) (alignas\\([^)]*\\) )?([A-Za-z0-9_]+(::[A-Za-z0-9_]+)*)")
 
 # Notes every type that a file defines outside all others: clang-format begins such lines in the
-# first column. "(own)" stands for an anonymous namespace.
+# first column. "(own)" stands for an anonymous namespace. A specialisation ("<") is no type of its own.
 function(scan file)
     file(STRINGS ${ROOT}/${file} lines REGEX "^(namespace|}  // namespace|struct |class |union |enum )")
     set(namespaces "")
@@ -22,7 +22,7 @@ function(scan file)
             endif()
         elseif(line MATCHES "^}  // namespace")
             list(POP_BACK namespaces)
-        elseif(NOT line MATCHES "^[^{]*;$" AND line MATCHES "${types}")
+        elseif(NOT line MATCHES "^[^{]*;$" AND NOT line MATCHES "${types}<" AND line MATCHES "${types}")
             list(JOIN namespaces "::" scope)
             set(name ${scope}::${CMAKE_MATCH_3})
             string(REPLACE "::(own)" "" global ${name})

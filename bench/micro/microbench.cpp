@@ -1,7 +1,8 @@
 // Prints a table of the inner loops' speed (items are points or pixels). The whole of it takes some
 // 10 s; --benchmark_filter=REGEX picks rows, --benchmark_format=json is for programs.
 //
-// What surrounds the kernels: the undistortion map, whole frames with their filters, the sensor.
+// The renderer's kernels, and what surrounds them: the undistortion map, the sensor, frames that
+// arrive. Whole renders: etalon bench.
 #include "sim/tiles/vector_targets.h"
 
 #include <benchmark/benchmark.h>
@@ -12,6 +13,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -59,22 +61,6 @@ void sample_undistortion_map(benchmark::State& state) {
 }
 BENCHMARK(sample_undistortion_map)->Arg(4)->Arg(16)->Arg(36);
 
-// The default plan with warm caches: tiles, core filter and tails.
-void render_frame(benchmark::State& state, const std::string& name) {
-    const BenchmarkScene benchmark = benchmark_scene(name);
-    const Renderer renderer(benchmark.camera);
-    renderer.render(benchmark.scene);  // makes the filters
-    for (auto _ : state)
-        benchmark::DoNotOptimize(renderer.render(benchmark.scene).radiance.data);
-    state.SetItemsProcessed(state.iterations() * pixels(benchmark.camera));
-}
-BENCHMARK_CAPTURE(render_frame, webcam_500, "webcam-500")
-    ->Unit(benchmark::kMillisecond)
-    ->MeasureProcessCPUTime();
-BENCHMARK_CAPTURE(render_frame, sharp_1000, "sharp-1000")
-    ->Unit(benchmark::kMillisecond)
-    ->MeasureProcessCPUTime();
-
 // A measured curve: straight lines through 41 points.
 Transfer measured_curve() {
     Transfer transfer{Transfer::Kind::table, {}};
@@ -83,8 +69,7 @@ Transfer measured_curve() {
     return transfer;
 }
 
-// From radiance to codes: of a rendered frame, most of which is background or (Canon) none; with
-// noise, or not.
+// From radiance to codes: of a rendered frame, most of which is background or (Canon) none.
 void expose(benchmark::State& state, const std::string& name) {
     BenchmarkScene benchmark = benchmark_scene(name);
     Sensor& section = *benchmark.camera.sensor;
@@ -110,9 +95,10 @@ BENCHMARK_CAPTURE(expose, canon_500, "canon-500")
     ->Unit(benchmark::kMillisecond)
     ->MeasureProcessCPUTime();
 
-// Unpacking frames of 5 megapixels, beside a plain copy of the same bytes. Fresh memory for every
-// frame on both sides, as a camera needs it that hands its frames on.
-
+// What the station does with a frame of 5 megapixels from the library's buffer to the caller's
+// image (copy, unpack, checks), beside a plain copy of the bytes that arrived: the counter
+// `x_memcpy`. Fresh memory for every frame on both sides, as for frames that are handed on.
+// Promised: at most 4 for Mono8, at most 8 for Mono12p.
 constexpr int width = 2592, height = 1944;
 
 std::vector<std::uint8_t> frame_bytes(const PixelFormat& format) {
@@ -129,71 +115,42 @@ void copy(const std::vector<std::uint8_t>& bytes) {
     benchmark::ClobberMemory();
 }
 
-void copy_frame(benchmark::State& state, const std::string& name) {
-    const std::vector<std::uint8_t> bytes = frame_bytes(*find_pfnc_format(name));
-    for (auto _ : state)
-        copy(bytes);
-    state.SetItemsProcessed(state.iterations() * width * height);
-}
-BENCHMARK_CAPTURE(copy_frame, Mono8, "Mono8")->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(copy_frame, Mono12p, "Mono12p")->Unit(benchmark::kMillisecond);
-
-void unpack_frame(benchmark::State& state, const PixelFormat* format) {
-    const std::vector<std::uint8_t> bytes = frame_bytes(*format);
-    for (auto _ : state) {
-        CodeImage image;
-        benchmark::DoNotOptimize(unpack(*format, {bytes, width, height, 0}, image));
-    }
-    state.SetItemsProcessed(state.iterations() * width * height);
-}
-BENCHMARK_CAPTURE(unpack_frame, Mono8, find_pfnc_format("Mono8"))->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(unpack_frame, Mono16, find_pfnc_format("Mono16"))->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(unpack_frame, Mono10p, find_pfnc_format("Mono10p"))
-    ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(unpack_frame, Mono12p, find_pfnc_format("Mono12p"))
-    ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(unpack_frame, Mono12Packed, find_pfnc_format("Mono12Packed"))
-    ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(unpack_frame, Y10P, find_v4l2_format("Y10P"))->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(unpack_frame, Y12P, find_v4l2_format("Y12P"))->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(unpack_frame, YUYV, find_v4l2_format("YUYV"))->Unit(benchmark::kMillisecond);
-
-// What the station does with a frame of 5 megapixels from the library's buffer to the caller's
-// image (copy, unpack, checks), beside a plain copy of the bytes that arrived: the counter
-// `x_memcpy`. Promised: at most 4 for Mono8, at most 8 for Mono12p.
-
-double seconds_of(const auto& call) {
-    const auto start = std::chrono::steady_clock::now();
-    call();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-// The median is what a frame costs; fresh memory each time, as for frames that are handed on.
+// The median is what a frame costs.
 double median_seconds(const auto& call) {
     std::vector<double> seconds(31);
-    for (double& each : seconds)
-        each = seconds_of(call);
+    for (double& each : seconds) {
+        const auto start = std::chrono::steady_clock::now();
+        call();
+        each = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    }
     std::nth_element(seconds.begin(), seconds.begin() + 15, seconds.end());
     return seconds[15];
 }
 
-void receive_frame(benchmark::State& state, const std::string& name) {
-    const PixelFormat& format = *find_pfnc_format(name);
-    const std::vector<std::uint8_t> bytes = frame_bytes(format);
+void receive_frame(benchmark::State& state, const PixelFormat* format) {
+    const std::vector<std::uint8_t> bytes = frame_bytes(*format);
     const auto receive = [&] {
         CodeImage image;
-        benchmark::DoNotOptimize(unpack(format, {bytes, width, height, 0}, image));
-        if (can_exceed_full_scale(format, format.bits))
+        benchmark::DoNotOptimize(unpack(*format, {bytes, width, height, 0}, image));
+        if (can_exceed_full_scale(*format, format->bits))
             benchmark::DoNotOptimize(exceeds_full_scale(image));
     };
     for (auto _ : state)
         receive();
+    state.SetItemsProcessed(state.iterations() * width * height);
     state.counters["x_memcpy"] = median_seconds(receive) / median_seconds([&] { copy(bytes); });
 }
-BENCHMARK_CAPTURE(receive_frame, Mono8, "Mono8")->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(receive_frame, Mono12, "Mono12")->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(receive_frame, Mono12p, "Mono12p")->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(receive_frame, Mono12Packed, "Mono12Packed")->Unit(benchmark::kMillisecond);
+
+void add_frames() {
+    std::map<std::string, const PixelFormat*> formats;
+    for (const char* name : {"Mono8", "Mono10p", "Mono12", "Mono12p", "Mono12Packed", "Mono16"})
+        formats[name] = find_pfnc_format(name);
+    for (const char* name : {"Y10P", "Y12P", "YUYV"})
+        formats[name] = find_v4l2_format(name);
+    for (const auto& [name, format] : formats)
+        benchmark::RegisterBenchmark(("receive_frame/" + name).c_str(), receive_frame, format)
+            ->Unit(benchmark::kMillisecond);
+}
 
 // The kernels of methods E and C per point, on every instruction set of this machine.
 
@@ -203,7 +160,6 @@ TileGeometry tile_with_blur(float blur_px) {
     TileGeometry tile{};
     tile.dx = {0.0f, 4.0f, 1e-3f, 8e-6f, 0.1f, 2e-3f};
     tile.dy = {0.0f, -0.05f, 0.0f, 0.0f, 3.9f, 0.0f, 0.0f, 0.0f, 1e-3f};
-    tile.base = 0.1f;
     tile.blur = blur_px;
     tile.blur_slope_x = 0.003f;
     tile.blur_slope_y = -0.002f;
@@ -221,51 +177,45 @@ void add_lines(TileGeometry& tile, int count, float spacing_px) {
         tile.columns.push_back({offset + 0.3f, cosine, sine});
         tile.rows.push_back({offset - 0.2f, -sine, cosine});
     }
-    const auto lines = static_cast<std::size_t>(count);
-    tile.column_contrast.assign(lines, 0.8f);
-    tile.row_contrast.assign(lines, -0.5f);
-    tile.mixed.assign(lines * lines, 0.4f);
+    for (int j = 0; j <= count; ++j)
+        for (int i = 0; i <= count; ++i)
+            tile.cells.push_back(0.1 + 0.8 * i - 0.5 * j + 0.4 * i * j);
 }
 
-void count_points(benchmark::State& state, int n) {
-    state.SetItemsProcessed(state.iterations() * n * n);
-    state.counters["ns_per_point"] = benchmark::Counter(
-        n * n, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
-}
-
-void lens_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile) {
+// `kernel` gets n x n positions and where their values go.
+template <class Kernel>
+void time_kernel(benchmark::State& state, std::int64_t target, int n, const Kernel& kernel) {
     hwy::SetSupportedTargetsForTest(target);
-    constexpr int n = 16;  // k = 4
     const TilePositions positions(n);
     std::vector<float> values(n * n);
     for (auto _ : state) {
-        exact_lens_samples(tile, positions, values.data());
+        kernel(positions, values.data());
         benchmark::DoNotOptimize(values.data());
         benchmark::ClobberMemory();
     }
-    count_points(state, n);
+    state.SetItemsProcessed(state.iterations() * n * n);
+    state.counters["ns_per_point"] = benchmark::Counter(
+        n * n, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
     hwy::SetSupportedTargetsForTest(0);
+}
+
+void lens_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile) {
+    time_kernel(state, target, 16, [&](const TilePositions& positions, float* values) {  // k = 4
+        exact_lens_samples(tile, positions, values);
+    });
 }
 
 void area_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile,
                   int lens_points) {
-    hwy::SetSupportedTargetsForTest(target);
-    constexpr int n = 36;  // k = 9
-    const TilePositions positions(n);
     std::vector<UnitLensPoint> points;
     for (int i = 0; i < lens_points; ++i) {
         const float radius = lens_points == 1 ? 0.0f : 0.7f, angle = 0.5f * static_cast<float>(i);
         points.push_back({radius * std::cos(angle), radius * std::sin(angle),
                           1.0f / static_cast<float>(lens_points)});
     }
-    std::vector<float> values(n * n);
-    for (auto _ : state) {
-        exact_area_samples(tile, positions, points, values.data());
-        benchmark::DoNotOptimize(values.data());
-        benchmark::ClobberMemory();
-    }
-    count_points(state, n);
-    hwy::SetSupportedTargetsForTest(0);
+    time_kernel(state, target, 36, [&](const TilePositions& positions, float* values) {  // k = 9
+        exact_area_samples(tile, positions, points, values);
+    });
 }
 
 void add_benchmarks(std::int64_t target) {
@@ -292,6 +242,7 @@ void add_benchmarks(std::int64_t target) {
 }
 
 const bool added = [] {
+    add_frames();
     for (const std::int64_t target : hwy::SupportedAndGeneratedTargets())
         add_benchmarks(target);
     return true;

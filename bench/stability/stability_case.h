@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/benchmark_scenes.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 
@@ -37,10 +38,8 @@ struct StabilityCase {
     std::function<StabilityOutcome(const RenderFunction&)> run;
 };
 
-// All of them, in the order of the table.
+// All of them, in the order of the table, and the groups of which they are.
 std::vector<StabilityCase> stability_cases();
-
-// The groups that it is made of.
 std::vector<StabilityCase> geometry_cases();      // tilt, focus, blur, size, behind the lens
 std::vector<StabilityCase> camera_cases();        // distortion, f-number, focal length, image size
 std::vector<StabilityCase> input_cases();         // what is refused, and the sensor's bits
@@ -57,6 +56,12 @@ StabilityOutcome outcome_of(const StabilityCase& one, const RenderFunction& rend
 
 // ---- What cases are made of
 
+StabilityOutcome at_most(double bound, double figure, const std::string& words);
+
+// That no renderer is asked for.
+StabilityCase without_render(const std::string& name, const std::string& expectation,
+                             std::function<StabilityOutcome()> run);
+
 // Probed pixels agree with the reference integrator within 0.1 gray + 4 standard errors.
 StabilityCase agrees_with_reference(const std::string& name, const CameraModel& camera,
                                     const Scene& scene);
@@ -69,13 +74,8 @@ StabilityCase is_refused(const std::string& name, const CameraModel& camera, con
 // The largest difference of two images, gray. Both within 0.1 gray of the truth: 0.2 is allowed.
 StabilityOutcome differ_by(const Radiance& a, const Radiance& b, double bound_gray = 0.2);
 
-// A render against the reference integrator on a few pixels: quick enough to be done for every
-// extreme case, and for every input of a fuzzer. Whole windows, percentiles and edge shifts are in
-// bench/render_comparison.h.
-
-// Pixels where something can be wrong, found from the geometry and not from a render: at the
-// markers' corners, on their outlines and grid lines, and anywhere in the image. Distinct, inside
-// the image, at most `count`.
+// Pixels where something can be wrong: at the markers' corners, on their outlines and grid lines,
+// and anywhere in the image. Distinct, inside the image, at most `count`.
 std::vector<cv::Point> probe_pixels(const CameraModel& camera, const Scene& scene, int count,
                                     std::uint64_t seed);
 
@@ -93,6 +93,7 @@ struct ReferenceCheck {
     int pixels = 0;
 
     bool within() const { return std::abs(difference_gray) <= bound_gray; }
+    double part_of_bound() const { return std::abs(difference_gray) / bound_gray; }
 };
 
 // In doubt is a pixel beyond its bound, or in the first round one whose standard error is more than

@@ -54,8 +54,9 @@ StabilityOutcome in_one_step(const ServoParameters& parameters) {
             worst_at = t;
         }
     }
-    return {worst <= bound, worst, bound,
-            fmt::format("steps of {} s to {} s, the worst {:.2g} s", min_s, max_s, worst_at)};
+    return at_most(
+        bound, worst,
+        fmt::format("steps of {} s to {} s, the worst {:.2g} s", min_s, max_s, worst_at));
 }
 
 // A whole move with limited jerk and the ringing after it: by how many steps does not matter, and
@@ -66,22 +67,20 @@ StabilityOutcome in_many_steps(const ServoParameters& parameters) {
     const Motion motion = Motion::between(0.0, 1.0, {0.4, 1.3, 7.0});
     const auto at_once = servo.advance(servo.at_rest(0.0), motion, 0.0, rings_s);
     const auto at_rest = servo.advance(at_once, motion, rings_s, rests_s);
-    StabilityOutcome worst{true, std::abs(servo.carriage(at_rest) - motion.end()), bound,
-                           "by 2 to 1000 steps, all at once, and from the target"};
+    double worst = std::abs(servo.carriage(at_rest) - motion.end());
     for (const int steps : {2, 7, 50, 1000}) {
         auto state = servo.at_rest(0.0);
         for (int i = 0; i < steps; ++i)
             state = servo.advance(state, motion, rings_s * i / steps, rings_s * (i + 1) / steps);
-        worst.figure = std::max(worst.figure, (state - at_once).cwiseAbs().maxCoeff());
+        worst = std::max(worst, (state - at_once).cwiseAbs().maxCoeff());
     }
-    worst.passed = worst.figure <= bound;
-    return worst;
+    return at_most(bound, worst, "by 2 to 1000 steps, all at once, and from the target");
 }
 
 StabilityCase servo_case(const std::string& name, StabilityOutcome (*run)(const ServoParameters&),
                          const ServoParameters& parameters) {
-    return {"stiff servo: " + name, "closed form, relative",
-            [=](const RenderFunction&) { return run(parameters); }};
+    return without_render("stiff servo: " + name, "closed form, relative",
+                          [=] { return run(parameters); });
 }
 
 }  // namespace

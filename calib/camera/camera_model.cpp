@@ -18,6 +18,14 @@ void refuse_much_skew(const CameraModel& camera) {
                         max_skew_of_a_lens, camera.intrinsics.skew));
 }
 
+// Real solutions of c1 + 2 c2 s + 3 c3 s^2 = 0, none lost to cancellation. A value that is no
+// solution does not change a minimum over values of the polynomial.
+std::array<double, 2> stationary_points(const std::array<double, 3>& coefficients) {
+    const auto [c1, c2, c3] = coefficients;
+    const double q = -(c2 + std::copysign(std::sqrt(std::max(c2 * c2 - 3.0 * c1 * c3, 0.0)), c2));
+    return {q / (3.0 * c3), c1 / q};
+}
+
 }  // namespace
 
 bool has_lens_with(const Intrinsics& intrinsics) {
@@ -102,18 +110,6 @@ double illumination_radius_squared(const CameraModel& camera, const Eigen::Vecto
     const Eigen::Vector2d centre(camera.intrinsics.cx, camera.intrinsics.cy);
     return 4.0 * (pixel - centre).squaredNorm() / (diagonal * diagonal);
 }
-
-namespace {
-
-// Real solutions of c1 + 2 c2 s + 3 c3 s^2 = 0, none lost to cancellation; a value that is no
-// solution does no harm to a minimum over values of the polynomial.
-std::array<double, 2> stationary_points(const std::array<double, 3>& coefficients) {
-    const auto [c1, c2, c3] = coefficients;
-    const double q = -(c2 + std::copysign(std::sqrt(std::max(c2 * c2 - 3.0 * c1 * c3, 0.0)), c2));
-    return {q / (3.0 * c3), c1 / q};
-}
-
-}  // namespace
 
 double least_polynomial_illumination(const CameraModel& camera) {
     const auto& coefficients = camera.sensor->illumination.polynomial;

@@ -5,16 +5,10 @@
 // nothing about blur or noise is invented for it.
 #pragma once
 
-#include <Eigen/Core>
 #include <algorithm>
-#include <array>
 #include <filesystem>
-#include <limits>
-#include <optional>
 #include <string>
 #include <string_view>
-#include <utility>
-#include <vector>
 
 #include "calib/camera/lens_projection.h"
 #include "core/image/image.h"
@@ -40,6 +34,7 @@ struct Intrinsics {
         fy *= factor;
         skew *= factor;
     }
+    bool operator==(const Intrinsics&) const = default;
 };
 
 // OpenCV's model, on the plane of the projection: radial rational (k1..k6), tangential (p1, p2),
@@ -61,10 +56,6 @@ struct Distortion {
     std::array<double, 14> in_opencv_order() const {
         return {k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y};
     }
-    static Distortion from_opencv_order(const std::array<double, 14>& c) {
-        return {c[0], c[1], c[2], c[3],  c[4],  c[5],  c[6],
-                c[7], c[8], c[9], c[10], c[11], c[12], c[13]};
-    }
     bool is_zero() const { return *this == Distortion{}; }
     bool operator==(const Distortion&) const = default;
 };
@@ -73,6 +64,7 @@ struct Distortion {
 struct ParameterCovariance {
     std::vector<std::string> order;
     Eigen::MatrixXd matrix;
+    bool operator==(const ParameterCovariance&) const = default;
 };
 
 // How the lens spreads a point. Radii in px along x.
@@ -88,6 +80,7 @@ struct PointSpread {
     // (radius, energy per area), radii ascending from 0, joined by straight lines, nothing beyond
     // the last. The density's scale does not matter: the energy is taken as 1.
     std::vector<std::pair<double, double>> profile = {};
+    bool operator==(const PointSpread&) const = default;
 };
 
 // A thin lens with a circular aperture, or a telecentric one.
@@ -97,6 +90,7 @@ struct Lens {
     double wavelength_nm = 0.0;
     PointSpread psf;
     double object_na = 0.0;  // telecentric: sine of the half angle of the cone of rays
+    bool operator==(const Lens&) const = default;
 };
 
 // Code value from linear radiance.
@@ -104,6 +98,7 @@ struct Transfer {
     enum class Kind { linear, rec709, table };
     Kind kind = Kind::linear;
     std::vector<std::pair<double, double>> table;  // (radiance, code / full scale), both ascending
+    bool operator==(const Transfer&) const = default;
 };
 
 // Part of the light that reaches a pixel, relative to the axis.
@@ -116,6 +111,7 @@ struct Illumination {
     };
     Kind kind = Kind::uniform;
     std::array<double, 3> polynomial = {};
+    bool operator==(const Illumination&) const = default;
 };
 
 struct Sensor {
@@ -130,6 +126,7 @@ struct Sensor {
     // Signal of the red, green and blue pixels for a gray radiance under the light in use, relative
     // to the radiance; only with a mosaic.
     std::array<double, 3> channel_response = {1.0, 1.0, 1.0};
+    bool operator==(const Sensor&) const = default;
 };
 
 // Standard uncertainties of entries that were measured (`etalon characterise`); nothing where the
@@ -141,6 +138,7 @@ struct CameraUncertainty {
     // Of each density of PointSpread::profile and of each code of Transfer::table, in their
     // units; empty where not known.
     std::vector<double> psf_density, transfer_code;
+    bool operator==(const CameraUncertainty&) const = default;
 };
 
 struct CameraModel {
@@ -153,6 +151,7 @@ struct CameraModel {
     std::optional<Lens> lens;  // present only together with a sensor
     std::optional<Sensor> sensor;
     std::optional<CameraUncertainty> standard_uncertainty;
+    bool operator==(const CameraModel&) const = default;
 };
 
 // v = fx * pitch, of a wide lens times scale_on_axis(); of a camera with a sensor section and a
@@ -169,15 +168,13 @@ struct ThinLens {
     double inverse_focus_per_mm;  // 1/z_f; 0 when focused at infinity
 };
 
-// A skew over fx is the angle by which rows and columns miss a right angle. Disks of confusion
-// follow it. The point spread, round on the sensor, is rendered round in pixels, which is off by
-// 255 * 0.242 / 2 times the angle at most, at edges of 45 degrees: 0.03 gray at this one.
+// Skew over fx: the squareness error of rows and columns, rad. The point spread, round on the
+// sensor, is rendered round in pixels: off by at most 255 * 0.242 / 2 times the angle, 0.03 gray.
 inline constexpr double max_skew_of_a_lens = 0.001;
 bool has_lens_with(const Intrinsics& intrinsics);
 
-// Throws NumericalError for a telecentric camera, without lens and sensor sections, with a skew of
-// more than that, or when pitch, f-number or focus distance is not positive. (The focus distance is
-// then always beyond f: 1/z_f = 1/f - 1/v < 1/f.)
+// Throws NumericalError for a telecentric camera, without lens and sensor sections, with more skew,
+// or when pitch, f-number or focus distance is not positive.
 ThinLens thin_lens(const CameraModel& camera);
 
 // The telecentric lens in numbers: magnification m = fx * pitch.
@@ -189,18 +186,18 @@ struct TelecentricLens {
 };
 
 // Throws NumericalError for a perspective camera, without lens and sensor sections, with such a
-// skew, for a tilted sensor (tau_x, tau_y describe a perspective one), or when pitch or focus
-// distance is not positive and finite or object_na not in (0, 1).
+// skew or a sensor tilt, or when pitch or focus distance is not positive and finite or object_na
+// not in (0, 1).
 TelecentricLens telecentric_lens(const CameraModel& camera);
 
 // Of either lens; throws as they do.
 double working_f_number(const CameraModel& camera);
 
-// Radius in pixels of the blur disk of a point at depth z_mm > 0 along x:
-// fx * d/2 * |1/z - 1/z_f| (of a wide lens on the axis, times scale_on_axis()), telecentric fx *
-// tan(asin(object_na)) * |z - z_f|; along y it is this times fy/fx. Zero for a camera without a
-// lens section, or with a measured point spread, which holds its blur. Throws NumericalError when
-// z_mm is not positive.
+// Radius in px along x of the blur disk of a point at depth z_mm > 0; along y times fy/fx:
+//     fx * d/2 * |1/z - 1/z_f|                (of a wide lens on the axis, times scale_on_axis())
+//     fx * tan(asin(object_na)) * |z - z_f|   (telecentric)
+// Zero without a lens section or with a measured point spread, which holds its blur. Throws
+// NumericalError when z_mm is not positive.
 double blur_radius_px(const CameraModel& camera, double z_mm);
 
 // 1 + c1 s + c2 s^2 + c3 s^3 at the squared radius s >= 0 (see Illumination).
@@ -209,8 +206,8 @@ double polynomial_illumination(const std::array<double, 3>& coefficients, double
 // The squared radius of a pixel position in the units of that polynomial.
 double illumination_radius_squared(const CameraModel& camera, const Eigen::Vector2d& pixel);
 
-// The polynomial's smallest value over the image, pixels' outer corners included: at one of the
-// ends or where the cubic's derivative vanishes. NaN when a coefficient is.
+// The polynomial's smallest value over the image, pixels' outer corners included. NaN when a
+// coefficient is.
 double least_polynomial_illumination(const CameraModel& camera);
 
 // Whether straight lines are imaged straight: a flat projection without distortion.
@@ -223,10 +220,9 @@ void require_perspective(const CameraModel& camera, const char* purpose);
 // The same for what needs rays from one point, as perspective cameras and wide lenses have them.
 void require_point_of_view(const CameraModel& camera, const char* purpose);
 
-// What a camera's file says, as one hash: for folders whose content follows from it.
-
-// SHA-256 of the file, and of the tables in other files that it names: those as they were read into
-// `camera`. Throws ConfigError when the file cannot be read.
+// SHA-256 of a camera's file and of the tables in other files that it names, as they were read into
+// `camera`: for folders whose content follows from it. Throws ConfigError when the file cannot be
+// read.
 std::string camera_sha256(const std::filesystem::path& file, const CameraModel& camera);
 
 // The names of a camera's parameters in files and covariances: fx fy cx cy, then the distortion
@@ -239,11 +235,9 @@ inline constexpr std::array<const char*, 4> projection_parameter_names{"xi", "om
                                                                        "alpha"};
 
 inline bool is_camera_parameter(std::string_view name) {
-    const auto is_name = [name](const char* known) { return name == known; };
-    return name == "skew" || std::any_of(intrinsic_names.begin(), intrinsic_names.end(), is_name) ||
-           std::any_of(distortion_names.begin(), distortion_names.end(), is_name) ||
-           std::any_of(projection_parameter_names.begin(), projection_parameter_names.end(),
-                       is_name);
+    const auto holds = [name](const auto& names) { return std::ranges::count(names, name) > 0; };
+    return name == "skew" || holds(intrinsic_names) || holds(distortion_names) ||
+           holds(projection_parameter_names);
 }
 
 }  // namespace etalon

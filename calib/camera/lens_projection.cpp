@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>  // homogeneous()
 #include <cmath>
-#include <limits>
 
+#include "calib/camera/valid_region.h"
+#include "core/optimize/root_search.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -163,6 +166,24 @@ bool has_image(Kind kind, Real a, Real b, Real s, Real z) {
     }
 }
 
+template <typename Real>
+std::optional<BasicOnPlane<Real>> onto_plane_by_scale(Kind kind, Real a, Real b,
+                                                      const Eigen::Matrix<Real, 3, 1>& ray) {
+    const Eigen::Matrix<Real, 2, 1> across = ray.template head<2>();
+    const Real s = across.squaredNorm(), z = ray.z();
+    if (!has_image(kind, a, b, s, z))
+        return std::nullopt;
+    const Scale<Real> scale = scale_of(kind, a, b, s, z);
+    BasicOnPlane<Real> image;
+    image.point = scale.g * across;
+    image.by_ray.template leftCols<2>() = 2 * scale.by_s * across * across.transpose();
+    image.by_ray.template leftCols<2>().diagonal().array() += scale.g;
+    image.by_ray.col(2) = scale.by_z * across;
+    image.by_a = scale.by_a * across;
+    image.by_b = scale.by_b * across;
+    return image;
+}
+
 using Found = std::optional<Eigen::Vector3d>;
 
 Found at_angle(const Eigen::Vector2d& m, double angle, double sine_over_radius) {
@@ -225,6 +246,302 @@ Found ray_at(const LensProjection& p, const Eigen::Vector2d& m) {
     }
 }
 
+struct Depth {
+    double value, slope;  // Z for R = r, and its derivative
+};
+Depth depth_at(const LensTable& table, double r) {
+    const double a2 = table.coefficients[0], a3 = table.coefficients[1], a4 = table.coefficients[2];
+    return {1.0 + r * r * (a2 + r * (a3 + r * a4)), r * (2.0 * a2 + r * (3.0 * a3 + r * 4.0 * a4))};
+}
+
+// The radius whose ray has this R and Z: (r, depth) turns past (R, Z) there. Nothing beyond the
+// limit.
+std::optional<double> radius_of(const LensTable& table, double across, double z) {
+    const auto past = [&](double r) {
+        const Depth depth = depth_at(table, r);
+        return ValueAndSlope{r * z - across * depth.value, z - across * depth.slope};
+    };
+    return rising_root(past, table.limit, z > 0.0 ? across / z : 1.0);
+}
+
+// By the implicit function r(R, Z) of r Z = R f(r).
+std::optional<OnPlane> polynomial_onto_plane(const LensTable& table, const Eigen::Vector3d& ray) {
+    const double across = ray.head<2>().norm(), z = ray.z();
+    const auto r =
+        across > 0.0 ? radius_of(table, across / ray.norm(), z / ray.norm()) : std::optional(0.0);
+    if (!r || !ray.allFinite() || (across == 0.0 && !(z > 0.0)))
+        return std::nullopt;
+    const Depth depth = depth_at(table, *r);
+    const double change = z - across * depth.slope;
+    const double by_across = depth.value / change, by_z = -*r / change;
+    const double scale = across > 0.0 ? *r / across : by_across;
+    const Eigen::Vector2d direction =
+        across > 0.0 ? Eigen::Vector2d(ray.head<2>() / across) : Eigen::Vector2d::Zero();
+    const Eigen::Matrix2d shear =
+        (Eigen::Matrix2d() << 1.0, 0.0, table.coefficients[3], 1.0).finished();
+    OnPlane image;
+    image.point = shear * (scale * ray.head<2>());
+    image.by_ray.leftCols<2>() = scale * Eigen::Matrix2d::Identity() +
+                                 (by_across - scale) * direction * direction.transpose();
+    image.by_ray.col(2) = by_z * direction;
+    image.by_ray = shear * image.by_ray;
+    return image;
+}
+
+std::optional<Eigen::Vector3d> polynomial_from_plane(const LensTable& table,
+                                                     const Eigen::Vector2d& point) {
+    const Eigen::Vector2d q(point.x(), point.y() - table.coefficients[3] * point.x());
+    const double r = q.norm();
+    if (!(r < table.limit))
+        return std::nullopt;
+    const Eigen::Vector3d ray(q.x(), q.y(), depth_at(table, r).value);
+    if (!ray.allFinite())
+        return std::nullopt;
+    return ray.normalized();
+}
+
+struct Cahvor {
+    explicit Cahvor(const LensTable& table)
+        : r0(table.coefficients[2]),
+          r1(table.coefficients[3]),
+          r2(table.coefficients[4]),
+          linearity(table.coefficients[5]),
+          limit(table.limit) {
+        const double alpha = table.coefficients[0], beta = table.coefficients[1];
+        axis << std::sin(alpha) * std::cos(beta), std::sin(beta), std::cos(alpha) * std::cos(beta);
+    }
+
+    // c of the angle to the axis, and its derivative; less than nothing where there is none.
+    ValueAndSlope bend(double angle) const {
+        const double turned = linearity * angle;
+        if (linearity == 0.0)
+            return {angle, 1.0};
+        if (!(std::abs(turned) < std::numbers::pi / 2))
+            return {-1.0, 0.0};
+        const double cosine = std::cos(turned);
+        return linearity > 0.0
+                   ? ValueAndSlope{std::tan(turned) / linearity, 1.0 / (cosine * cosine)}
+                   : ValueAndSlope{std::sin(turned) / linearity, cosine};
+    }
+    double angle_of(double c) const {
+        return linearity == 0.0  ? c
+               : linearity > 0.0 ? std::atan(linearity * c) / linearity
+                                 : std::asin(linearity * c) / linearity;
+    }
+    // t' of c.
+    ValueAndSlope tangent(double c) const {
+        const double cc = c * c;
+        return {c * (1.0 + r0 + cc * (r1 + cc * r2)), 1.0 + r0 + cc * (3.0 * r1 + cc * 5.0 * r2)};
+    }
+
+    Eigen::Vector3d axis;
+    double r0, r1, r2, linearity, limit;
+};
+
+// The bent ray and its derivative by the ray.
+struct Bent {
+    Eigen::Vector3d ray;
+    Eigen::Matrix3d by_ray;
+};
+std::optional<Bent> bent(const Cahvor& lens, const Eigen::Vector3d& p) {
+    const double along = p.dot(lens.axis);
+    const Eigen::Vector3d aside = p - along * lens.axis;
+    const double across = aside.norm(), squared = along * along + across * across;
+    const ValueAndSlope c = lens.bend(std::atan2(across, along));
+    if (!(c.value >= 0.0 && c.value < lens.limit) || !(squared > 0.0))
+        return std::nullopt;
+    const ValueAndSlope t = lens.tangent(c.value);
+    const double scale = across > 0.0 ? t.value / across : t.slope / along;
+    const Eigen::Vector3d direction =
+        across > 0.0 ? Eigen::Vector3d(aside / across) : Eigen::Vector3d::Zero();
+    const Eigen::Vector3d slope =
+        t.slope * c.slope * (along * direction - across * lens.axis) / squared;
+    return Bent{lens.axis + scale * aside,
+                scale * (Eigen::Matrix3d::Identity() - lens.axis * lens.axis.transpose()) +
+                    direction * (slope - scale * direction).transpose()};
+}
+
+std::optional<OnPlane> cahvor_onto_plane(const LensTable& table, const Eigen::Vector3d& ray) {
+    const auto seen = ray.allFinite() ? bent(Cahvor(table), ray / ray.norm()) : std::nullopt;
+    if (!seen || !(seen->ray.z() > 0.0))
+        return std::nullopt;
+    OnPlane image;
+    image.point = seen->ray.head<2>() / seen->ray.z();
+    image.by_ray = (seen->by_ray.topRows<2>() - image.point * seen->by_ray.bottomRows<1>()) /
+                   (seen->ray.z() * ray.norm());
+    return image;
+}
+
+std::optional<Eigen::Vector3d> cahvor_from_plane(const LensTable& table,
+                                                 const Eigen::Vector2d& point) {
+    const Cahvor lens(table);
+    const Eigen::Vector3d seen = point.homogeneous();
+    const double along = seen.dot(lens.axis);
+    const Eigen::Vector3d aside = seen - along * lens.axis;
+    const double across = aside.norm();
+    if (!(along > 0.0) || !std::isfinite(across))
+        return std::nullopt;
+    if (across == 0.0)
+        return lens.axis;
+    const double target = across / along;
+    const auto past = [&](double c) {
+        const ValueAndSlope t = lens.tangent(c);
+        return ValueAndSlope{t.value - target, t.slope};
+    };
+    const auto c = rising_root(past, lens.limit, target / (1.0 + lens.r0));
+    if (!c)
+        return std::nullopt;
+    const double angle = lens.angle_of(*c);
+    return Eigen::Vector3d(std::cos(angle) * lens.axis + (std::sin(angle) / across) * aside);
+}
+
+const LensProjection stereographic_plane{.kind = Projection::stereographic};
+
+// Weights of the control points around a place, and their derivatives; how many control points of
+// the first one precede the place's nearest.
+struct Weights {
+    int first;
+    std::array<double, 4> value, slope;
+};
+
+// `x` counts control points. Uniform B-splines: de Boor, "A Practical Guide to Splines", 1978.
+Weights cubic_weights_at(double x, int count) {
+    const int left = std::clamp(static_cast<int>(x), 1, count - 3);
+    const double t = x - left, tt = t * t, ttt = tt * t, s = 1.0 - t;
+    return {left - 1,
+            {s * s * s / 6.0, (3.0 * ttt - 6.0 * tt + 4.0) / 6.0,
+             (-3.0 * ttt + 3.0 * tt + 3.0 * t + 1.0) / 6.0, ttt / 6.0},
+            {-0.5 * s * s, 1.5 * tt - 2.0 * t, -1.5 * tt + t + 0.5, 0.5 * tt}};
+}
+Weights quadratic_weights_at(double x, int count) {
+    const int nearest = std::clamp(static_cast<int>(x + 0.5), 1, count - 2);
+    const double t = x - nearest;
+    return {nearest - 1,
+            {0.5 * (t - 0.5) * (t - 0.5), 0.75 - t * t, 0.5 * (t + 0.5) * (t + 0.5), 0.0},
+            {t - 0.5, -2.0 * t, t + 0.5, 0.0}};
+}
+
+// Control points per unit of the plane.
+double density(const LensTable& table) {
+    return (table.columns - table.order) /
+           (4.0 * std::tan(table.field_of_view_deg * (std::numbers::pi / 720.0)));
+}
+
+bool in_field(const LensTable& table, const Eigen::Vector2d& u) {
+    const double half = 0.5 / density(table);
+    return std::abs(u.x()) <= half * (table.columns - table.order) &&
+           std::abs(u.y()) <= half * (table.rows - table.order);
+}
+
+bool in_region(const LensTable& table, const Eigen::Vector2d& u) {
+    return in_field(table, u) &&
+           (table.folds.empty() || u.norm() < radius_in_direction(table.folds, u));
+}
+
+struct Splined {
+    Eigen::Vector2d point;
+    Eigen::Matrix2d jacobian;
+    bool is_regular() const { return jacobian.determinant() > 0.0 && point.allFinite(); }
+};
+
+// Of a point in the field.
+Splined splined(const LensTable& table, const Eigen::Vector2d& u) {
+    const double per_unit = density(table);
+    const Eigen::Vector2d middle(0.5 * (table.columns - 1), 0.5 * (table.rows - 1));
+    const Eigen::Vector2d place = per_unit * u + middle;
+    const auto weights_at = table.order == 3 ? cubic_weights_at : quadratic_weights_at;
+    const Weights wx = weights_at(place.x(), table.columns);
+    const Weights wy = weights_at(place.y(), table.rows);
+    Splined result{u, Eigen::Matrix2d::Identity()};
+    for (int row = 0; row <= table.order; ++row) {
+        const double* at =
+            table.coefficients.data() + 2 * ((wy.first + row) * table.columns + wx.first);
+        Eigen::Vector2d value = Eigen::Vector2d::Zero(), slope = Eigen::Vector2d::Zero();
+        for (std::size_t col = 0; col <= static_cast<std::size_t>(table.order); ++col, at += 2) {
+            value += wx.value[col] * Eigen::Vector2d(at[0], at[1]);
+            slope += wx.slope[col] * Eigen::Vector2d(at[0], at[1]);
+        }
+        const auto i = static_cast<std::size_t>(row);
+        result.point += wy.value[i] * value;
+        result.jacobian.col(0) += per_unit * wy.value[i] * slope;
+        result.jacobian.col(1) += per_unit * wy.slope[i] * value;
+    }
+    return result;
+}
+
+// The last radius before the first fold, or before the field ends, which is then no fold.
+double fold_radius(const LensTable& table, const Eigen::Vector2d& direction) {
+    const double step = 1.0 / (16.0 * density(table));
+    double before = 0.0;
+    for (int i = 1; in_field(table, i * step * direction); ++i) {
+        const double here = i * step;
+        if (!splined(table, here * direction).is_regular()) {
+            double fold = here;
+            for (int halving = 0; halving < 60; ++halving) {
+                const double middle = 0.5 * (before + fold);
+                (splined(table, middle * direction).is_regular() ? before : fold) = middle;
+            }
+            return before;
+        }
+        before = here;
+    }
+    return std::numeric_limits<double>::infinity();
+}
+
+std::vector<double> folds_of(const LensTable& table) {
+    constexpr int directions = 256;
+    std::vector<double> folds;
+    for (int i = 0; i < directions; ++i) {
+        const double angle = 2.0 * std::numbers::pi * i / directions;
+        folds.push_back(fold_radius(table, {std::cos(angle), std::sin(angle)}));
+    }
+    const bool any =
+        std::any_of(folds.begin(), folds.end(), [](double r) { return std::isfinite(r); });
+    return any ? folds : std::vector<double>{};
+}
+
+std::optional<Eigen::Vector2d> unsplined(const LensTable& table, const Eigen::Vector2d& point) {
+    const auto map = [&](const Eigen::Vector2d& u) { return splined(table, u); };
+    const auto contains = [&](const Eigen::Vector2d& u) { return in_region(table, u); };
+    const double scale = point.norm() + 1e-3;
+    if (contains(point))
+        if (const auto u = damped_newton(map, contains, point, point, scale))
+            return u;
+    // From the axis on, whose own image need not be on the axis.
+    constexpr int steps = 32;
+    const Eigen::Vector2d middle = map(Eigen::Vector2d::Zero()).point;
+    std::optional<Eigen::Vector2d> u = Eigen::Vector2d::Zero();
+    for (int i = 1; i <= steps && u; ++i)
+        u = damped_newton(map, contains, middle + (point - middle) * (double(i) / steps), *u,
+                          scale);
+    return u;
+}
+
+std::optional<OnPlane> splined_onto_plane(const LensTable& table, const Eigen::Vector3d& ray) {
+    auto image = onto_plane(stereographic_plane, ray);
+    if (!image || !in_region(table, image->point))
+        return std::nullopt;
+    const Splined at = splined(table, image->point);
+    if (!at.is_regular())
+        return std::nullopt;
+    image->point = at.point;
+    image->by_ray = at.jacobian * image->by_ray;
+    return image;
+}
+
+std::optional<Eigen::Vector3d> splined_from_plane(const LensTable& table,
+                                                  const Eigen::Vector2d& point) {
+    const auto u = point.allFinite() ? unsplined(table, point) : std::nullopt;
+    return u ? from_plane(stereographic_plane, *u) : std::nullopt;
+}
+
+void check_coefficients(std::span<const double> coefficients) {
+    constexpr double most = 1e12;
+    for (const double value : coefficients)
+        if (!(std::abs(value) <= most))
+            throw NumericalError(fmt::format("no projection has a coefficient of {}", value));
+}
+
 std::optional<OnPlane> onto_plane_by_table(const LensProjection& p, const Eigen::Vector3d& ray) {
     return p.kind == Kind::polynomial ? polynomial_onto_plane(*p.table, ray)
            : p.kind == Kind::cahvor   ? cahvor_onto_plane(*p.table, ray)
@@ -275,13 +592,6 @@ std::vector<std::pair<const char*, double>> named_parameters(const LensProjectio
     return named;
 }
 
-void check_coefficients(std::span<const double> coefficients) {
-    constexpr double most = 1e12;
-    for (const double value : coefficients)
-        if (!(std::abs(value) <= most))
-            throw NumericalError(fmt::format("no projection has a coefficient of {}", value));
-}
-
 double plane_limit(const LensProjection& p) {
     constexpr double none = std::numeric_limits<double>::infinity();
     const auto of_alpha = [&](double beta) {
@@ -330,27 +640,14 @@ void require_possible(const LensProjection& p) {
 template <typename Scalar>
 std::optional<BasicOnPlane<Scalar>> onto_plane(const LensProjection& projection, Scalar a, Scalar b,
                                                const Eigen::Matrix<Scalar, 3, 1>& ray) {
-    const Kind kind = projection.kind;
+    std::optional<BasicOnPlane<Scalar>> image;
     if (projection.table) {
-        const auto image = onto_plane_by_table(projection, ray.template cast<double>());
-        if (!image)
-            return std::nullopt;
-        return BasicOnPlane<Scalar>{image->point.template cast<Scalar>(),
-                                    image->by_ray.template cast<Scalar>()};
+        if (const auto at = onto_plane_by_table(projection, ray.template cast<double>()))
+            image = {at->point.template cast<Scalar>(), at->by_ray.template cast<Scalar>()};
+    } else {
+        image = onto_plane_by_scale(projection.kind, a, b, ray);
     }
-    const Eigen::Matrix<Scalar, 2, 1> across = ray.template head<2>();
-    const Scalar s = across.squaredNorm(), z = ray.z();
-    if (!has_image(kind, a, b, s, z))
-        return std::nullopt;
-    const Scale<Scalar> scale = scale_of(kind, a, b, s, z);
-    BasicOnPlane<Scalar> image;
-    image.point = scale.g * across;
-    image.by_ray.template leftCols<2>() = 2 * scale.by_s * across * across.transpose();
-    image.by_ray.template leftCols<2>().diagonal().array() += scale.g;
-    image.by_ray.col(2) = scale.by_z * across;
-    image.by_a = scale.by_a * across;
-    image.by_b = scale.by_b * across;
-    if (!image.point.allFinite() || !image.by_ray.allFinite())
+    if (!image || !image->point.allFinite() || !image->by_ray.allFinite())
         return std::nullopt;
     return image;
 }
@@ -373,6 +670,59 @@ std::optional<Eigen::Vector3d> from_plane(const LensProjection& projection,
                    ray->z()))
         return std::nullopt;
     return ray;
+}
+
+LensProjection polynomial_projection(double a2, double a3, double a4, double shear) {
+    auto table = std::make_shared<LensTable>();
+    table->coefficients = {a2, a3, a4, shear};
+    check_coefficients(table->coefficients);
+    table->limit = first_positive_root({1.0, 0.0, -a2, -2.0 * a3, -3.0 * a4});
+    return {.kind = Projection::polynomial, .table = std::move(table)};
+}
+
+LensProjection cahvor_projection(double alpha, double beta, double r0, double r1, double r2,
+                                 double linearity) {
+    auto table = std::make_shared<LensTable>();
+    table->coefficients = {alpha, beta, r0, r1, r2, linearity};
+    check_coefficients(table->coefficients);
+    if (!(std::cos(alpha) * std::cos(beta) > 0.0))
+        throw NumericalError(fmt::format(
+            "the axis of a CAHVOR lens must point forward: alpha {}, beta {}", alpha, beta));
+    if (!(r0 > -1.0) || std::abs(linearity) > 1.0)
+        throw NumericalError(fmt::format(
+            "no CAHVOR lens has r0 {} and linearity {}: above -1, and -1 to 1", r0, linearity));
+    table->limit = first_positive_root({1.0 + r0, 0.0, 3.0 * r1, 0.0, 5.0 * r2});
+    const double widest = Cahvor(*table).bend(std::numbers::pi).value;  // c of all directions
+    if (widest > 0.0)
+        table->limit = std::min(table->limit, widest);
+    else if (linearity < 0.0)
+        table->limit = std::min(table->limit, -1.0 / linearity);
+    return {.kind = Projection::cahvor, .table = std::move(table)};
+}
+
+LensProjection splined_projection(int order, int columns, int rows, double field_of_view_deg,
+                                  std::vector<double> control_points) {
+    const auto is_side = [](int side) { return side >= 4 && side <= 1000; };
+    if ((order != 2 && order != 3) || !is_side(columns) || !is_side(rows) ||
+        !(field_of_view_deg > 0.0 && field_of_view_deg < 360.0))
+        throw NumericalError(fmt::format(
+            "no splined projection has order {}, {} x {} control points and a field of view of {} "
+            "degrees",
+            order, columns, rows, field_of_view_deg));
+    if (control_points.size() != 2 * static_cast<std::size_t>(columns) * rows)
+        throw NumericalError(fmt::format("{} x {} control points have {} numbers, not {}", columns,
+                                         rows, 2 * columns * rows, control_points.size()));
+    check_coefficients(control_points);
+    auto table = std::make_shared<LensTable>();
+    table->coefficients = std::move(control_points);
+    table->order = order;
+    table->columns = columns;
+    table->rows = rows;
+    table->field_of_view_deg = field_of_view_deg;
+    if (!splined(*table, Eigen::Vector2d::Zero()).is_regular())
+        throw NumericalError("the splined projection folds over on its axis");
+    table->folds = folds_of(*table);
+    return {.kind = Projection::splined_stereographic, .table = std::move(table)};
 }
 
 }  // namespace etalon

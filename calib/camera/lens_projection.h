@@ -14,15 +14,13 @@
 //                                                           e^2 = R^2 + (a d + Z)^2
 //
 // where w(c) is c / (1 - c) or its inverse, whichever is below 1. Up to that limit |m| grows with
-// the angle theta to the axis; there it folds back or is infinite. Those of more parameters are in
-// calib/camera/lens_projection.h.
+// the angle theta to the axis; there it folds back or is infinite. Those of more parameters are
+// below. Which tools have them: docs/files.md.
 //
-// Sources, and who else has them: equidistant, Kannala and Brandt, PAMI 28 (2006) 1335 (OpenCV
-// fisheye, Kalibr equi, COLMAP's fisheyes, ROS); stereographic, mrcal; field of view, Devernay and
-// Faugeras, MVA 13 (2001) 14 (Kalibr fov, COLMAP FOV); unified, Mei and Rives, ICRA 2007 (OpenCV
-// omnidir, Kalibr omni); extended unified, Khomutenko, Garcia and Martinet, RA-L 1 (2016) 137
-// (Kalibr eucm); double sphere, Usenko, Demmel and Cremers, 3DV 2018 (Kalibr ds), whose own limit,
-// on Z / d, is up to some degrees stricter.
+// Sources: equidistant, Kannala and Brandt, PAMI 28 (2006) 1335; stereographic, mrcal; field of
+// view, Devernay and Faugeras, MVA 13 (2001) 14; unified, Mei and Rives, ICRA 2007; extended
+// unified, Khomutenko, Garcia and Martinet, RA-L 1 (2016) 137; double sphere, Usenko, Demmel and
+// Cremers, 3DV 2018, whose own limit, on Z / d, is up to some degrees stricter.
 #pragma once
 
 #include <Eigen/Core>
@@ -46,7 +44,7 @@ enum class Projection {
     unified,           // a: xi >= 0; 0 is perspective, 1 half of stereographic
     extended_unified,  // a: beta > 0, b: alpha 0..1
     double_sphere,     // a: xi -1..1, -1 excluded, b: alpha 0..1
-    polynomial,        // with a table, as those below: made by calib/camera/lens_projection.h
+    polynomial,        // with a table, as those below
     cahvor,
     splined_stereographic,
 };
@@ -59,8 +57,7 @@ struct LensProjection {
     std::shared_ptr<const LensTable> table = {};  // shared by all copies; nothing for most kinds
 
     bool operator==(const LensProjection& other) const;
-    // Whether planes are imaged as planes: perspective and telecentric. The others see more than
-    // any plane has.
+    // Whether planes are imaged as planes.
     bool is_flat() const {
         return kind == Projection::perspective || kind == Projection::telecentric;
     }
@@ -123,8 +120,7 @@ std::optional<Eigen::Vector3d> from_plane(const LensProjection& projection,
                                           const Eigen::Vector2d& point);
 
 // Projections that two numbers do not describe: a polynomial (MATLAB's fisheye), CAHVOR and
-// mrcal's splined stereographic model. Their coefficients are found here with what follows from
-// them, once and for all copies of a camera.
+// mrcal's splined stereographic model. All copies of a camera share their coefficients.
 //
 // Sources: Scaramuzza, Martinelli and Siegwart, ICVS 2006, in the form of MATLAB's
 // fisheyeIntrinsics; Yakimovsky and Cunningham, CGIP 7 (1978) 195, and Gennery, IJCV 68 (2006) 239,
@@ -168,21 +164,5 @@ LensProjection cahvor_projection(double alpha, double beta, double r0, double r1
 // directions). 4 to 1000 columns and rows.
 LensProjection splined_projection(int order, int columns, int rows, double field_of_view_deg,
                                   std::vector<double> control_points);
-
-// The part about numbers.
-void check_coefficients(std::span<const double> coefficients);
-
-// As onto_plane() and from_plane() of calib/camera/lens_projection.h, for a projection of each
-// kind. The first two are right to rounding; the splined one is inverted by Newton's method in some
-// us.
-std::optional<OnPlane> polynomial_onto_plane(const LensTable& table, const Eigen::Vector3d& ray);
-std::optional<Eigen::Vector3d> polynomial_from_plane(const LensTable& table,
-                                                     const Eigen::Vector2d& point);
-std::optional<OnPlane> cahvor_onto_plane(const LensTable& table, const Eigen::Vector3d& ray);
-std::optional<Eigen::Vector3d> cahvor_from_plane(const LensTable& table,
-                                                 const Eigen::Vector2d& point);
-std::optional<OnPlane> splined_onto_plane(const LensTable& table, const Eigen::Vector3d& ray);
-std::optional<Eigen::Vector3d> splined_from_plane(const LensTable& table,
-                                                  const Eigen::Vector2d& point);
 
 }  // namespace etalon

@@ -50,6 +50,7 @@ public:
         tilt_of_y_ = change(rotation, of_y * about_x);
         projection_.a = static_cast<double>(p_[19]);
         projection_.b = static_cast<double>(p_[20]);
+        is_tilted_ = p_[16] != 0 || p_[17] != 0;
         is_possible_ = etalon::is_possible(projection_);
     }
 
@@ -107,19 +108,24 @@ private:
             shared + 2 * y * prism_x, shared + 2 * x * prism_y,
             radial + 2 * yy * radial_prime + 6 * p1 * y + 2 * p2 * x + 2 * y * prism_y;
 
-        const Eigen::Matrix<Scalar, 3, 1> tilted = tilt_ * before.homogeneous();
-        const Vector2 point = tilted.template head<2>() / tilted.z();
-        const Matrix2 of_tilt = (tilt_.template topLeftCorner<2, 2>() -
-                                 point * tilt_.template bottomLeftCorner<1, 2>()) /
-                                tilted.z();
         Matrix2 focal;
         focal << p_[0], p_[21], 0, p_[1];
-        const Matrix2 to_pixels = focal * of_tilt;
+        Vector2 point = before;
+        Matrix2 to_pixels = focal;
+        Scalar depth = 1;
+        if (is_tilted_) {
+            const Eigen::Matrix<Scalar, 3, 1> tilted = tilt_ * before.homogeneous();
+            depth = tilted.z();
+            point = tilted.template head<2>() / depth;
+            to_pixels = focal * ((tilt_.template topLeftCorner<2, 2>() -
+                                  point * tilt_.template bottomLeftCorner<1, 2>()) /
+                                 depth);
+        }
         ModelPixel<Scalar, 2> result;
         result.pixel = focal * point + p_.template segment<2>(2);
         result.of = to_pixels * of_ray;
         result.is_regular =
-            over > 0 && tilted.z() > 0 && result.of.determinant() > 0 && result.pixel.allFinite();
+            over > 0 && depth > 0 && result.of.determinant() > 0 && result.pixel.allFinite();
         if (of_parameters) {
             auto& of = *of_parameters;
             of.template leftCols<4>() << point.x(), 0, 1, 0, 0, point.y(), 0, 1;
@@ -135,8 +141,8 @@ private:
             of.col(13) = s * of.col(12);
             of.col(14) = s * to_pixels.col(1);
             of.col(15) = s * of.col(14);
-            of.col(16) = focal * moved(tilt_of_x_, before, point, tilted.z());
-            of.col(17) = focal * moved(tilt_of_y_, before, point, tilted.z());
+            of.col(16) = focal * moved(tilt_of_x_, before, point, depth);
+            of.col(17) = focal * moved(tilt_of_y_, before, point, depth);
             of.col(18) = s * of.col(8);
             of.col(21) << point.y(), 0;
         }
@@ -151,7 +157,7 @@ private:
 
     LensProjection projection_;
     Parameters p_;
-    bool is_possible_;
+    bool is_possible_, is_tilted_;
     Matrix3 tilt_, tilt_of_x_, tilt_of_y_;
 };
 

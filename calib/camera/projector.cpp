@@ -209,14 +209,11 @@ std::optional<Eigen::Vector3d> Projector::ray_of(
 
 double Projector::border(const Eigen::Vector2d& direction) const {
     constexpr double farthest = 1e3;  // of a projection that does not end at a circle
-    double beyond = region_.border(direction);
-    if (!camera_.projection.table)
-        return beyond;
+    const double of_region = region_.border(direction);
     const Eigen::Vector2d along = direction.normalized();
-    double within = 0.0;
-    beyond = std::min(beyond, farthest);
-    if (is_valid(beyond * along))
-        return region_.border(direction);
+    double within = 0.0, beyond = std::min(of_region, farthest);
+    if (!camera_.projection.table || is_valid(beyond * along))
+        return of_region;
     for (int i = 0; i < 50; ++i) {
         const double middle = 0.5 * (within + beyond);
         (is_valid(middle * along) ? within : beyond) = middle;
@@ -225,9 +222,7 @@ double Projector::border(const Eigen::Vector2d& direction) const {
 }
 
 std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel) const {
-    if (camera_.projection.is_flat())
-        return undistorted(pixel);
-    return in_front(ray(pixel));
+    return camera_.projection.is_flat() ? undistorted(pixel) : in_front(ray(pixel));
 }
 
 std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel,

@@ -3,22 +3,17 @@
 // First the projection onto its plane (calib/camera/lens_projection.h; of a telecentric camera that
 // is in mm: its distortion coefficients are per mm^2, mm^4, ...), then OpenCV's distortion: radial
 // (rational), tangential, thin prism and tilt, then the intrinsics. It is used only in the region
-// around the optical axis where it is invertible (calib/camera/valid_region.h); outside, two rays
-// share a pixel or a pole lies between. There nothing is guessed: the functions return nothing.
+// around the optical axis where it is invertible (calib/camera/valid_region.h). Outside, two rays
+// share a pixel or a pole lies between, and the functions return nothing.
 //
 // Immutable after construction, safe from every thread. Construction costs 0.05 ms for a purely
-// radial distortion and some milliseconds otherwise (the border of the valid region is searched in
-// every direction); project() costs tens and unproject() hundreds of ns.
+// radial distortion and some milliseconds otherwise; project() costs tens and unproject() hundreds
+// of ns.
 #pragma once
 
-#include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <optional>
-#include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "calib/camera/distortion.h"
-#include "calib/camera/lens_projection.h"
 #include "calib/camera/valid_region.h"
 
 namespace etalon {
@@ -38,13 +33,12 @@ public:
     // has a sensor tilt (tau_x, tau_y).
     explicit Projector(const CameraModel& camera);
 
-    // A camera that differs from `like` by little, as differences need it: the border of its valid
-    // region is taken from there, so that it costs next to nothing.
+    // A camera that differs from `like` by little: it takes the border of the valid region from
+    // there, so that it costs next to nothing.
     Projector(const CameraModel& camera, const Projector& like);
 
-    // A wide lens's camera, described in a frame that is turned about its centre: what is called
-    // p_camera and a ray is `turn` times what it was, and angles to the axis are those to the new
-    // one. Markers far from the axis are seen as others are (docs/rendering.md).
+    // A wide lens's camera in a frame that is turned about its centre: p_camera and rays are `turn`
+    // times what they were, angles are those to the new axis (docs/rendering.md).
     Projector turned(const Eigen::Quaterniond& turn) const;
     // The optical axis in that frame; (0, 0, 1) if it was not turned.
     Eigen::Vector3d axis() const { return turn_.col(2); }
@@ -106,12 +100,12 @@ private:
     ValidRegion region_;
 };
 
-// Rays that may lie anywhere about a camera, seen by one that looks their way: as points of a
-// plane, as the closed forms for a plane's pose want them. Rays are as Projector::ray() has them.
-
-// How far away a point of the camera's frame is, as focus goes: along the axis, of a wide lens
-// along the line of sight.
+// How far away a point of the camera's frame is for focus: along the axis, of a wide lens along the
+// line of sight.
 double depth_mm(const LensProjection& projection, const Eigen::Vector3d& p_camera);
+
+// Rays (Projector::ray()) about a camera, seen by one that looks their way: as points of a plane,
+// for the closed forms of a plane's pose.
 
 // Turns the rays' mean into the axis.
 Eigen::Quaterniond rotation_to_mean_direction(const std::vector<Eigen::Vector3d>& rays);

@@ -22,34 +22,20 @@ struct RadiusInterval {
 // The radii between which the model can do anything: where any two of its terms, taken relative to
 // the undistorted radius, have the same size, and a margin for the factors of derivatives.
 RadiusInterval interesting_radii(const Distortion& d) {
-    struct Term {
-        double size;
-        int power;
-    };
-    const std::array<Term, 16> terms{{{1.0, 0},
-                                      {d.k1, 2},
-                                      {d.k2, 4},
-                                      {d.k3, 6},
-                                      {d.k4, 2},
-                                      {d.k5, 4},
-                                      {d.k6, 6},
-                                      {d.k7, 8},
-                                      {d.p1, 1},
-                                      {d.p2, 1},
-                                      {d.s1, 1},
-                                      {d.s2, 3},
-                                      {d.s3, 1},
-                                      {d.s4, 3},
-                                      {std::tan(d.tau_x), 1},
-                                      {std::tan(d.tau_y), 1}}};
     constexpr double margin = 50.0;
+    constexpr std::array powers{0, 2, 4, 1, 1, 6, 2, 4, 6, 1, 3, 1, 3, 1, 1, 8};
+    std::array<double, powers.size()> sizes{1.0};
+    std::ranges::copy(d.coefficients(), sizes.begin() + 1);
+    for (const std::size_t tilt : {13, 14})
+        sizes[tilt] = std::tan(sizes[tilt]);
     RadiusInterval radii{infinity, 0.0};
-    for (const Term& a : terms)
-        for (const Term& b : terms) {
-            if (a.size == 0.0 || b.size == 0.0 || a.power >= b.power)
+    for (std::size_t a = 0; a < sizes.size(); ++a)
+        for (std::size_t b = 0; b < sizes.size(); ++b) {
+            if (sizes[a] == 0.0 || sizes[b] == 0.0 || powers[a] >= powers[b])
                 continue;
             const double log_radius =
-                (std::log(std::abs(a.size)) - std::log(std::abs(b.size))) / (b.power - a.power);
+                (std::log(std::abs(sizes[a])) - std::log(std::abs(sizes[b]))) /
+                (powers[b] - powers[a]);
             radii.low = std::min(radii.low, std::exp(log_radius) / margin);
             radii.high = std::max(radii.high, std::exp(log_radius) * margin);
         }
@@ -70,10 +56,16 @@ double pole_radius(const Distortion& d) {
 }
 
 // Marches along one direction from the axis.
-class Ray {
-public:
-    Ray(const Distortion& distortion, const Eigen::Matrix3d& tilt, Eigen::Vector2d direction)
-        : distortion_(distortion), tilt_(tilt), direction_(std::move(direction)) {}
+struct Ray {
+    const Distortion& distortion;
+    const Eigen::Matrix3d* tilt;  // nothing for a sensor that is not tilted
+    Eigen::Vector2d direction;
+
+    Distorted at(double r) const {
+        const Distorted before = distort_before_tilt(distortion, r * direction);
+        return tilt ? apply_tilt(*tilt, before) : before;
+    }
+    double determinant(double r) const { return at(r).jacobian.determinant(); }
 
     double border(const RadiusInterval& radii) const {
         if (!at(0.0).is_regular())
@@ -96,12 +88,6 @@ public:
         return infinity;
     }
 
-private:
-    Distorted at(double r) const {
-        return apply_tilt(tilt_, distort_before_tilt(distortion_, r * direction_));
-    }
-    double determinant(double r) const { return at(r).jacobian.determinant(); }
-
     // The last regular radius, to rounding.
     double bisected(double regular, double irregular) const {
         for (int i = 0; i < 60; ++i) {
@@ -120,10 +106,6 @@ private:
         }
         return at(low).is_regular() ? high : low;
     }
-
-    const Distortion& distortion_;
-    const Eigen::Matrix3d& tilt_;
-    Eigen::Vector2d direction_;
 };
 
 bool is_radial(const Distortion& d) {
@@ -138,6 +120,7 @@ ValidRegion::ValidRegion(const Distortion& distortion, double limit) {
     const RadiusInterval radii = interesting_radii(distortion);
     const double pole = pole_radius(distortion);
     const Eigen::Matrix3d tilt = tilt_matrix(distortion.tau_x, distortion.tau_y);
+    const bool is_tilted = distortion.tau_x != 0.0 || distortion.tau_y != 0.0;
     // The border is good to a tenth of 1e-3. Of a radial model no direction lies between others,
     // and the image's radius is that there or a little farther out; at a fold it is largest there.
     constexpr double uncertain = 1e-4;
@@ -146,7 +129,7 @@ ValidRegion::ValidRegion(const Distortion& distortion, double limit) {
     for (int i = 0; i < count; ++i) {
         const double angle = 2.0 * std::numbers::pi * i / count;
         const Eigen::Vector2d direction(std::cos(angle), std::sin(angle));
-        const Ray ray(distortion, tilt, direction);
+        const Ray ray{distortion, is_tilted ? &tilt : nullptr, direction};
         border_.push_back(std::min({ray.border(radii), pole, limit}));
         // The map is one to one within: its image ends at the border's.
         const auto radius_at = [&](double border) {

@@ -58,7 +58,7 @@ void read_kannala_brandt(const Value& root, CameraModel& camera) {
     for (std::size_t n = 1; n < k.size(); ++n)
         relative.push_back(k[n] / k[0]);
     if (std::any_of(relative.begin(), relative.end(), [](double x) { return !std::isfinite(x); }))
-        symmetric.fail("has coefficients that are too large beside the first");
+        symmetric.fail("has coefficients that are too large relative to the first");
     set_parameters(camera, kannala_brandt, relative);
 }
 
@@ -115,10 +115,8 @@ void write_boofcv_camera(const std::filesystem::path& path, const CameraModel& c
     const Projection kind = camera.projection.kind;
     require_foreign_camera(camera, path, format,
                            {Projection::perspective, Projection::unified, Projection::equidistant});
-    if (kind == Projection::equidistant)
-        require_only(camera, kannala_brandt, path, format);
-    else
-        shortest_distortion(camera, {5}, path, format);
+    require_only(camera, kind == Projection::equidistant ? kannala_brandt : first_coefficients(5),
+                 path, format);
     const Intrinsics& i = camera.intrinsics;
     const char* model = kind == Projection::equidistant ? "kannala_brandt"
                         : kind == Projection::unified   ? "omnidirectional_universal"

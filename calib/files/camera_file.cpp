@@ -7,8 +7,6 @@
 #include <numbers>
 #include <span>
 
-#include "calib/camera/camera_model.h"
-#include "calib/camera/lens_projection.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_file.h"
 #include "core/config/csv_file.h"
@@ -91,6 +89,11 @@ ParameterCovariance read_covariance(const Value& value) {
     return covariance;
 }
 
+using PsfKind = PointSpread::Kind;
+using TransferKind = Transfer::Kind;
+using IlluminationKind = Illumination::Kind;
+constexpr std::array<const char*, 5> mosaic_names{"", "RGGB", "BGGR", "GRBG", "GBRG"};
+
 // Pairs of a table, and the standard uncertainty of each second number where the file has them.
 struct MeasuredTable {
     std::vector<std::pair<double, double>> pairs;
@@ -124,14 +127,14 @@ MeasuredTable read_profile(const std::filesystem::path& path) {
 PointSpread read_point_spread(const StrictFile& file, const Value& value,
                               std::vector<double>& density_uncertainties) {
     if (value.is_scalar())
-        return {.kind = value.one_of({"ideal", "wave"}) == "ideal" ? PointSpread::Kind::ideal
-                                                                   : PointSpread::Kind::wave};
+        return {.kind =
+                    value.one_of({"ideal", "wave"}) == "ideal" ? PsfKind::ideal : PsfKind::wave};
     if (const auto measured = value.find("measured")) {
         MeasuredTable profile = read_profile(file.resolve(measured->at("file").text()));
         density_uncertainties = std::move(profile.uncertainties);
-        return {.kind = PointSpread::Kind::measured, .profile = std::move(profile.pairs)};
+        return {.kind = PsfKind::measured, .profile = std::move(profile.pairs)};
     }
-    return {.kind = PointSpread::Kind::gaussian,
+    return {.kind = PsfKind::gaussian,
             .sigma_px = value.at("gaussian").at("sigma_px").number(units::px.positive())};
 }
 
@@ -172,7 +175,7 @@ Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& ca
     lens.wavelength_nm = value.at("wavelength_nm").number(units::nm.positive());
     if (const auto psf = value.find("psf"))
         lens.psf = read_point_spread(file, *psf, uncertainty.psf_density);
-    if (lens.psf.kind == PointSpread::Kind::wave && !camera.projection.is_flat())
+    if (lens.psf.kind == PsfKind::wave && !camera.projection.is_flat())
         value.at("psf").fail(
             fmt::format("wave belongs to a flat projection, whose pattern is round "
                         "on the sensor: this one is {}, which draws it out",
@@ -211,12 +214,12 @@ MeasuredTable read_transfer_table(const std::filesystem::path& path, int full_sc
 Transfer read_transfer(const StrictFile& file, const Value& value, int full_scale,
                        std::vector<double>& code_uncertainties) {
     if (value.is_scalar())
-        return {.kind = value.one_of({"linear", "rec709"}) == "linear" ? Transfer::Kind::linear
-                                                                       : Transfer::Kind::rec709};
+        return {.kind = value.one_of({"linear", "rec709"}) == "linear" ? TransferKind::linear
+                                                                       : TransferKind::rec709};
     MeasuredTable table =
         read_transfer_table(file.resolve(value.at("table").at("file").text()), full_scale);
     code_uncertainties = std::move(table.uncertainties);
-    return {.kind = Transfer::Kind::table, .table = std::move(table.pairs)};
+    return {.kind = TransferKind::table, .table = std::move(table.pairs)};
 }
 
 Illumination read_illumination(const Value& value, Projection projection) {
@@ -225,16 +228,16 @@ Illumination read_illumination(const Value& value, Projection projection) {
     if (cos4 && polynomial)
         polynomial->fail("excludes cos4: it is the whole relative illumination");
     if (polynomial) {
-        illumination.kind = Illumination::Kind::polynomial;
-        const std::vector<double> coefficients = polynomial->numbers(3, units::one.either_sign());
-        std::copy(coefficients.begin(), coefficients.end(), illumination.polynomial.begin());
+        illumination.kind = IlluminationKind::polynomial;
+        std::ranges::copy(polynomial->numbers(3, units::one.either_sign()),
+                          illumination.polynomial.begin());
     } else if (value.at("cos4").flag()) {
         if (projection != Projection::perspective)
             cos4->fail(
                 fmt::format("belongs to a perspective camera, with a pupil across its axis: this "
                             "one is {}; a polynomial does for any",
                             name_of(projection).name));
-        illumination.kind = Illumination::Kind::cos4;
+        illumination.kind = IlluminationKind::cos4;
     }
     return illumination;
 }
@@ -242,16 +245,14 @@ Illumination read_illumination(const Value& value, Projection projection) {
 void read_mosaic(const Value& value, Sensor& sensor) {
     if (const auto mosaic = value.find("mosaic")) {
         const std::string word = mosaic->one_of({"RGGB", "BGGR", "GRBG", "GBRG"});
-        sensor.mosaic = word == "RGGB"   ? Mosaic::rggb
-                        : word == "BGGR" ? Mosaic::bggr
-                        : word == "GRBG" ? Mosaic::grbg
-                                         : Mosaic::gbrg;
+        sensor.mosaic =
+            static_cast<Mosaic>(std::ranges::find(mosaic_names, word) - mosaic_names.begin());
     }
     if (const auto response = value.find("channel_response")) {
         if (sensor.mosaic == Mosaic::none)
             response->fail("needs a mosaic");
-        const std::vector<double> channels = response->numbers(3, units::one.positive());
-        std::copy(channels.begin(), channels.end(), sensor.channel_response.begin());
+        std::ranges::copy(response->numbers(3, units::one.positive()),
+                          sensor.channel_response.begin());
     }
 }
 
@@ -280,7 +281,7 @@ Sensor read_sensor(const StrictFile& file, const Value& value, Projection projec
 }
 
 void check_illumination(const CameraModel& camera, const Value& sensor) {
-    if (camera.sensor->illumination.kind != Illumination::Kind::polynomial)
+    if (camera.sensor->illumination.kind != IlluminationKind::polynomial)
         return;
     const double least = least_polynomial_illumination(camera);
     if (!(least > 0.0))
@@ -291,9 +292,8 @@ void check_illumination(const CameraModel& camera, const Value& sensor) {
 
 // A lens whose numbers overflow or vanish in double precision is no lens.
 void check_lens(const CameraModel& camera, const Value& value) {
-    const bool is_telecentric = camera.projection.kind == Projection::telecentric;
     std::vector<double> lengths{working_f_number(camera)};
-    if (is_telecentric) {
+    if (camera.projection.kind == Projection::telecentric) {
         const TelecentricLens lens = telecentric_lens(camera);
         lengths.insert(lengths.end(), {lens.magnification, lens.cone_tangent});
     } else {
@@ -366,44 +366,48 @@ void check_distortion(const CameraModel& camera, const Value& distortion) {
                 tilt->fail("belongs to a perspective camera");
 }
 
+// A standard uncertainty of one number: of `key` in a section, or of the Gaussian point spread.
+struct UncertainNumber {
+    const char *key, *section;
+    Unit unit;
+    std::optional<double> CameraUncertainty::*value;
+};
+constexpr UncertainNumber uncertain_numbers[]{
+    {"f_number", "lens", units::f_number, &CameraUncertainty::f_number},
+    {"focus_distance_mm", "lens", units::mm, &CameraUncertainty::focus_distance_mm},
+    {"psf_sigma_px", "lens.psf.gaussian", units::px, &CameraUncertainty::psf_sigma_px},
+    {"black", "sensor", units::one, &CameraUncertainty::black_dn},
+    {"gain_e_per_dn", "sensor", units::electrons, &CameraUncertainty::gain_e_per_dn},
+    {"read_noise_e", "sensor", units::electrons, &CameraUncertainty::read_noise_e}};
+
 // Only of what the file has: the uncertainty of a default would be that of nothing measured.
 void read_uncertainty(const Value& root, const CameraModel& camera, CameraUncertainty& result) {
     const auto given = root.find("standard_uncertainty");
     if (!given)
         return;
-    const auto number = [&](const char* key, const char* section, const Unit& unit,
-                            std::optional<double>& target) {
+    const auto require = [](const Value& value, bool is_there, const std::string& what) {
+        if (!is_there)
+            value.fail("is of " + what + ", which this file does not have");
+    };
+    for (const auto& [key, section, unit, target] : uncertain_numbers) {
         const auto value = given->find(key);
         if (!value)
-            return;
-        const auto holder = root.find(section);
-        if (!holder || !holder->find(key))
-            value->fail(fmt::format("is of {}.{}, which this file does not have", section, key));
-        target = value->number(unit.non_negative());
-    };
-    number("f_number", "lens", units::f_number, result.f_number);
-    number("focus_distance_mm", "lens", units::mm, result.focus_distance_mm);
-    number("black", "sensor", units::one, result.black_dn);
-    number("gain_e_per_dn", "sensor", units::electrons, result.gain_e_per_dn);
-    number("read_noise_e", "sensor", units::electrons, result.read_noise_e);
-    if (const auto sigma = given->find("psf_sigma_px")) {
-        if (!camera.lens || camera.lens->psf.kind != PointSpread::Kind::gaussian)
-            sigma->fail("is of lens.psf.gaussian, which this file does not have");
-        result.psf_sigma_px = sigma->number(units::px.non_negative());
+            continue;
+        if (target == &CameraUncertainty::psf_sigma_px) {
+            require(*value, camera.lens && camera.lens->psf.kind == PsfKind::gaussian, section);
+        } else {
+            const auto holder = root.find(section);
+            require(*value, holder && holder->find(key), fmt::format("{}.{}", section, key));
+        }
+        result.*target = value->number(unit.non_negative());
     }
     if (const auto illumination = given->find("illumination")) {
-        if (!camera.sensor || camera.sensor->illumination.kind != Illumination::Kind::polynomial)
-            illumination->fail(
-                "is of sensor.illumination.polynomial, which this file does not have");
+        require(*illumination,
+                camera.sensor && camera.sensor->illumination.kind == IlluminationKind::polynomial,
+                "sensor.illumination.polynomial");
         const std::vector<double> deviations = illumination->numbers(3, units::one.non_negative());
         result.illumination = {deviations[0], deviations[1], deviations[2]};
     }
-}
-
-bool is_empty(const CameraUncertainty& u) {
-    return !u.f_number && !u.focus_distance_mm && !u.psf_sigma_px && !u.black_dn &&
-           !u.gain_e_per_dn && !u.read_noise_e && !u.illumination && u.psf_density.empty() &&
-           u.transfer_code.empty();
 }
 
 CameraModel read_own_camera(const std::filesystem::path& path) {
@@ -439,7 +443,7 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
         check_lens(camera, *lens);
     }
     read_uncertainty(root, camera, uncertainty);
-    if (!is_empty(uncertainty))
+    if (uncertainty != CameraUncertainty{})
         camera.standard_uncertainty = std::move(uncertainty);
     file.finish();
     return camera;
@@ -460,25 +464,6 @@ void settle_image_size(CameraModel& camera, const std::filesystem::path& path,
         camera.height = known->height;
     }
 }
-
-}  // namespace
-
-CameraModel read_any_camera(const std::filesystem::path& path, std::optional<cv::Size> image_size) {
-    CameraModel camera = is_etalon_file(path) ? read_own_camera(path) : read_foreign_camera(path);
-    settle_image_size(camera, path, image_size);
-    return camera;
-}
-
-CameraModel read_camera(const std::filesystem::path& path, std::optional<cv::Size> image_size) {
-    CameraModel camera = read_any_camera(path, image_size);
-    if (!camera.projection.is_flat())
-        throw ConfigError({path.string()},
-                          fmt::format("is of a lens that is {}, which this does not take so far",
-                                      name_of(camera.projection.kind).name));
-    return camera;
-}
-
-namespace {
 
 // As YAML's double-quoted text, which any byte survives.
 std::string quoted(const std::string& text) {
@@ -539,17 +524,11 @@ std::string covariance_lines(const ParameterCovariance& covariance) {
 }
 
 std::string point_spread_word(const PointSpread& psf, const std::filesystem::path& profile) {
-    switch (psf.kind) {
-        case PointSpread::Kind::ideal:
-            return "ideal";
-        case PointSpread::Kind::wave:
-            return "wave";
-        case PointSpread::Kind::gaussian:
-            return "{gaussian: {sigma_px: " + exact(psf.sigma_px) + "}}";
-        case PointSpread::Kind::measured:
-            break;
-    }
-    return "{measured: {file: " + quoted(profile.filename().string()) + "}}";
+    return psf.kind == PsfKind::ideal  ? "ideal"
+           : psf.kind == PsfKind::wave ? "wave"
+           : psf.kind == PsfKind::gaussian
+               ? "{gaussian: {sigma_px: " + exact(psf.sigma_px) + "}}"
+               : "{measured: {file: " + quoted(profile.filename().string()) + "}}";
 }
 
 // Uncertainties of a table's rows: one each, or none at all.
@@ -611,36 +590,10 @@ void write_transfer_table(const std::filesystem::path& path, const Sensor& senso
 }
 
 std::string transfer_word(const Transfer& transfer, const std::filesystem::path& table) {
-    switch (transfer.kind) {
-        case Transfer::Kind::linear:
-            return "linear";
-        case Transfer::Kind::rec709:
-            return "rec709";
-        case Transfer::Kind::table:
-            break;
-    }
-    return "{table: {file: " + quoted(table.filename().string()) + "}}";
-}
-
-std::string illumination_line(const Illumination& illumination) {
-    switch (illumination.kind) {
-        case Illumination::Kind::cos4:
-            return "  illumination: {cos4: true}\n";
-        case Illumination::Kind::polynomial:
-            return "  illumination: {polynomial: " + exact_list(illumination.polynomial) + "}\n";
-        case Illumination::Kind::uniform:
-            break;
-    }
-    return "";
-}
-
-std::string mosaic_lines(const Sensor& sensor) {
-    constexpr std::array<const char*, 5> names{"", "RGGB", "BGGR", "GRBG", "GBRG"};
-    if (sensor.mosaic == Mosaic::none)
-        return "";
-    return fmt::format("  mosaic: {}\n  channel_response: {}\n",
-                       names[static_cast<std::size_t>(sensor.mosaic)],
-                       exact_list(sensor.channel_response));
+    return transfer.kind == TransferKind::linear ? "linear"
+           : transfer.kind == TransferKind::rec709
+               ? "rec709"
+               : "{table: {file: " + quoted(table.filename().string()) + "}}";
 }
 
 std::string sensor_lines(const Sensor& sensor, const std::filesystem::path& table) {
@@ -652,30 +605,44 @@ std::string sensor_lines(const Sensor& sensor, const std::filesystem::path& tabl
         "  read_noise_e: {}\n",
         sensor.bits, transfer_word(sensor.transfer, table), exact(sensor.black_dn),
         exact(sensor.gain_e_per_dn), exact(sensor.read_noise_e));
-    return text + illumination_line(sensor.illumination) + mosaic_lines(sensor);
+    const auto& [illumination, polynomial] = sensor.illumination;
+    if (illumination == IlluminationKind::cos4)
+        text += "  illumination: {cos4: true}\n";
+    if (illumination == IlluminationKind::polynomial)
+        text += "  illumination: {polynomial: " + exact_list(polynomial) + "}\n";
+    if (sensor.mosaic != Mosaic::none)
+        text += fmt::format("  mosaic: {}\n  channel_response: {}\n",
+                            mosaic_names[static_cast<std::size_t>(sensor.mosaic)],
+                            exact_list(sensor.channel_response));
+    return text;
 }
 
 std::string uncertainty_lines(const CameraUncertainty& uncertainty) {
     std::string entries;
-    const auto add = [&entries](const char* key, const std::string& value) {
-        entries += std::string("  ") + key + ": " + value + "\n";
-    };
-    const auto add_number = [&add](const char* key, const std::optional<double>& value) {
-        if (value)
-            add(key, exact(*value));
-    };
-    add_number("f_number", uncertainty.f_number);
-    add_number("focus_distance_mm", uncertainty.focus_distance_mm);
-    add_number("psf_sigma_px", uncertainty.psf_sigma_px);
-    add_number("black", uncertainty.black_dn);
-    add_number("gain_e_per_dn", uncertainty.gain_e_per_dn);
-    add_number("read_noise_e", uncertainty.read_noise_e);
+    for (const UncertainNumber& each : uncertain_numbers)
+        if (const auto& value = uncertainty.*each.value)
+            entries += fmt::format("  {}: {}\n", each.key, exact(*value));
     if (uncertainty.illumination)
-        add("illumination", exact_list(*uncertainty.illumination));
+        entries += "  illumination: " + exact_list(*uncertainty.illumination) + "\n";
     return entries.empty() ? "" : "standard_uncertainty:\n" + entries;
 }
 
 }  // namespace
+
+CameraModel read_any_camera(const std::filesystem::path& path, std::optional<cv::Size> image_size) {
+    CameraModel camera = is_etalon_file(path) ? read_own_camera(path) : read_foreign_camera(path);
+    settle_image_size(camera, path, image_size);
+    return camera;
+}
+
+CameraModel read_camera(const std::filesystem::path& path, std::optional<cv::Size> image_size) {
+    CameraModel camera = read_any_camera(path, image_size);
+    if (!camera.projection.is_flat())
+        throw ConfigError({path.string()},
+                          fmt::format("is of a lens that is {}, which this does not take so far",
+                                      name_of(camera.projection.kind).name));
+    return camera;
+}
 
 void write_camera(const std::filesystem::path& path, const CameraModel& camera) {
     const Intrinsics& i = camera.intrinsics;
@@ -698,12 +665,12 @@ void write_camera(const std::filesystem::path& path, const CameraModel& camera) 
         text += covariance_lines(*camera.covariance);
     if (camera.lens) {
         text += lens_lines(camera, profile);
-        if (camera.lens->psf.kind == PointSpread::Kind::measured)
+        if (camera.lens->psf.kind == PsfKind::measured)
             write_profile(profile, camera.lens->psf, uncertainty.psf_density);
     }
     if (camera.sensor) {
         text += sensor_lines(*camera.sensor, table);
-        if (camera.sensor->transfer.kind == Transfer::Kind::table)
+        if (camera.sensor->transfer.kind == TransferKind::table)
             write_transfer_table(table, *camera.sensor, uncertainty.transfer_code);
     }
     write_text(path, text + uncertainty_lines(uncertainty));

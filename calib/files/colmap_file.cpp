@@ -21,31 +21,21 @@
 namespace etalon {
 namespace {
 
-// A model's parameters after the focal lengths and the principal point: distortion coefficients by
-// our names, or omega.
-struct Model {
-    const char* name;
-    bool one_focal_length;
-    Projection projection;
-    ParameterNames parameters;
-};
-const std::vector<Model>& models() {
+// After the focal lengths and the principal point.
+const ForeignModels& colmap_models() {
     using enum Projection;
-    static const std::vector<Model> all{
-        {"SIMPLE_PINHOLE", true, perspective, {}},
-        {"PINHOLE", false, perspective, {}},
-        {"SIMPLE_RADIAL", true, perspective, {"k1"}},
-        {"RADIAL", true, perspective, {"k1", "k2"}},
-        {"OPENCV", false, perspective, {"k1", "k2", "p1", "p2"}},
-        {"FULL_OPENCV", false, perspective, {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}},
-        {"FOV", false, field_of_view, {"omega"}},
-        {"SIMPLE_RADIAL_FISHEYE", true, equidistant, {"k1"}},
-        {"RADIAL_FISHEYE", true, equidistant, {"k1", "k2"}},
-        {"OPENCV_FISHEYE", false, equidistant, {"k1", "k2", "k3", "k7"}},
-        {"THIN_PRISM_FISHEYE",
-         false,
-         equidistant,
-         {"k1", "k2", "p1", "p2", "k3", "k7", "s1", "s3"}}};
+    static const ForeignModels all{
+        {"SIMPLE_PINHOLE", perspective, {}, true},
+        {"PINHOLE", perspective, {}},
+        {"SIMPLE_RADIAL", perspective, {"k1"}, true},
+        {"RADIAL", perspective, {"k1", "k2"}, true},
+        {"OPENCV", perspective, first_coefficients(4)},
+        {"FULL_OPENCV", perspective, first_coefficients(8)},
+        {"FOV", field_of_view, {"omega"}},
+        {"SIMPLE_RADIAL_FISHEYE", equidistant, {"k1"}, true},
+        {"RADIAL_FISHEYE", equidistant, {"k1", "k2"}, true},
+        {"OPENCV_FISHEYE", equidistant, kannala_brandt},
+        {"THIN_PRISM_FISHEYE", equidistant, {"k1", "k2", "p1", "p2", "k3", "k7", "s1", "s3"}}};
     return all;
 }
 
@@ -54,17 +44,13 @@ struct Line {
     std::vector<std::string> words;
 };
 
-std::vector<std::string> words_of(const std::string& line) {
-    std::istringstream stream{line};
-    return {std::istream_iterator<std::string>(stream), {}};
-}
-
 std::vector<Line> camera_lines(const std::filesystem::path& path) {
     std::vector<Line> cameras;
     int number = 0;
     for (const std::string& line : split(read_text(path), '\n')) {
         ++number;
-        std::vector<std::string> words = words_of(line);
+        std::istringstream stream{line};
+        std::vector<std::string> words{std::istream_iterator<std::string>(stream), {}};
         if (!words.empty() && words.front().front() != '#')
             cameras.push_back({{path.string(), number, ""}, std::move(words)});
     }
@@ -97,37 +83,13 @@ double number(const Line& line, std::size_t index, const std::string& name) {
     throw ConfigError(place, "must be a finite number, not '" + line.words[index] + "'");
 }
 
-const Model& model_of(const Line& line) {
-    const std::string name = line.words.size() > 1 ? line.words[1] : "";
-    std::vector<std::string_view> known;
-    for (const Model& model : models()) {
-        if (name == model.name)
-            return model;
-        known.emplace_back(model.name);
-    }
-    throw ConfigError({line.place.file, line.place.line, "MODEL"},
-                      fmt::format("must be {}, not '{}'", fmt::join(known, ", "), name));
-}
-
-// The first model with two focal lengths that has a place for all that is not 0.
-const Model& model_for(const CameraModel& camera, const std::filesystem::path& path) {
-    const Model* last = nullptr;
-    for (const Model& model : models()) {
-        if (model.one_focal_length || model.projection != camera.projection.kind)
-            continue;
-        last = &model;
-        if (holds_only(camera.distortion, model.parameters))
-            return model;
-    }
-    require_only(camera, last->parameters, path, "COLMAP");
-    return *last;
-}
-
 }  // namespace
 
 CameraModel read_colmap_camera(const std::filesystem::path& path, const std::string& id) {
     const Line line = choose_camera(path, id);
-    const Model& model = model_of(line);
+    const ForeignModel& model =
+        model_named(colmap_models(), line.words.size() > 1 ? line.words[1] : "",
+                    {line.place.file, line.place.line, "MODEL"});
     const std::size_t first = 4, focal_lengths = model.one_focal_length ? 1 : 2;
     const std::size_t count = focal_lengths + 2 + model.parameters.size();
     if (line.words.size() != first + count)
@@ -154,7 +116,7 @@ void write_colmap_camera(const std::filesystem::path& path, const CameraModel& c
         camera, path, "COLMAP",
         {Projection::perspective, Projection::equidistant, Projection::field_of_view});
     require_no_skew(camera, path, "COLMAP");
-    const Model& model = model_for(camera, path);
+    const ForeignModel& model = model_holding(colmap_models(), camera, path, "COLMAP");
     const Intrinsics& i = camera.intrinsics;
     std::vector<std::string> parameters{exact(i.fx), exact(i.fy), exact(i.cx), exact(i.cy)};
     for (const double number : parameters_of(camera, model.parameters))

@@ -6,7 +6,6 @@
 #include <array>
 
 #include "calib/files/foreign_file.h"
-#include "core/config/strict_reader.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
 
@@ -94,8 +93,7 @@ const char* name_of(CalibrationTool tool) {
 }
 
 const std::vector<CalibrationTool>& calibration_tools() {
-    static const std::vector<CalibrationTool> tools{opencv, ros,    kalibr, mrcal,
-                                                    matlab, boofcv, colmap};
+    static const std::vector tools{opencv, ros, kalibr, mrcal, matlab, boofcv, colmap};
     return tools;
 }
 

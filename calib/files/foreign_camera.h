@@ -2,10 +2,6 @@
 // and writing a camera for a tool. What each format holds of a camera: below, and docs/files.md.
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 
 namespace etalon {

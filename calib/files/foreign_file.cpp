@@ -1,48 +1,15 @@
 #include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "core/file/text.h"
 
 namespace etalon {
 namespace {
-
-void check_finite(const ForeignMatrix& matrix) {
-    for (const double value : matrix.values)
-        if (!std::isfinite(value))
-            throw ConfigError(matrix.place, "has a number that is not finite");
-}
-
-Intrinsics intrinsics_of(const ForeignMatrix& matrix) {
-    if (matrix.rows != 3 || matrix.cols != 3 || matrix.values.size() != 9)
-        throw ConfigError(matrix.place,
-                          fmt::format("must be a 3x3 matrix, not {}x{} with {} numbers",
-                                      matrix.rows, matrix.cols, matrix.values.size()));
-    check_finite(matrix);
-    const std::vector<double>& m = matrix.values;
-    if (m[3] != 0.0 || m[6] != 0.0 || m[7] != 0.0 || m[8] != 1.0)
-        throw ConfigError(matrix.place, "must be [fx skew cx; 0 fy cy; 0 0 1]");
-    return checked_intrinsics(m[0], m[4], m[2], m[5], matrix.place, m[1]);
-}
-
-Distortion distortion_of(const ForeignMatrix& matrix) {
-    const std::size_t count = matrix.values.size();
-    const bool is_vector = matrix.rows == 1 || matrix.cols == 1;
-    const bool known = count == 4 || count == 5 || count == 8 || count == 12 || count == 14;
-    if (!is_vector || !known)
-        throw ConfigError(matrix.place,
-                          fmt::format("must be a row or column of 4, 5, 8, 12 or 14 coefficients, "
-                                      "not {}x{} with {} numbers",
-                                      matrix.rows, matrix.cols, count));
-    check_finite(matrix);
-    std::array<double, 14> all{};
-    std::copy(matrix.values.begin(), matrix.values.end(), all.begin());
-    return Distortion::from_opencv_order(all);
-}
 
 std::size_t index_of(std::string_view coefficient) {
     const auto at = std::ranges::find(distortion_names, coefficient);
@@ -88,12 +55,17 @@ void set_size(ForeignMatrix& matrix, double rows, double cols) {
     matrix.cols = static_cast<int>(cols);
 }
 
-CameraModel camera_from_matrices(const ForeignMatrix& camera_matrix,
-                                 const ForeignMatrix& distortion) {
-    CameraModel camera;
-    camera.intrinsics = intrinsics_of(camera_matrix);
-    camera.distortion = distortion_of(distortion);
-    return camera;
+Intrinsics intrinsics_of(const ForeignMatrix& matrix) {
+    if (matrix.rows != 3 || matrix.cols != 3 || matrix.values.size() != 9)
+        throw ConfigError(matrix.place,
+                          fmt::format("must be a 3x3 matrix, not {}x{} with {} numbers",
+                                      matrix.rows, matrix.cols, matrix.values.size()));
+    const std::vector<double>& m = matrix.values;
+    if (std::ranges::any_of(m, [](double x) { return !std::isfinite(x); }))
+        throw ConfigError(matrix.place, "has a number that is not finite");
+    if (m[3] != 0.0 || m[6] != 0.0 || m[7] != 0.0 || m[8] != 1.0)
+        throw ConfigError(matrix.place, "must be [fx skew cx; 0 fy cy; 0 0 1]");
+    return checked_intrinsics(m[0], m[4], m[2], m[5], matrix.place, m[1]);
 }
 
 Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const SourcePlace& place,
@@ -112,23 +84,36 @@ Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const 
     return {.fx = fx, .fy = fy, .cx = cx, .cy = cy, .skew = skew};
 }
 
-int shortest_distortion(const CameraModel& camera, std::initializer_list<int> counts,
-                        const std::filesystem::path& path, const char* format) {
-    const auto coefficients = camera.distortion.coefficients();
-    std::size_t needed = coefficients.size();
-    while (needed > 0 && coefficients[needed - 1] == 0.0)
-        --needed;
-    for (const int count : counts)
-        if (static_cast<std::size_t>(count) >= needed)
-            return count;
-    for (std::size_t i = static_cast<std::size_t>(*(counts.end() - 1)); i < needed; ++i)
-        if (coefficients[i] != 0.0)
-            refuse(distortion_names[i], coefficients[i], path, format);
-    return 0;
+ParameterNames first_coefficients(std::size_t count) {
+    return {distortion_names.begin(), distortion_names.begin() + count};
 }
 
-bool holds_only(const Distortion& distortion, const ParameterNames& names) {
-    return !first_besides(distortion, names);
+const ForeignModel& model_named(const ForeignModels& models, const std::string& name,
+                                const SourcePlace& place) {
+    std::vector<std::string_view> names;
+    for (const ForeignModel& model : models) {
+        if (name == model.name)
+            return model;
+        names.emplace_back(model.name);
+    }
+    const std::string_view last = names.back();
+    names.pop_back();
+    throw ConfigError(
+        place, fmt::format("must be {} or {}, not '{}'", fmt::join(names, ", "), last, name));
+}
+
+const ForeignModel& model_holding(const ForeignModels& models, const CameraModel& camera,
+                                  const std::filesystem::path& path, const char* format) {
+    const ForeignModel* last = nullptr;
+    for (const ForeignModel& model : models) {
+        if (model.one_focal_length || model.projection != camera.projection.kind)
+            continue;
+        last = &model;
+        if (!first_besides(camera.distortion, model.parameters))
+            return model;
+    }
+    require_only(camera, last->parameters, path, format);
+    return *last;
 }
 
 void require_only(const CameraModel& camera, const ParameterNames& names,

@@ -2,13 +2,8 @@
 // writers share. Principal points are in the tool's own pixels here (first_pixel_centre()).
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <initializer_list>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
 
 #include "calib/camera/camera_model.h"
 #include "core/config/strict_reader.h"
@@ -45,11 +40,8 @@ struct ForeignMatrix {
 // Throws ConfigError at a matrix that says another size than it has numbers.
 void set_size(ForeignMatrix& matrix, double rows, double cols);
 
-// The camera of a 3x3 matrix [fx skew cx; 0 fy cy; 0 0 1] and of 4, 5, 8, 12 or 14 coefficients in
-// OpenCV's order, as a row or a column. The image size is left 0.
-// Throws ConfigError at the matrix that is something else.
-CameraModel camera_from_matrices(const ForeignMatrix& camera_matrix,
-                                 const ForeignMatrix& distortion);
+// Of a 3x3 matrix [fx skew cx; 0 fy cy; 0 0 1]. Throws ConfigError at one that is something else.
+Intrinsics intrinsics_of(const ForeignMatrix& matrix);
 
 // fx and fy positive, all finite. Throws ConfigError at `place` otherwise.
 Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const SourcePlace& place,
@@ -67,18 +59,31 @@ void set_parameters(CameraModel& camera, const ParameterNames& names,
                     const std::vector<double>& numbers);
 std::vector<double> parameters_of(const CameraModel& camera, const ParameterNames& names);
 
+// The first of our names, which have OpenCV's order up to 14.
+ParameterNames first_coefficients(std::size_t count);
+
 // Kannala and Brandt's coefficients of theta^3, ^5, ^7 and ^9, over the equidistant projection.
 inline const ParameterNames kannala_brandt{"k1", "k2", "k3", "k7"};
 
-// For writers. The number of coefficients, one of `counts` (ascending, in OpenCV's order), that
-// holds all which are not 0. Throws ConfigError at `path`, naming the first coefficient that
-// `format` has no place for.
-int shortest_distortion(const CameraModel& camera, std::initializer_list<int> counts,
-                        const std::filesystem::path& path, const char* format);
+// A model of a tool: its name there, and its parameters in the tool's order.
+struct ForeignModel {
+    const char* name;
+    Projection projection;
+    ParameterNames parameters;
+    bool one_focal_length = false;
+};
+using ForeignModels = std::vector<ForeignModel>;
 
-// The same for a format that names its coefficients: those not in `names` must be 0. And whether
-// they are.
-bool holds_only(const Distortion& distortion, const ParameterNames& names);
+// Throws ConfigError at `place`, listing the names, when no model has this one.
+const ForeignModel& model_named(const ForeignModels& models, const std::string& name,
+                                const SourcePlace& place);
+
+// For writers: the first model of the camera's projection with two focal lengths that holds all
+// coefficients which are not 0. Throws ConfigError at `path`, naming the first coefficient that
+// `format` has no place for.
+const ForeignModel& model_holding(const ForeignModels& models, const CameraModel& camera,
+                                  const std::filesystem::path& path, const char* format);
+// The same for a format with one model.
 void require_only(const CameraModel& camera, const ParameterNames& names,
                   const std::filesystem::path& path, const char* format);
 

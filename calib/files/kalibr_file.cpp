@@ -52,17 +52,11 @@ const std::vector<KalibrModel>& kalibr_models() {
 }
 
 // A pinhole's distortion may be another projection.
-struct KalibrDistortion {
-    const char* name;
-    Projection projection;  // of a pinhole with it
-    ParameterNames parameters;
-};
-const std::vector<KalibrDistortion>& kalibr_distortions() {
-    static const std::vector<KalibrDistortion> all{
-        {"radtan", Projection::perspective, {"k1", "k2", "p1", "p2"}},
-        {"equidistant", Projection::equidistant, kannala_brandt},
-        {"fov", Projection::field_of_view, {"omega"}},
-        {"none", Projection::perspective, {}}};
+const ForeignModels& kalibr_distortions() {
+    static const ForeignModels all{{"radtan", Projection::perspective, first_coefficients(4)},
+                                   {"equidistant", Projection::equidistant, kannala_brandt},
+                                   {"fov", Projection::field_of_view, {"omega"}},
+                                   {"none", Projection::perspective, {}}};
     return all;
 }
 
@@ -79,7 +73,7 @@ void read_kalibr_distortion(const Value& values, const KalibrModel& model, Camer
     if (name == "none")
         return;
     const Value coefficients = values.at("distortion_coeffs");
-    for (const KalibrDistortion& known : kalibr_distortions()) {
+    for (const ForeignModel& known : kalibr_distortions()) {
         if (name != known.name ||
             std::string_view(model.distortions).find(name) == std::string_view::npos)
             continue;
@@ -100,9 +94,9 @@ const KalibrModel& model_of(Projection projection) {
             return model;
     return kalibr_models().front();
 }
-const KalibrDistortion& distortion_of(Projection projection) {
+const ForeignModel& distortion_of(Projection projection) {
     const bool is_unified = projection == Projection::unified;
-    for (const KalibrDistortion& known : kalibr_distortions())
+    for (const ForeignModel& known : kalibr_distortions())
         if (known.projection == (is_unified ? Projection::perspective : projection))
             return known;
     return kalibr_distortions().back();
@@ -135,7 +129,7 @@ void write_kalibr_camera(const std::filesystem::path& path, const CameraModel& c
          Projection::unified, Projection::extended_unified, Projection::double_sphere});
     require_no_skew(camera, path, format);
     const KalibrModel& model = model_of(camera.projection.kind);
-    const KalibrDistortion& distortion = distortion_of(camera.projection.kind);
+    const ForeignModel& distortion = distortion_of(camera.projection.kind);
     require_only(camera, distortion.parameters, path, format);
     std::vector<double> intrinsics;
     for (double LensProjection::*parameter : model.parameters)

@@ -31,7 +31,6 @@
 
 #include <fmt/format.h>
 
-#include "calib/camera/lens_projection.h"
 #include "core/file/text.h"
 
 namespace etalon {
@@ -98,15 +97,14 @@ ForeignMatrix the_camera_matrix(const Value& root) {
     return all.front();
 }
 
-ForeignMatrix distortion_of(const Value& root) {
+void read_distortion(const Value& root, CameraModel& camera) {
     const Value radial = root.at("RadialDistortion");
     const std::vector<double> k = radial.numbers(0, any_number);
     if (k.size() != 2 && k.size() != 3)
         radial.fail(fmt::format("must have 2 or 3 coefficients, not {}", k.size()));
-    std::vector<double> p{0.0, 0.0};
+    set_parameters(camera, {"k1", "k2", "k3"}, k);
     if (const auto tangential = root.find("TangentialDistortion"))
-        p = tangential->numbers(2, any_number);
-    return {radial.place(), 1, 5, {k[0], k[1], p[0], p[1], k.size() == 3 ? k[2] : 0.0}};
+        set_parameters(camera, {"p1", "p2"}, tangential->numbers(2, any_number));
 }
 
 void read_image_size(const Value& root, CameraModel& camera) {
@@ -166,7 +164,9 @@ CameraModel read_matlab_camera(const std::filesystem::path& path) {
         return read_fisheye(*nested);
     if (root.find("MappingCoefficients"))
         return read_fisheye(root);
-    CameraModel camera = camera_from_matrices(the_camera_matrix(root), distortion_of(root));
+    CameraModel camera;
+    camera.intrinsics = intrinsics_of(the_camera_matrix(root));
+    read_distortion(root, camera);
     read_image_size(root, camera);
     return camera;
 }
@@ -175,7 +175,7 @@ void write_matlab_camera(const std::filesystem::path& path, const CameraModel& c
     if (camera.projection.kind == Projection::polynomial)
         return write_fisheye(path, camera);
     require_foreign_camera(camera, path, "MATLAB's cameraParameters", {Projection::perspective});
-    shortest_distortion(camera, {5}, path, "MATLAB's cameraParameters");
+    require_only(camera, first_coefficients(5), path, "MATLAB's cameraParameters");
     const Intrinsics& i = camera.intrinsics;
     const Distortion& d = camera.distortion;
     const std::string fx = exact(i.fx), fy = exact(i.fy), cx = exact(i.cx), cy = exact(i.cy),

@@ -18,7 +18,6 @@
 
 #include <span>
 
-#include "calib/camera/lens_projection.h"
 #include "core/file/text.h"
 
 namespace etalon {
@@ -111,19 +110,27 @@ LensProjection cahvore(const Value& model, const Value& intrinsics, Numbers numb
     return cahvor(intrinsics, numbers, parsed(model, model.text(), {"linearity"}).configuration[0]);
 }
 
+// Those without a configuration.
+const ForeignModels& mrcal_models() {
+    using enum Projection;
+    static const ForeignModels all{{"PINHOLE", perspective, {}},
+                                   {"OPENCV4", perspective, first_coefficients(4)},
+                                   {"OPENCV5", perspective, first_coefficients(5)},
+                                   {"OPENCV8", perspective, first_coefficients(8)},
+                                   {"OPENCV12", perspective, first_coefficients(12)},
+                                   {"STEREOGRAPHIC", stereographic, {}}};
+    return all;
+}
+
 void read_model(const Value& model, const Value& intrinsics, Numbers numbers, CameraModel& camera) {
     const std::string name = model.text();
-    for (const int count : {0, 4, 5, 8, 12})
-        if (name == (count == 0 ? "LENSMODEL_PINHOLE" : fmt::format("LENSMODEL_OPENCV{}", count))) {
-            require_count(intrinsics, numbers, static_cast<std::size_t>(count));
-            std::array<double, 14> all{};
-            std::copy(numbers.begin(), numbers.end(), all.begin());
-            camera.distortion = Distortion::from_opencv_order(all);
-            return;
-        }
-    if (name == "LENSMODEL_STEREOGRAPHIC") {
-        require_count(intrinsics, numbers, 0);
-        camera.projection.kind = Projection::stereographic;
+    const auto known = std::ranges::find_if(mrcal_models(), [&](const ForeignModel& one) {
+        return name == std::string("LENSMODEL_") + one.name;
+    });
+    if (known != mrcal_models().end()) {
+        require_count(intrinsics, numbers, known->parameters.size());
+        camera.projection.kind = known->projection;
+        set_parameters(camera, known->parameters, {numbers.begin(), numbers.end()});
     } else if (name == "LENSMODEL_CAHVOR") {
         require_count(intrinsics, numbers, 5);
         camera.projection = cahvor(intrinsics, numbers, 1.0);
@@ -151,13 +158,6 @@ struct Written {
     std::vector<double> numbers;
 };
 
-Written written_opencv(const CameraModel& camera, const std::filesystem::path& path) {
-    const int count = shortest_distortion(camera, {0, 4, 5, 8, 12}, path, "an mrcal OpenCV model");
-    const auto coefficients = camera.distortion.in_opencv_order();
-    return {count == 0 ? "PINHOLE" : fmt::format("OPENCV{}", count),
-            {coefficients.begin(), coefficients.begin() + count}};
-}
-
 Written written_splined(const LensTable& table, const std::filesystem::path& path) {
     if (table.field_of_view_deg != std::floor(table.field_of_view_deg))
         throw ConfigError({path.string()}, fmt::format("mrcal has whole degrees only as a splined "
@@ -178,14 +178,16 @@ Written written_cahvor(const LensTable& table) {
 }
 
 Written written(const CameraModel& camera, const std::filesystem::path& path) {
-    if (camera.projection.kind == Projection::perspective)
-        return written_opencv(camera, path);
-    require_only(camera, {}, path, "mrcal's models of wide lenses");
+    const bool is_wide = camera.projection.kind != Projection::perspective;
+    if (is_wide)
+        require_only(camera, {}, path, "mrcal's models of wide lenses");
     if (camera.projection.kind == Projection::cahvor)
         return written_cahvor(*camera.projection.table);
     if (camera.projection.kind == Projection::splined_stereographic)
         return written_splined(*camera.projection.table, path);
-    return {"STEREOGRAPHIC", {}};
+    const ForeignModel& model =
+        model_holding(mrcal_models(), camera, path, "an mrcal OpenCV model");
+    return {model.name, parameters_of(camera, model.parameters)};
 }
 
 }  // namespace

@@ -1,25 +1,22 @@
 // Calibrations as OpenCV's programs write them: YAML, XML or JSON of cv::FileStorage.
 //
-//   camera_matrix | cameraMatrix | Camera_Matrix                     3x3, [fx skew cx; 0 fy cy; 0 0
-//   1] distortion_coefficients | dist_coeffs | distCoeffs | Distortion_Coefficients
-//                                               4, 5, 8, 12 or 14, as a row or a column
+//   camera_matrix | cameraMatrix | Camera_Matrix      3x3, [fx skew cx; 0 fy cy; 0 0 1]
+//   distortion_coefficients | dist_coeffs | distCoeffs | Distortion_Coefficients
+//                                                     4, 5, 8, 12 or 14, as a row or a column
 //   image_width, image_height | image_Width, image_Height | cameraResolution    optional
 //   cameraMatrix_std_dev | camera_matrix_std_dev, dist_coeffs_std_dev |
-//   distortion_coefficients_std_dev             optional: a covariance without correlations
+//   distortion_coefficients_std_dev                   optional: a covariance without correlations
+//   fisheye_model, not 0                              the four coefficients are cv::fisheye's
+//   xi                                                cv::omnidir's, a number or a 1x1 matrix
 //
-//   fisheye_model, not 0                        the four coefficients are cv::fisheye's
-//   xi                                          cv::omnidir's, a number or a 1x1 matrix
-//
-// Of perspective cameras OpenCV's functions leave the skew out, so that none is written.
-//
-// Pixel (0, 0) is the centre of the top-left pixel there too. Four coefficients without one of
-// these two keys, which OpenCV's sample programs write, are k1 k2 p1 p2.
+// Four coefficients without one of the last two keys are k1 k2 p1 p2. OpenCV leaves the skew out of
+// perspective cameras.
 //
 // Written is OpenCV YAML, or XML or JSON for a path that ends so, with the shortest list of
 // coefficients that holds all that are not 0 or have a standard deviation (at least 5); numbers
-// read back as the same doubles. Of a covariance the standard deviations are written as
+// read back as the same doubles. Standard deviations of a covariance are written as
 // cameraMatrix_std_dev and dist_coeffs_std_dev (0: not known), whose squares read back within
-// rounding; correlations, serial, lens and sensor have no place in it.
+// rounding.
 #include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
@@ -27,7 +24,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
-#include <span>
+#include <regex>
 
 #include "core/file/text.h"
 
@@ -48,16 +45,10 @@ int line_at(const std::string& text, std::size_t at) {
 // cv::FileStorage does not say in which line a value stands: the first line that holds the key as
 // a word is where a reader will look.
 int line_of(const std::string& text, const std::string& key) {
-    const auto is_word = [](char c) {
-        return std::isalnum(static_cast<unsigned char>(c)) || c == '_';
-    };
-    for (std::size_t at = text.find(key); at != std::string::npos; at = text.find(key, at + 1)) {
-        const std::size_t end = at + key.size();
-        if ((at > 0 && is_word(text[at - 1])) || (end < text.size() && is_word(text[end])))
-            continue;
-        return line_at(text, at);
-    }
-    return 0;
+    std::smatch match;
+    return std::regex_search(text, match, std::regex("\\b" + key + "\\b"))
+               ? line_at(text, static_cast<std::size_t>(match.position()))
+               : 0;
 }
 
 // OpenCV's parsers descend by recursion, so that a hostile file could exhaust the stack. What opens
@@ -211,18 +202,16 @@ ForeignMatrix read_matrix(const OpenedFile& opened, const NamedNode& named) {
     return matrix;
 }
 
-// Of the coefficients that a file lists, in its order.
-std::array<const char*, 14> names_in_file(Projection projection) {
-    if (projection == Projection::equidistant)
-        return {"k1", "k2", "k3", "k7", "", "", "", "", "", "", "", "", "", ""};
-    std::array<const char*, 14> names{};
-    std::copy_n(distortion_names.begin(), names.size(), names.begin());
-    return names;
+const ParameterNames intrinsics_order{intrinsic_names.begin(), intrinsic_names.end()};
+
+// Of the coefficients that a file lists at most, in its order.
+ParameterNames names_in_file(Projection projection) {
+    return projection == Projection::equidistant ? kannala_brandt : first_coefficients(14);
 }
 
 // Standard deviations as OpenCV's interactive-calibration writes them: of fx fy cx cy, and of the
 // first coefficients. Those of parameters that were held fixed are 0 and say nothing.
-void append_deviations(const OpenedFile& opened, Names keys, std::span<const char* const> names,
+void append_deviations(const OpenedFile& opened, Names keys, const ParameterNames& names,
                        std::vector<std::pair<std::string, double>>& deviations) {
     const auto named = find(opened, keys);
     if (!named)
@@ -245,19 +234,17 @@ void append_deviations(const OpenedFile& opened, Names keys, std::span<const cha
 
 std::optional<ParameterCovariance> read_covariance(const OpenedFile& opened,
                                                    Projection projection) {
-    const auto names = names_in_file(projection);
-    const bool has_four = projection == Projection::equidistant;
     std::vector<std::pair<std::string, double>> deviations;
-    append_deviations(opened, {"camera_matrix_std_dev", "cameraMatrix_std_dev"}, intrinsic_names,
+    append_deviations(opened, {"camera_matrix_std_dev", "cameraMatrix_std_dev"}, intrinsics_order,
                       deviations);
     append_deviations(opened, {"distortion_coefficients_std_dev", "dist_coeffs_std_dev"},
-                      std::span(names).first(has_four ? 4 : names.size()), deviations);
+                      names_in_file(projection), deviations);
     if (deviations.empty())
         return std::nullopt;
-    const auto n = static_cast<Eigen::Index>(deviations.size());
+    const Eigen::Index n = std::ssize(deviations);
     ParameterCovariance covariance{{}, Eigen::MatrixXd::Zero(n, n)};
-    for (Eigen::Index i = 0; i < n; ++i) {
-        const auto& [name, deviation] = deviations[static_cast<std::size_t>(i)];
+    for (const auto& [name, deviation] : deviations) {
+        const Eigen::Index i = std::ssize(covariance.order);
         covariance.order.push_back(name);
         covariance.matrix(i, i) = deviation * deviation;
     }
@@ -279,22 +266,22 @@ void refuse_other_models(const OpenedFile& opened) {
 void read_image_size(const OpenedFile& opened, CameraModel& camera) {
     const auto width = find(opened, width_names), height = find(opened, height_names);
     const auto size = find(opened, {"cameraResolution"});
+    const auto side = [&](const cv::FileNode& node, const std::string& key) {
+        return checked_image_side(number(node, opened.place(key)), opened.place(key));
+    };
     if (width.has_value() != height.has_value())
         throw ConfigError(opened.place(width ? width->key : height->key),
                           "image width and height must be given together");
     if (size && width)
         throw ConfigError(opened.place(size->key), "is given as '" + width->key + "' too");
+    if (size && (!size->node.isSeq() || size->node.size() != 2))
+        throw ConfigError(opened.place(size->key), "must be width and height");
     if (width) {
-        const SourcePlace of_width = opened.place(width->key),
-                          of_height = opened.place(height->key);
-        camera.width = checked_image_side(number(width->node, of_width), of_width);
-        camera.height = checked_image_side(number(height->node, of_height), of_height);
+        camera.width = side(width->node, width->key);
+        camera.height = side(height->node, height->key);
     } else if (size) {
-        const SourcePlace place = opened.place(size->key);
-        if (!size->node.isSeq() || size->node.size() != 2)
-            throw ConfigError(place, "must be width and height");
-        camera.width = checked_image_side(number(size->node[0], place), place);
-        camera.height = checked_image_side(number(size->node[1], place), place);
+        camera.width = side(size->node[0], size->key);
+        camera.height = side(size->node[1], size->key);
     }
 }
 
@@ -321,11 +308,26 @@ void read_wide_projection(const OpenedFile& opened, const ForeignMatrix& distort
     }
 }
 
+std::size_t checked_count(const ForeignMatrix& distortion) {
+    const std::size_t count = distortion.values.size();
+    const bool is_vector = distortion.rows == 1 || distortion.cols == 1;
+    if (!is_vector || (count != 4 && count != 5 && count != 8 && count != 12 && count != 14))
+        throw ConfigError(distortion.place,
+                          fmt::format("must be a row or column of 4, 5, 8, 12 or 14 coefficients, "
+                                      "not {}x{} with {} numbers",
+                                      distortion.rows, distortion.cols, count));
+    if (std::ranges::any_of(distortion.values, [](double x) { return !std::isfinite(x); }))
+        throw ConfigError(distortion.place, "has a number that is not finite");
+    return count;
+}
+
 CameraModel read_camera_from(const OpenedFile& opened) {
     refuse_other_models(opened);
     const ForeignMatrix camera_matrix = read_matrix(opened, require(opened, camera_matrix_names));
     const ForeignMatrix distortion = read_matrix(opened, require(opened, distortion_keys));
-    CameraModel camera = camera_from_matrices(camera_matrix, distortion);
+    CameraModel camera;
+    camera.intrinsics = intrinsics_of(camera_matrix);
+    set_parameters(camera, first_coefficients(checked_count(distortion)), distortion.values);
     read_wide_projection(opened, distortion, camera);
     camera.covariance = read_covariance(opened, camera.projection.kind);
     read_image_size(opened, camera);
@@ -333,23 +335,21 @@ CameraModel read_camera_from(const OpenedFile& opened) {
 }
 
 // Standard deviations of these parameters, 0 for those that the covariance does not have.
-template <std::size_t N>
-std::array<double, N> deviations_of(const CameraModel& camera,
-                                    const std::array<const char*, N>& names) {
-    std::array<double, N> deviations{};
+std::vector<double> deviations_of(const CameraModel& camera, const ParameterNames& names) {
+    std::vector<double> deviations(names.size());
     if (!camera.covariance)
         return deviations;
     const auto& [order, matrix] = *camera.covariance;
     for (std::size_t i = 0; i < order.size(); ++i)
-        if (const auto at = std::find(names.begin(), names.end(), order[i]); at != names.end()) {
+        if (const auto at = std::ranges::find(names, order[i]); at != names.end()) {
             const auto k = static_cast<Eigen::Index>(i);
             deviations[static_cast<std::size_t>(at - names.begin())] = std::sqrt(matrix(k, k));
         }
     return deviations;
 }
 
-// How many coefficients OpenCV would write to hold all that are not 0.
-int shortest_list(const std::array<double, 14>& values) {
+// How many of 14 coefficients OpenCV would write to hold all that are not 0.
+int shortest_list(const std::vector<double>& values) {
     int count = 14;
     for (const int shorter : {12, 8, 5})
         if (std::all_of(values.begin() + shorter, values.end(), [](double c) { return c == 0.0; }))
@@ -376,22 +376,16 @@ void write_opencv_camera(const std::filesystem::path& path, const CameraModel& c
     const bool is_fisheye = projection == Projection::equidistant;
     if (projection == Projection::perspective)
         require_no_skew(camera, path, "OpenCV's perspective model");
-    if (is_fisheye)
-        require_only(camera, kannala_brandt, path, format);
-    else
-        shortest_distortion(camera, {projection == Projection::unified ? 4 : 14}, path, format);
+    const ParameterNames names =
+        projection == Projection::unified ? first_coefficients(4) : names_in_file(projection);
+    require_only(camera, names, path, format);
     const Intrinsics& i = camera.intrinsics;
     const cv::Matx33d camera_matrix(i.fx, i.skew, i.cx, 0, i.fy, i.cy, 0, 0, 1);
-    auto coefficients = camera.distortion.in_opencv_order();
-    if (is_fisheye) {
-        coefficients = {};
-        const std::vector<double> k = parameters_of(camera, kannala_brandt);
-        std::copy(k.begin(), k.end(), coefficients.begin());
-    }
-    const auto deviations = deviations_of(camera, names_in_file(projection));
+    const std::vector<double> coefficients = parameters_of(camera, names),
+                              deviations = deviations_of(camera, names);
     const int count = projection == Projection::perspective
                           ? std::max(shortest_list(coefficients), shortest_list(deviations))
-                          : 4;
+                          : static_cast<int>(names.size());
 
     const std::string kind = path.extension();
     cv::FileStorage storage(kind == ".xml" || kind == ".json" ? kind : ".yml",
@@ -404,7 +398,7 @@ void write_opencv_camera(const std::filesystem::path& path, const CameraModel& c
     if (projection == Projection::unified)
         storage << "xi" << camera.projection.a;
     if (camera.covariance) {
-        storage << "cameraMatrix_std_dev" << cv::Mat(deviations_of(camera, intrinsic_names));
+        storage << "cameraMatrix_std_dev" << cv::Mat(deviations_of(camera, intrinsics_order));
         storage << "dist_coeffs_std_dev" << cv::Mat(deviations).rowRange(0, count);
     }
     write_text(path, storage.releaseAndGetString());

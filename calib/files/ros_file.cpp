@@ -24,17 +24,12 @@ ForeignMatrix read_matrix(const Value& entry) {
     return matrix;
 }
 
-// Of a model that is not `equidistant`, what camera_from_matrices() takes.
-void check_model(const Value& model, const ForeignMatrix& distortion) {
-    const std::string name = model.text();
-    if (name != "plumb_bob" && name != "rational_polynomial" && name != "equidistant")
-        throw ConfigError(
-            model.place(),
-            "must be plumb_bob, rational_polynomial or equidistant, not '" + name + "'");
-    const std::size_t count = name == "plumb_bob" ? 5 : name == "equidistant" ? 4 : 8;
-    if (distortion.values.size() != count)
-        throw ConfigError(distortion.place, fmt::format("{} has {} coefficients, not {}", name,
-                                                        count, distortion.values.size()));
+const ForeignModels& ros_models() {
+    static const ForeignModels all{
+        {"plumb_bob", Projection::perspective, first_coefficients(5)},
+        {"rational_polynomial", Projection::perspective, first_coefficients(8)},
+        {"equidistant", Projection::equidistant, kannala_brandt}};
+    return all;
 }
 
 }  // namespace
@@ -42,17 +37,20 @@ void check_model(const Value& model, const ForeignMatrix& distortion) {
 CameraModel read_ros_camera(const std::filesystem::path& path) {
     const Value root = foreign_root(read_text(path), path.string());
     const Value camera_matrix = root.at("camera_matrix");
+    const Value name = root.at("distortion_model");
+    const ForeignModel& model = model_named(ros_models(), name.text(), name.place());
     const ForeignMatrix distortion = read_matrix(root.at("distortion_coefficients"));
-    check_model(root.at("distortion_model"), distortion);
-    CameraModel camera = camera_from_matrices(read_matrix(camera_matrix), distortion);
+    if (distortion.values.size() != model.parameters.size())
+        throw ConfigError(distortion.place,
+                          fmt::format("{} has {} coefficients, not {}", model.name,
+                                      model.parameters.size(), distortion.values.size()));
+    CameraModel camera;
+    camera.intrinsics = intrinsics_of(read_matrix(camera_matrix));
+    camera.projection.kind = model.projection;
+    set_parameters(camera, model.parameters, distortion.values);
     if (camera.intrinsics.skew != 0.0)
         camera_matrix.fail(
             fmt::format("has a skew of {}, which ROS's K does not have", camera.intrinsics.skew));
-    if (root.at("distortion_model").text() == "equidistant") {
-        camera.projection.kind = Projection::equidistant;
-        camera.distortion = {};
-        set_parameters(camera, kannala_brandt, distortion.values);
-    }
     camera.width = image_side(root.at("image_width"));
     camera.height = image_side(root.at("image_height"));
     return camera;
@@ -64,15 +62,7 @@ void write_ros_camera(const std::filesystem::path& path, const CameraModel& came
                            {Projection::perspective, Projection::equidistant});
     require_no_skew(camera, path, format);
     const Intrinsics& i = camera.intrinsics;
-    std::vector<double> listed;
-    if (camera.projection.kind == Projection::equidistant) {
-        require_only(camera, kannala_brandt, path, format);
-        listed = parameters_of(camera, kannala_brandt);
-    } else {
-        const int count = shortest_distortion(camera, {5, 8}, path, format);
-        const auto coefficients = camera.distortion.in_opencv_order();
-        listed.assign(coefficients.begin(), coefficients.begin() + count);
-    }
+    const ForeignModel& model = model_holding(ros_models(), camera, path, format);
     const std::string fx = yaml_real(i.fx), fy = yaml_real(i.fy), cx = yaml_real(i.cx),
                       cy = yaml_real(i.cy);
     write_text(path,
@@ -85,11 +75,9 @@ void write_ros_camera(const std::filesystem::path& path, const CameraModel& came
                            "  data: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\n"
                            "projection_matrix:\n  rows: 3\n  cols: 4\n"
                            "  data: [{}, 0.0, {}, 0.0, 0.0, {}, {}, 0.0, 0.0, 0.0, 1.0, 0.0]\n",
-                           camera.width, camera.height, fx, cx, fy, cy,
-                           listed.size() == 4   ? "equidistant"
-                           : listed.size() == 5 ? "plumb_bob"
-                                                : "rational_polynomial",
-                           listed.size(), yaml_reals(listed), fx, cx, fy, cy));
+                           camera.width, camera.height, fx, cx, fy, cy, model.name,
+                           model.parameters.size(),
+                           yaml_reals(parameters_of(camera, model.parameters)), fx, cx, fy, cy));
 }
 
 }  // namespace etalon

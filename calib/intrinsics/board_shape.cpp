@@ -8,7 +8,7 @@
 #include <cmath>
 #include <map>
 
-#include "calib/camera/pixel_model.h"
+#include "calib/intrinsics/bundle_adjustment.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 
@@ -122,7 +122,8 @@ struct ViewDesign {
 };
 
 ViewDesign view_design(const CalibrationView& view, const DrawnBoard& board, const CameraFit& fit,
-                       std::size_t index, const CalibrationModel& model, const ImageField* field) {
+                       std::size_t index, const ImageField* field) {
+    const CalibrationModel& model = fit.model;
     const PixelModel<double> pixel_model(fit.camera.projection, all_parameters(fit.camera));
     const Rigid& pose = fit.camera_from_target[index];
     const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
@@ -141,10 +142,8 @@ ViewDesign view_design(const CalibrationView& view, const DrawnBoard& board, con
         const double weight = 1.0 / view.sigma(i);
         const OfBoardPoint of_place = weight * seen.of;
         const Vector3d arm = rotation * (view.true_point_mm(i) - centre);
-        Eigen::Matrix3d of_turn;
-        of_turn << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0;
         const Eigen::Index row = 2 * static_cast<Eigen::Index>(i);
-        of_pose.middleRows<2>(row) << of_place * of_turn, of_place;
+        of_pose.middleRows<2>(row) = pose_jacobian(of_place, arm);
         for (Eigen::Index k = 0; k < free; ++k)
             design.common.block<2, 1>(row, k) =
                 weight * of_parameters.col(parameter_index(model.parameters[std::size_t(k)]));
@@ -231,15 +230,15 @@ BoardSystem board_system(std::span<const ViewDesign> views, Eigen::Index unknown
 }
 
 BoardSystem board_system(std::span<const CalibrationView> views, const DrawnBoard& board,
-                         const CalibrationModel& model, const CameraFit& fit,
-                         const ImageField* field) {
+                         const CameraFit& fit, const ImageField* field) {
     std::vector<ViewDesign> designs;
     for (std::size_t v = 0; v < views.size(); ++v)
-        designs.push_back(view_design(views[v], board, fit, v, model, field));
+        designs.push_back(view_design(views[v], board, fit, v, field));
     VectorXd pull = VectorXd::Zero(designs.front().common.cols());
-    for (std::size_t i = 0; i < model.parameters.size(); ++i)
+    const auto& parameters = fit.model.parameters;
+    for (std::size_t i = 0; i < parameters.size(); ++i)
         pull[static_cast<Eigen::Index>(i)] =
-            std::pow(fit.pull[parameter_index(model.parameters[i])], 2) * double(views.size());
+            std::pow(fit.pull[parameter_index(parameters[i])], 2) * double(views.size());
     return board_system(designs, board.unknowns(), pull);
 }
 
@@ -367,9 +366,6 @@ BoardPrior first_prior(double extent_mm) {
     return {1e-4 * extent_mm, 1e-4 * extent_mm};
 }
 
-struct DisplacementSize {
-    double rms_mm, rms_deviation_mm, worst_mm;
-};
 DisplacementSize size_of(const BoardEstimate& estimate) {
     const Eigen::Index points = estimate.displacements.size() / 3;
     const Coordinates d(estimate.displacements.data(), 3, points);
@@ -422,7 +418,7 @@ void set_curvature(BoardShape& shape, const DrawnBoard& board, const BoardEstima
 
 BoardShape shape_of(const DrawnBoard& board, const BoardEstimate& estimate,
                     const MatrixXd& camera_of_board) {
-    BoardShape shape;
+    BoardShape shape{size_of(estimate)};
     for (std::size_t i = 0; i < board.ids.size(); ++i) {
         const Eigen::Index at = 3 * static_cast<Eigen::Index>(i);
         shape.points.push_back({board.ids[i], board.points[i],
@@ -430,10 +426,6 @@ BoardShape shape_of(const DrawnBoard& board, const BoardEstimate& estimate,
                                 estimate.covariance.diagonal().segment<3>(at).cwiseSqrt()});
     }
     set_curvature(shape, board, estimate);
-    const DisplacementSize size = size_of(estimate);
-    shape.rms_mm = size.rms_mm;
-    shape.rms_deviation_mm = size.rms_deviation_mm;
-    shape.worst_mm = size.worst_mm;
     shape.prior = estimate.prior;
     shape.variance = estimate.variance;
     shape.parameters = estimate.parameters;
@@ -464,12 +456,11 @@ CalibrationView BoardShape::shaped(CalibrationView view) const {
     return view;
 }
 
-BoardShape fit_board_shape(std::span<const CalibrationView> given, cv::Size image_size,
-                           const CalibrationModel& model, const CameraFit& first,
+BoardShape fit_board_shape(std::span<const CalibrationView> given, const CameraFit& first,
                            const std::optional<BoardShape>& start) {
     constexpr int most_rounds = 30;
     constexpr double settled = 1e-3;  // standard deviations, RMS over the coordinates
-    if (model.projection == Projection::telecentric)
+    if (first.model.projection == Projection::telecentric)
         throw NumericalError(
             "the board's shape is not to be had with a telecentric camera, which does not tell a "
             "height, or a tilt, from its opposite");
@@ -484,9 +475,8 @@ BoardShape fit_board_shape(std::span<const CalibrationView> given, cv::Size imag
     BoardShape shape;
     for (int round = 0; round < most_rounds && !shape.converged; ++round) {
         set_displacements(views, board, at);
-        fit = fit_camera(views, image_size, model,
-                         {.start = CameraStart{fit.camera, fit.camera_from_target}});
-        const BoardSystem system = board_system(views, board, model, fit, nullptr);
+        fit = refit_camera(views, fit, fit.camera_from_target);
+        const BoardSystem system = board_system(views, board, fit, nullptr);
         estimate = start ? estimated(system, precision, at, start->prior, start->variance)
                          : told_estimate(system, precision, at, estimate);
         const VectorXd change =
@@ -499,13 +489,13 @@ BoardShape fit_board_shape(std::span<const CalibrationView> given, cv::Size imag
 }
 
 std::optional<BoardFlatness> check_board(std::span<const CalibrationView> views,
-                                         const CalibrationModel& model, const CameraFit& fit) {
-    if (views.size() < min_board_views || model.projection == Projection::telecentric)
+                                         const CameraFit& fit) {
+    if (views.size() < min_board_views || fit.model.projection == Projection::telecentric)
         return std::nullopt;
     const DrawnBoard board(views);
     const ImageField field(views);
     const PriorPrecision precision(board);
-    const BoardSystem system = board_system(views, board, model, fit, &field);
+    const BoardSystem system = board_system(views, board, fit, &field);
     if (!(system.freedom > 0.0) || !(system.squares > 0.0))
         return std::nullopt;
     const double variance = system.squares / system.freedom;
@@ -513,18 +503,14 @@ std::optional<BoardFlatness> check_board(std::span<const CalibrationView> views,
     const Eigen::LLT<MatrixXd> solver(
         MatrixXd(system.information / variance + precision.of(prior)));
     const MatrixXd explained = solver.matrixL().solve(system.view_scores);
-    BoardFlatness flatness;
-    flatness.chance =
-        chance_of_signs(explained.transpose() * explained, system.observations / system.freedom);
     const BoardEstimate estimate =
         told_estimate(system, precision, VectorXd::Zero(board.unknowns()),
                       {.prior = prior, .variance = variance});
-    const DisplacementSize size = size_of(estimate);
+    BoardFlatness flatness{size_of(estimate)};
+    flatness.chance =
+        chance_of_signs(explained.transpose() * explained, system.observations / system.freedom);
     const double left = estimate.squares / (system.freedom - estimate.parameters);
     flatness.share = std::max(0.0, 1.0 - left / variance);
-    flatness.rms_mm = size.rms_mm;
-    flatness.rms_deviation_mm = size.rms_deviation_mm;
-    flatness.worst_mm = size.worst_mm;
     return flatness;
 }
 

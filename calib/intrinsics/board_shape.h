@@ -1,20 +1,16 @@
-// Where the points of a calibration board really are: whether what the photos leave unexplained
-// moves with the board and not with the image, and the board's shape, fitted with the camera.
+// Where the points of a calibration board really are: whether the residuals move with the board and
+// not with the image, and the board's shape, fitted with the camera (docs/calibration.md).
 //
-// Lavest, Viala, Dhome, "Do we really need an accurate calibration pattern to achieve a reliable
-// camera calibration?" (ECCV 1998); Strobl and Hirzinger, "More accurate pinhole camera calibration
-// with imperfect planar target" (ICCV Workshops 2011). They free every point and hold three of
-// them; here every point has a prior instead, whose widths the photos tell (marginal likelihood:
-// MacKay, "Bayesian interpolation", Neural Computation 4, 1992), so that flat boards stay nearly
-// flat, no point is special, and what no photo can tell (place, attitude and size of the whole)
-// stays as the drawing has it.
+// Lavest, Viala, Dhome (ECCV 1998) and Strobl and Hirzinger (ICCV Workshops 2011) free every point
+// and hold three of them. Here every point has a prior, whose widths the photos tell (marginal
+// likelihood: MacKay, "Bayesian interpolation", Neural Computation 4, 1992). Flat boards stay
+// nearly flat, no point is special, and place, attitude and size of the whole stay as drawn.
 //
 // Frame: the board's as drawn, x and y in its plane, z = x cross y, mm. Thread-safe, deterministic.
-// A board of n points costs n^3 in every round, of which there are some tens: 0.1 s for 54 points.
+// A board of n points costs n^3 in each of some tens of rounds: 0.1 s for 54 points.
 #pragma once
 
 #include <Eigen/Core>
-#include <opencv2/core.hpp>
 #include <optional>
 #include <span>
 #include <vector>
@@ -31,21 +27,22 @@ struct ShapedPoint {
     Eigen::Vector3d deviation_mm;  // one standard deviation of the displacement's coordinates
 };
 
-// What is known of a board's points before a photo is seen: each is displaced at random, normally
-// about zero, in the plane and out of it; and the whole is bowed and twisted (x^2, x y, y^2) by an
-// RMS that is a hundredth of its extent, which is to say by anything.
+// Each point is displaced at random, normally about zero, in the plane and out of it. The whole is
+// bowed and twisted (x^2, x y, y^2) by an RMS of a hundredth of its extent, that is by anything.
 struct BoardPrior {
     double in_plane_mm = 0.0, out_of_plane_mm = 0.0;
 };
 inline constexpr double prior_bow_per_extent = 0.01;
 
-struct BoardShape {
+struct DisplacementSize {
+    double rms_mm = 0.0, rms_deviation_mm = 0.0, worst_mm = 0.0;  // of the displacements' lengths
+};
+
+struct BoardShape : DisplacementSize {
     std::vector<ShapedPoint> points;  // by id
     // d2z/dx2, d2z/dxdy, d2z/dy2 of the surface of second order through the points; 1/mm.
     Eigen::Vector3d curvature_per_mm = Eigen::Vector3d::Zero();
     Eigen::Vector3d curvature_deviation_per_mm = Eigen::Vector3d::Zero();
-    double rms_mm = 0.0, rms_deviation_mm = 0.0;  // of the displacements' lengths
-    double worst_mm = 0.0;
     BoardPrior prior;         // its widths as the photos tell them
     double variance = 0.0;    // of a pixel coordinate of sigma 1
     double parameters = 0.0;  // how many the shape is worth: the trace of its leverage
@@ -58,30 +55,28 @@ struct BoardShape {
 };
 
 // The camera's parameters, poses and the board's points that minimise together the squared weighted
-// distances over their variance plus the displacements' over the prior's, in rounds: the camera for
-// a board, then one Gauss-Newton step of the board with camera and poses eliminated. Given `prior`,
-// its widths are held. `fit` is the views' fit and the start.
-// Throws NumericalError as fit_camera() does, for an id in two places, for points that are too few
-// for poses, camera and shape, and for a telecentric camera, to which heights and tilts look like
+// distances over their variance plus the displacements' over the prior's. In rounds: the camera for
+// a board, then one Gauss-Newton step of the board with camera and poses eliminated. `fit` is the
+// views' fit and the start; with `start` its prior's widths are held.
+// Throws NumericalError as fit_camera() does, for an id in two places, for points too few for
+// poses, camera and shape, and for a telecentric camera, which does not tell heights and tilts from
 // their opposites.
-BoardShape fit_board_shape(std::span<const CalibrationView> views, cv::Size image_size,
-                           const CalibrationModel& model, const CameraFit& fit,
+BoardShape fit_board_shape(std::span<const CalibrationView> views, const CameraFit& fit,
                            const std::optional<BoardShape>& start = std::nullopt);
 
-// Whether the residuals of a fit move with the board. The field that a lens of any other model
-// would leave (a bicubic spline over the image) is taken off first, with all that camera and poses
-// can do. If the board were true, errors of a photo could as well have the other sign, photo by
-// photo: `chance` is the share of such sign changes (all of them, or 4095 drawn ones) after which
-// a board explains as much (the wild bootstrap of Wu, Ann. Statist. 14, 1986; by clusters: Cameron,
-// Gelbach, Miller, Rev. Econ. Stat. 90, 2008). A false alarm has the probability max_board_chance.
+// Whether the residuals of a fit move with the board. What camera and poses can do, and a bicubic
+// spline over the image for other lens models, is projected off first. With a true board, errors
+// could have the other sign, photo by photo: `chance` is the share of such sign changes (all, or
+// 4095 drawn ones) after which a board explains as much (wild bootstrap: Wu, Ann. Statist. 14,
+// 1986; by clusters: Cameron, Gelbach, Miller, Rev. Econ. Stat. 90, 2008). A false alarm has the
+// probability max_board_chance.
 inline constexpr double max_board_chance = 0.01;
 inline constexpr std::size_t min_board_views = 8;  // 2^7 signs: a chance of 1/128 can be seen
 
-struct BoardFlatness {
+// Its size is of the part of the displacements that no field in the image can stand in for.
+struct BoardFlatness : DisplacementSize {
     double chance = 1.0;
     double share = 0.0;  // of the variance of the residuals, less what noise would seem to
-    // The part of the displacements that no field in the image can stand in for.
-    double rms_mm = 0.0, rms_deviation_mm = 0.0, worst_mm = 0.0;
 
     bool is_distorted() const { return chance <= max_board_chance; }
 };
@@ -89,6 +84,6 @@ struct BoardFlatness {
 // Nothing for fewer than min_board_views views, for points too few to tell, and for a telecentric
 // camera. Throws NumericalError for an id in two places.
 std::optional<BoardFlatness> check_board(std::span<const CalibrationView> views,
-                                         const CalibrationModel& model, const CameraFit& fit);
+                                         const CameraFit& fit);
 
 }  // namespace etalon

@@ -3,19 +3,14 @@
 #include <Eigen/QR>
 #include <limits>
 
-#include "calib/camera/pixel_model.h"
-
 namespace etalon {
 namespace {
 
 constexpr int pose_size = 6;
 
 // A step is one vector: the changes of the free parameters, then of each pose.
-auto pose_part(Eigen::VectorXd& step, Eigen::Index free, std::size_t view) {
-    return step.segment<pose_size>(free + pose_size * static_cast<Eigen::Index>(view));
-}
-auto pose_part(const Eigen::VectorXd& step, Eigen::Index free, std::size_t view) {
-    return step.segment<pose_size>(free + pose_size * static_cast<Eigen::Index>(view));
+auto pose_part(auto& step, Eigen::Index free, std::size_t view) {
+    return step.template segment<pose_size>(free + pose_size * static_cast<Eigen::Index>(view));
 }
 
 // The upper triangle after QR, with zeros below; as many rows as columns.
@@ -78,17 +73,6 @@ std::vector<Eigen::Index> pulled(const BundleOptions& options) {
     return columns;
 }
 
-// d pixel / d left perturbation of the pose, of a point at `turned` + translation, of d pixel / d
-// that point.
-Eigen::Matrix<double, 2, pose_size> pose_jacobian(const Eigen::Matrix<double, 2, 3>& of_point,
-                                                  const Eigen::Vector3d& turned) {
-    Eigen::Matrix3d of_turn;
-    of_turn << 0, turned.z(), -turned.y(), -turned.z(), 0, turned.x(), turned.y(), -turned.x(), 0;
-    Eigen::Matrix<double, 2, pose_size> jacobian;
-    jacobian << of_point * of_turn, of_point;
-    return jacobian;
-}
-
 // Lengths of the Jacobian's columns: damping is relative to them.
 struct Scales {
     Eigen::VectorXd camera;
@@ -141,8 +125,8 @@ Eigen::VectorXd solve(std::vector<Eigen::MatrixXd> triangles, const Scales& scal
     return step;
 }
 
-// How far a step moves the weighted pixels by the linear model, and their residuals, both times the
-// orthogonal matrices that made the triangles.
+// How far a step moves the weighted pixels by the linear model, times the orthogonal matrices that
+// made the triangles.
 Eigen::VectorXd motion_of(const std::vector<Eigen::MatrixXd>& triangles,
                           const Eigen::VectorXd& step) {
     const Eigen::Index rows = triangles.front().rows(), free = rows - pose_size - 1;
@@ -153,6 +137,8 @@ Eigen::VectorXd motion_of(const std::vector<Eigen::MatrixXd>& triangles,
             triangles[v].middleCols(pose_size, free) * step.head(free);
     return motion;
 }
+
+// Their residuals, times the same matrices.
 Eigen::VectorXd residuals_of(const std::vector<Eigen::MatrixXd>& triangles) {
     const Eigen::Index rows = triangles.front().rows();
     Eigen::VectorXd residuals(rows * static_cast<Eigen::Index>(triangles.size()));
@@ -328,6 +314,41 @@ BundleView bundle_view(const CalibrationView& view) {
     return result;
 }
 
+std::vector<BundleView> bundle_views(std::span<const CalibrationView> views) {
+    std::vector<BundleView> all;
+    for (const CalibrationView& view : views)
+        all.push_back(bundle_view(view));
+    return all;
+}
+
+Bundle bundle_of(const CameraModel& camera, std::span<const Rigid> camera_from_target,
+                 const std::vector<BundleView>& views) {
+    Bundle bundle{camera.projection, all_parameters(camera), {}};
+    for (std::size_t i = 0; i < views.size(); ++i)
+        bundle.poses.push_back(bundle_pose(camera_from_target[i], views[i].centre_mm));
+    return bundle;
+}
+
+std::vector<Rigid> poses_of(const Bundle& bundle, const std::vector<BundleView>& views) {
+    std::vector<Rigid> poses;
+    for (std::size_t i = 0; i < views.size(); ++i)
+        poses.push_back(rigid_from(bundle.poses[i], views[i].centre_mm));
+    return poses;
+}
+
+CameraFit fit_from(const BundleSolution& solution, const CalibrationModel& model,
+                   std::span<const CalibrationView> views,
+                   const std::vector<BundleView>& bundle_views, CameraModel camera) {
+    set_all_parameters(camera, solution.bundle.camera);
+    camera.covariance.reset();
+    CameraFit fit{model, camera, poses_of(solution.bundle, bundle_views)};
+    for (std::size_t i = 0; i < views.size(); ++i)
+        fit.residuals_px.push_back(view_residuals(camera, fit.camera_from_target[i], views[i]));
+    fit.iterations = solution.iterations;
+    fit.converged = solution.converged;
+    return fit;
+}
+
 BundlePose bundle_pose(const Rigid& camera_from_target, const Eigen::Vector3d& centre_mm) {
     const Eigen::Quaterniond rotation = camera_from_target.rotation.normalized();
     return {rotation, rotation * centre_mm + camera_from_target.translation};
@@ -367,6 +388,13 @@ std::optional<BundleSolution> adjust_bundle(const std::vector<BundleView>& views
         ++solution.iterations;
     while (minimiser.improve(solution) && solution.iterations < options.most_iterations);
     return solution;
+}
+
+Eigen::Matrix<double, 2, pose_size> pose_jacobian(const Eigen::Matrix<double, 2, 3>& of_point,
+                                                  const Eigen::Vector3d& turned) {
+    Eigen::Matrix<double, 2, pose_size> jacobian;
+    jacobian << of_point * -cross_matrix(turned), of_point;
+    return jacobian;
 }
 
 Eigen::MatrixXd view_triangle(const BundleView& view, const PixelModel<double>& model,

@@ -1,22 +1,15 @@
 // The nonlinear least-squares problem of calib/intrinsics/camera_fit.h.
 //
 // Levenberg-Marquardt on the parameters of the camera, of which `free` may move, and a pose per
-// view. Each view's Jacobian is brought to a triangle by Householder QR with the pose's
-// columns first; what is below them is the view's say about the camera. Damped trials start from
-// the triangles. Every iteration first tries the plain Gauss-Newton step, which converges in weak
-// directions too; damping only helps where the model's curvature asks for it.
+// view. Each view's Jacobian is brought to a triangle by Householder QR with the pose's columns
+// first: the rows below them are of the camera alone. Damped trials start from the triangles. Every
+// iteration first tries the plain Gauss-Newton step, which converges in weak directions too.
 //
-// No checks of the input: those are in calib/intrinsics/camera_fit.cpp.
+// The input is checked in calib/intrinsics/camera_fit.cpp.
 #pragma once
 
-#include <Eigen/Core>
-#include <Eigen/Geometry>
-#include <optional>
-#include <vector>
-
 #include "calib/camera/pixel_model.h"
-#include "calib/intrinsics/calibration_view.h"
-#include "core/geometry/rigid.h"
+#include "calib/intrinsics/camera_fit.h"
 
 namespace etalon {
 
@@ -29,6 +22,7 @@ struct BundleView {
     Eigen::VectorXd weights;  // of a residual: 1 / sigma
 };
 BundleView bundle_view(const CalibrationView& view);
+std::vector<BundleView> bundle_views(std::span<const CalibrationView> views);
 
 struct BundlePose {  // camera from centred target
     Eigen::Quaterniond rotation;
@@ -44,6 +38,9 @@ struct Bundle {
 
     PixelModel<double> model() const { return {projection, camera}; }
 };
+Bundle bundle_of(const CameraModel& camera, std::span<const Rigid> camera_from_target,
+                 const std::vector<BundleView>& views);
+std::vector<Rigid> poses_of(const Bundle& bundle, const std::vector<BundleView>& views);
 
 struct BundleOptions {
     std::vector<int> free;  // which parameters, in the order of the triangles' columns
@@ -64,9 +61,20 @@ struct BundleSolution {
 std::optional<double> bundle_cost(const std::vector<BundleView>& views, const Bundle& bundle,
                                   const BundleOptions& options);
 
+// The solution as a fit of the model, whose camera is `camera` but for the parameters; with its
+// residuals, without pull, variance and condition number.
+CameraFit fit_from(const BundleSolution& solution, const CalibrationModel& model,
+                   std::span<const CalibrationView> views,
+                   const std::vector<BundleView>& bundle_views, CameraModel camera);
+
 // Nothing when the start puts a point where the model is not regular.
 std::optional<BundleSolution> adjust_bundle(const std::vector<BundleView>& views,
                                             const Bundle& start, const BundleOptions& options);
+
+// d pixel / d left perturbation of the pose, of a point at `turned` + translation, of d pixel / d
+// that point.
+Eigen::Matrix<double, 2, 6> pose_jacobian(const Eigen::Matrix<double, 2, 3>& of_point,
+                                          const Eigen::Vector3d& turned);
 
 // The view's residuals and Jacobian [pose | free parameters | residual], times an orthogonal matrix
 // from the left: upper triangular, 6 + free + 1 rows and columns. Every point must be regular. A

@@ -9,14 +9,12 @@
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/calibration_start.h"
-#include "calib/intrinsics/camera_fit.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
 
-// The views that are used, without their outliers, and which of those given
-// they are.
+// The views that are used, without their outliers, and which of those given they are.
 struct KeptViews {
     std::vector<CalibrationView> views;
     std::vector<std::size_t> indices;
@@ -104,13 +102,6 @@ double view_rms(double squares, const CalibrationView& view) {
     return std::sqrt(squares / static_cast<double>(view.pixels.size()));
 }
 
-double sum_of_squares(std::span<const Eigen::Vector2d> residuals) {
-    double sum = 0.0;
-    for (const Eigen::Vector2d& residual : residuals)
-        sum += residual.squaredNorm();
-    return sum;
-}
-
 std::vector<std::size_t> outlier_views(const KeptViews& kept, const ModelScore& score) {
     if (!score.leave_one_out_rms_px)
         return {};
@@ -141,8 +132,7 @@ void refuse_foreign_lens(const ModelAdvice& advice, std::span<const CalibrationV
                         closest->rms_px, closest->model, scatter));
 }
 
-// Models are compared on the points that fit, and what fits depends on the
-// model: until both stay.
+// Models are compared on the points that fit, and what fits depends on the model: until both stay.
 struct Selection {
     CornerMask left_out;
     KeptViews kept;
@@ -150,6 +140,7 @@ struct Selection {
     std::size_t chosen = 0;  // among the advice's models
 
     const ModelScore& score() const { return advice.models[chosen]; }
+    const CameraFit& fit() const { return *score().fit; }
 };
 
 Selection select(std::span<const CalibrationView> views, cv::Size image_size,
@@ -183,10 +174,7 @@ std::string telecentric_hint(std::span<const CalibrationView> views, cv::Size im
         const auto fit = attempted([&] { return fit_camera(views, image_size, model); });
         if (!fit)
             continue;
-        double squares = 0.0;
-        for (const auto& residuals : fit.value->residuals_px)
-            squares += sum_of_squares(residuals);
-        const double rms = std::sqrt(squares / static_cast<double>(point_count(views)));
+        const double rms = fit.value->rms_px();
         if (rms <= max_noise_over_scatter * corner_scatter_px(views, fit.value->residuals_px))
             return fmt::format(
                 "; the lens may be telecentric: model {}, which has to be named, leaves {:.2g} px",
@@ -204,8 +192,7 @@ Selection select_with_hint(std::span<const CalibrationView> views, cv::Size imag
                          (options.model ? "" : telecentric_hint(views, image_size)));
 }
 
-// The fit only looks at the points: between them and the axis the model may
-// still fold over.
+// The fit only looks at the points: between them and the axis the model may still fold over.
 void refuse_folds(const CameraModel& camera, std::span<const Rigid> poses,
                   std::span<const CalibrationView> views) {
     const Projector projector(camera);
@@ -237,7 +224,7 @@ CalibratedView rejected_view(const CameraModel& camera, const CalibrationView& v
 std::vector<CalibratedView> calibrated_views(std::span<const CalibrationView> views,
                                              const Selection& selection) {
     const ModelScore& score = selection.score();
-    const CameraFit& fit = *score.fit;
+    const CameraFit& fit = selection.fit();
     std::vector<CalibratedView> result(views.size());
     for (std::size_t k = 0; k < selection.kept.indices.size(); ++k) {
         const std::size_t i = selection.kept.indices[k];
@@ -255,52 +242,17 @@ std::vector<CalibratedView> calibrated_views(std::span<const CalibrationView> vi
     return result;
 }
 
-// Resamples that fail are those in which the views differ least: leaving out
-// more than a few would flatter the rest.
+// Resamples that fail are those in which the views differ least: leaving out more than a few would
+// flatter the rest.
 std::optional<Eigen::MatrixXd> bootstrap_covariance(std::span<const CalibrationView> views,
-                                                    cv::Size image_size,
-                                                    const CalibrationModel& model,
                                                     const CameraFit& fit, int resamples) {
     constexpr double max_share_without_result = 0.05;
     if (resamples < 2 || views.size() < min_bootstrap_views)
         return std::nullopt;
-    const Bootstrap bootstrap = bootstrap_calibrations(views, image_size, model, fit, resamples);
+    const Bootstrap bootstrap = bootstrap_calibrations(views, fit, resamples);
     if (bootstrap.without_result > max_share_without_result * resamples)
         return std::nullopt;
     return bootstrap.covariance(views.size());
-}
-
-CalibrationCovariances covariances_of(std::span<const CalibrationView> views, cv::Size image_size,
-                                      const CalibrationModel& model, const CameraFit& fit,
-                                      int resamples) {
-    const auto equations = view_equations(views, fit, model);
-    return {formal_covariance(equations, model, fit.variance),
-            cluster_robust_covariance(equations, model),
-            bootstrap_covariance(views, image_size, model, fit, resamples),
-            stated_covariance(equations, model, fit.variance)};
-}
-
-std::vector<ParameterDeviation> deviations_of(const CalibrationModel& model,
-                                              const CalibrationCovariances& covariances) {
-    std::vector<ParameterDeviation> deviations;
-    for (std::size_t p = 0; p < model.parameters.size(); ++p) {
-        const auto i = static_cast<Eigen::Index>(p);
-        ParameterDeviation deviation{model.parameters[p], std::sqrt(covariances.formal(i, i)),
-                                     std::sqrt(covariances.cluster_robust(i, i)), std::nullopt,
-                                     std::sqrt(covariances.stated(i, i))};
-        if (covariances.bootstrap)
-            deviation.bootstrap = std::sqrt((*covariances.bootstrap)(i, i));
-        deviations.push_back(deviation);
-    }
-    return deviations;
-}
-
-std::optional<CrossValidation> halves_of(std::span<const CalibrationView> views,
-                                         cv::Size image_size, const CalibrationModel& model,
-                                         const CameraFit& fit) {
-    if (views.size() < min_cross_validation_views)
-        return std::nullopt;
-    return attempted([&] { return cross_validate(views, image_size, model, fit); }).value;
 }
 
 std::vector<CalibrationView> shaped_views(std::span<const CalibrationView> views,
@@ -320,8 +272,7 @@ BoardShape select_with_board(std::span<const CalibrationView> views, cv::Size im
     for (int round = 0;; ++round) {
         const std::string model = selection.score().model;
         const CornerMask left_out = selection.left_out;
-        const BoardShape board = fit_board_shape(kept_views(flat, left_out).views, image_size,
-                                                 calibration_model(model), *selection.score().fit);
+        const BoardShape board = fit_board_shape(kept_views(flat, left_out).views, selection.fit());
         selection = select(shaped_views(flat, board), image_size, options);
         if (round == most_rounds ||
             (selection.score().model == model && selection.left_out == left_out))
@@ -331,34 +282,29 @@ BoardShape select_with_board(std::span<const CalibrationView> views, cv::Size im
 
 // Squares of each used view's residuals with camera and board fitted without it, the widths of the
 // board's prior held.
-std::vector<double> squares_without_view(const Selection& selection, cv::Size image_size,
-                                         const CalibrationModel& model, const BoardShape& board) {
+std::vector<double> squares_without_view(const Selection& selection, const BoardShape& board) {
     const std::vector<CalibrationView>& used = selection.kept.views;
     std::vector<double> squares(used.size());
     for (std::size_t i = 0; i < used.size(); ++i) {
         std::vector<CalibrationView> others = used;
-        CameraFit start = *selection.score().fit;
+        CameraFit start = selection.fit();
         others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
         start.camera_from_target.erase(start.camera_from_target.begin() +
                                        static_cast<std::ptrdiff_t>(i));
-        const BoardShape shape = fit_board_shape(others, image_size, model, start, board);
+        const BoardShape shape = fit_board_shape(others, start, board);
         const CameraModel camera =
-            fit_camera(shaped_views(others, shape), image_size, model,
-                       {.start = CameraStart{start.camera, start.camera_from_target}})
-                .camera;
+            refit_camera(shaped_views(others, shape), start, start.camera_from_target).camera;
         const CalibrationView view = shape.shaped(used[i]);
         squares[i] = sum_of_squares(view_residuals(camera, fit_view_pose(camera, view), view));
     }
     return squares;
 }
 
-void set_left_out_of_board(CameraCalibration& calibration, const Selection& selection,
-                           cv::Size image_size) {
+void set_left_out_of_board(CameraCalibration& calibration, const Selection& selection) {
     if (!calibration.leave_one_out_rms_px)
         return;
-    const auto squares = attempted([&] {
-        return squares_without_view(selection, image_size, calibration.model, *calibration.board);
-    });
+    const auto squares =
+        attempted([&] { return squares_without_view(selection, *calibration.board); });
     calibration.leave_one_out_rms_px.reset();
     double sum = 0.0;
     for (std::size_t k = 0; k < selection.kept.indices.size(); ++k) {
@@ -414,25 +360,24 @@ std::size_t CameraCalibration::points() const {
 }
 
 std::size_t CameraCalibration::points_left_out() const {
-    std::size_t count = 0;
+    std::ptrdiff_t count = 0;
     for (const CalibratedView& view : views)
-        count +=
-            static_cast<std::size_t>(std::count(view.left_out.begin(), view.left_out.end(), true));
-    return count;
+        count += std::ranges::count(view.left_out, true);
+    return static_cast<std::size_t>(count);
 }
 
-std::vector<std::size_t> CameraCalibration::askew() const {
+std::vector<std::size_t> CameraCalibration::skewed_intervals() const {
     const Eigen::VectorXd values = parameters_of(camera, model);
-    std::vector<std::size_t> askew;
+    std::vector<std::size_t> skewed;
     for (std::size_t i = 0; i < intervals.size(); ++i) {
         if (!intervals[i])
             continue;
         const double value = values[static_cast<Eigen::Index>(i)];
         const double below = value - intervals[i]->low, above = intervals[i]->high - value;
-        if (std::abs(above - below) > askew_share * (above + below))
-            askew.push_back(i);
+        if (std::abs(above - below) > skewed_interval_share * (above + below))
+            skewed.push_back(i);
     }
-    return askew;
+    return skewed;
 }
 
 bool CameraCalibration::overfits() const {
@@ -443,47 +388,41 @@ bool CameraCalibration::overfits() const {
 
 CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv::Size image_size,
                                    const CalibrationOptions& options) {
-    if (views.size() < min_views)
-        throw NumericalError(fmt::format("{} views, three are needed", views.size()));
-    for (std::size_t i = 0; i < views.size(); ++i)
-        check_view(views[i], i, min_view_points);
-
+    check_views(views);
     CameraCalibration calibration;
     Selection selection = select_with_hint(views, image_size, options);
-    calibration.flatness =
-        attempted([&] {
-            return check_board(selection.kept.views, calibration_model(selection.score().model),
-                               *selection.score().fit);
-        }).value.value_or(std::nullopt);
+    calibration.flatness = attempted([&] {
+                               return check_board(selection.kept.views, selection.fit());
+                           }).value.value_or(std::nullopt);
     std::vector<CalibrationView> shaped = views;
     if (options.fit_board) {
         calibration.board = select_with_board(views, image_size, options, selection);
         shaped = shaped_views(views, *calibration.board);
     }
     const std::vector<CalibrationView>& used = selection.kept.views;
-    const CameraFit& fit = *selection.score().fit;
+    const CameraFit& fit = selection.fit();
     refuse_folds(fit.camera, fit.camera_from_target, used);
 
     calibration.camera = fit.camera;
-    calibration.model = calibration_model(selection.score().model);
+    calibration.model = fit.model;
     calibration.rms_px = selection.score().rms_px;
     calibration.leave_one_out_rms_px = selection.score().leave_one_out_rms_px;
     calibration.condition_number = fit.condition_number;
     calibration.views = calibrated_views(shaped, selection);
     if (calibration.board)
-        set_left_out_of_board(calibration, selection, image_size);
-    calibration.covariances =
-        covariances_of(used, image_size, calibration.model, fit, options.resamples);
+        set_left_out_of_board(calibration, selection);
+    calibration.covariances = covariances_of(view_equations(used, fit), fit.model, fit.variance);
+    calibration.covariances.bootstrap = bootstrap_covariance(used, fit, options.resamples);
     if (calibration.board)
         add_board(calibration.covariances, *calibration.board, fit.variance);
     calibration.deviations = deviations_of(calibration.model, calibration.covariances);
     const Eigen::MatrixXd& stated = calibration.covariances.stated;
-    calibration.intervals =
-        profile_intervals(used, image_size, calibration.model, fit, stated.diagonal().cwiseSqrt());
+    calibration.intervals = profile_intervals(used, fit, stated.diagonal().cwiseSqrt());
     calibration.camera.covariance = ParameterCovariance{calibration.model.parameters, stated};
     calibration.uncertainty =
         projection_uncertainty(calibration.camera, calibration.model, stated, all_pixels(used));
-    calibration.halves = halves_of(used, image_size, calibration.model, fit);
+    if (used.size() >= min_cross_validation_views)
+        calibration.halves = attempted([&] { return cross_validate(used, fit); }).value;
     calibration.advice = advice_on_given_views(std::move(selection));
     return calibration;
 }

@@ -1,27 +1,17 @@
-// A camera's intrinsics from views of a planar target, and what they are worth:
-// which model the views support, which points do not fit, how uncertain every
-// parameter and every place of the image is, and whether two halves of the
-// views agree. The fit itself is calib/intrinsics/camera_fit.h.
-//
-// Takes observations, never photos; corners come from
-// compare/detect/board/calibration_target.h. The method, to be repeated by hand:
-// docs/calibration.md.
+// A camera's intrinsics from views of a planar target, and what they are worth: which model the
+// views support, which points do not fit, how uncertain every parameter and every place of the
+// image is, and whether two halves of the views agree. The fit itself is
+// calib/intrinsics/camera_fit.h. The method, to be repeated by hand: docs/calibration.md.
 #pragma once
 
-#include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "calib/intrinsics/board_shape.h"
 #include "calib/intrinsics/calibration_covariance.h"
-#include "calib/intrinsics/calibration_model.h"
-#include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/model_advice.h"
-#include "calib/intrinsics/projection_uncertainty.h"
-#include "core/geometry/rigid.h"
 
 namespace etalon {
 
@@ -30,21 +20,13 @@ struct CalibratedView {
     std::optional<Rigid> camera_from_target;
     std::vector<Eigen::Vector2d> residuals_px;  // photo minus model, of all its points
     std::vector<bool> left_out;                 // of each point: did not fit, was not used
-    // Over the points that were used, of the distance in the image; of a view
-    // that was left out as a whole, over all of its points with only the pose
-    // fitted.
+    // Over the points that were used, of the distance in the image; of a view that was left out as
+    // a whole, over all of its points with only the pose fitted.
     double rms_px = 0.0;
     // The same with the camera calibrated without this view.
     std::optional<double> left_out_rms_px = std::nullopt;
 
     bool used() const;
-};
-
-// Covariances of the model's parameters, in their order.
-struct CalibrationCovariances {
-    Eigen::MatrixXd formal, cluster_robust;
-    std::optional<Eigen::MatrixXd> bootstrap;
-    Eigen::MatrixXd stated;
 };
 
 struct CameraCalibration {
@@ -70,8 +52,8 @@ struct CameraCalibration {
     std::optional<BoardShape> board;
 
     std::size_t points() const, points_left_out() const;  // of all views
-    // Parameters whose interval lies askew (askew_share), so that a deviation does not say it.
-    std::vector<std::size_t> askew() const;
+    // Parameters whose interval is skewed, so that a deviation does not describe it.
+    std::vector<std::size_t> skewed_intervals() const;
     // The chosen model is richer than the advised one and overfits.
     bool overfits() const;
 };
@@ -85,8 +67,7 @@ struct CalibrationOptions {
     bool fit_board = false;               // the board's shape with the camera
 };
 
-// A ratio of the stated standard deviation to the formal one that is worth a
-// warning.
+// A ratio of the stated standard deviation to the formal one that is worth a warning.
 inline constexpr double suspicious_deviation_ratio = 1.5;
 // Of all points, more than this share of outliers is refused.
 inline constexpr double max_outlier_share = 0.1;

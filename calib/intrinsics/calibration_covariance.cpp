@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/calibration_start.h"
 #include "core/program/errors.h"
 #include "core/statistics/covariance.h"
@@ -71,82 +70,20 @@ CalibrationView weighted(CalibrationView view, int times) {
 }
 
 std::optional<Eigen::VectorXd> resampled(std::span<const CalibrationView> views,
-                                         cv::Size image_size, const CalibrationModel& model,
                                          const CameraFit& fit, const Multiplicities& counts) {
     std::vector<CalibrationView> drawn;
-    CameraStart start{fit.camera, {}};
+    std::vector<Rigid> poses;
     for (std::size_t i = 0; i < views.size(); ++i) {
         if (counts[i] == 0)
             continue;
         drawn.push_back(weighted(views[i], counts[i]));
-        start.camera_from_target.push_back(fit.camera_from_target[i]);
+        poses.push_back(fit.camera_from_target[i]);
     }
     return attempted([&] {
-               return parameters_of(fit_camera(drawn, image_size, model, {.start = start}).camera,
-                                    model);
+               return parameters_of(refit_camera(drawn, fit, std::move(poses)).camera, fit.model);
            })
         .value;
 }
-
-}  // namespace
-
-double ParameterDeviation::ratio() const {
-    return formal > 0.0 ? stated / formal : 1.0;
-}
-
-Eigen::MatrixXd formal_covariance(std::span<const ViewEquations> equations,
-                                  const CalibrationModel& model, double variance) {
-    return variance * inverse_information(equations, model);
-}
-
-Eigen::MatrixXd cluster_robust_covariance(std::span<const ViewEquations> equations,
-                                          const CalibrationModel& model) {
-    const Eigen::MatrixXd root = inverse_information_root(equations, model);
-    const Eigen::MatrixXd effects = root * view_effects(equations, root);
-    return effects * effects.transpose();
-}
-
-Eigen::MatrixXd stated_covariance(std::span<const ViewEquations> equations,
-                                  const CalibrationModel& model, double variance) {
-    const Eigen::MatrixXd root = inverse_information_root(equations, model);
-    if (!(variance > 0.0))
-        return Eigen::MatrixXd::Zero(root.rows(), root.rows());
-    return variance * root * excess_scatter(view_effects(equations, root) / std::sqrt(variance)) *
-           root.transpose();
-}
-
-// The factor takes out that draws scatter about the mean of n views, not about the truth.
-Eigen::MatrixXd Bootstrap::covariance(std::size_t views) const {
-    const Eigen::Index size = parameters.empty() ? 0 : parameters.front().size();
-    const double draws = static_cast<double>(parameters.size()), n = static_cast<double>(views);
-    Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
-    for (const Eigen::VectorXd& each : parameters)
-        mean += each / draws;
-    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size, size);
-    for (const Eigen::VectorXd& each : parameters)
-        sum += (each - mean) * (each - mean).transpose();
-    return n / (n - 1.0) / (draws - 1.0) * sum;
-}
-
-Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, cv::Size image_size,
-                                 const CalibrationModel& model, const CameraFit& fit, int resamples,
-                                 std::uint64_t seed) {
-    std::vector<std::optional<Eigen::VectorXd>> all(static_cast<std::size_t>(resamples));
-    cv::parallel_for_(cv::Range(0, resamples), [&](const cv::Range& range) {
-        for (int i = range.start; i < range.end; ++i)
-            all[static_cast<std::size_t>(i)] =
-                resampled(views, image_size, model, fit, drawn_views(views.size(), seed, i));
-    });
-    Bootstrap bootstrap;
-    for (const auto& each : all)
-        if (each)
-            bootstrap.parameters.push_back(*each);
-        else
-            ++bootstrap.without_result;
-    return bootstrap;
-}
-
-namespace {
 
 // The pixels' sigma that the mean weight belongs to.
 double typical_sigma(std::span<const CalibrationView> views) {
@@ -202,54 +139,27 @@ void check_focal_length(const std::string& name, double value, double deviation,
 }
 
 // Without distortion its centre is nowhere, whatever noise makes of it.
-void check_centre(const std::string& name, double deviation, const CameraFit& fit,
-                  const CalibrationModel& model) {
+void check_centre(const std::string& name, double deviation, const CameraFit& fit) {
     if (!(deviation < 0.5 * std::max(fit.camera.width, fit.camera.height)))
         throw NumericalError(fmt::format(
             "these views do not determine the centre of the distortion: {} has a standard "
             "deviation of {:.2g} px; the distortion is too weak for model {}",
-            name, deviation, model.name));
+            name, deviation, fit.model.name));
 }
-
-}  // namespace
-
-void check_determinacy(std::span<const CalibrationView> views, const CameraFit& fit,
-                       const CalibrationModel& model, std::span<const ViewEquations> equations) {
-    const double noise = noise_of(views, fit);
-    const bool is_telecentric = model.projection == Projection::telecentric;
-    if (is_telecentric && frees(model, "fx") && frees(model, "fy"))
-        check_tilts(fit, equations, noise);
-    const Eigen::MatrixXd inverse = inverse_information(equations, model);
-    const Eigen::VectorXd values = parameters_of(fit.camera, model);
-    for (Eigen::Index i = 0; i < values.size(); ++i) {
-        const std::string& name = model.parameters[static_cast<std::size_t>(i)];
-        const double deviation = noise * std::sqrt(inverse(i, i));
-        if (name == "fx" || name == "fy")
-            check_focal_length(name, values[i], deviation, equations, model);
-        else if (is_telecentric && (name == "cx" || name == "cy"))
-            check_centre(name, deviation, fit, model);
-    }
-}
-
-namespace {
 
 // The least sum of squares over all parameters but one, which is held.
 class Profile {
 public:
-    Profile(std::span<const CalibrationView> views, cv::Size image_size,
-            const CalibrationModel& model, const CameraFit& fit)
+    Profile(std::span<const CalibrationView> views, const CameraFit& fit)
         : views_(views),
-          image_size_(image_size),
-          model_(model),
           fit_(fit),
           least_squares_(weighted_squares(views, fit)),
-          covariance_(fit.variance *
-                      inverse_information(view_equations(views, fit, model), model)) {}
+          covariance_(fit.variance * inverse_information(view_equations(views, fit), fit.model)) {}
 
     // From where the profile t is -t to where it is t. `linear` is how far that is from the value
     // where the parameter acts linearly.
     std::optional<ProfileInterval> interval(Eigen::Index parameter, double t, double linear) const {
-        const double value = parameters_of(fit_.camera, model_)[parameter];
+        const double value = parameters_of(fit_.camera, fit_.model)[parameter];
         const auto low = way(parameter, t, -linear), high = way(parameter, t, linear);
         if (!low || !high)
             return std::nullopt;
@@ -291,28 +201,103 @@ private:
 
     // Started where the others would be if all were linear.
     std::optional<double> t_at(Eigen::Index parameter, double way) const {
-        CalibrationModel held = model_;
-        held.parameters.erase(held.parameters.begin() + parameter);
-        CameraStart start{fit_.camera, fit_.camera_from_target};
-        set_parameters(start.camera, model_,
-                       parameters_of(fit_.camera, model_) +
+        CameraFit held = fit_;
+        held.model.parameters.erase(held.model.parameters.begin() + parameter);
+        set_parameters(held.camera, fit_.model,
+                       parameters_of(fit_.camera, fit_.model) +
                            covariance_.col(parameter) * (way / covariance_(parameter, parameter)));
         const auto fit =
-            attempted([&] { return fit_camera(views_, image_size_, held, {.start = start}); });
+            attempted([&] { return refit_camera(views_, held, fit_.camera_from_target); });
         if (!fit || !fit.value->converged)
             return std::nullopt;
         return std::sqrt((weighted_squares(views_, *fit.value) - least_squares_) / fit_.variance);
     }
 
     std::span<const CalibrationView> views_;
-    cv::Size image_size_;
-    const CalibrationModel& model_;
     const CameraFit& fit_;
     double least_squares_;
     Eigen::MatrixXd covariance_;
 };
 
 }  // namespace
+
+double ParameterDeviation::ratio() const {
+    return formal > 0.0 ? stated / formal : 1.0;
+}
+
+CalibrationCovariances covariances_of(std::span<const ViewEquations> equations,
+                                      const CalibrationModel& model, double variance) {
+    const Eigen::MatrixXd root = inverse_information_root(equations, model);
+    const Eigen::MatrixXd effects = view_effects(equations, root), moved = root * effects;
+    Eigen::MatrixXd stated = Eigen::MatrixXd::Zero(root.rows(), root.rows());
+    if (variance > 0.0)
+        stated = variance * root * excess_scatter(effects / std::sqrt(variance)) * root.transpose();
+    return {variance * (root * root.transpose()), moved * moved.transpose(), stated};
+}
+
+std::vector<ParameterDeviation> deviations_of(const CalibrationModel& model,
+                                              const CalibrationCovariances& covariances) {
+    std::vector<ParameterDeviation> deviations;
+    for (std::size_t p = 0; p < model.parameters.size(); ++p) {
+        const auto i = static_cast<Eigen::Index>(p);
+        const auto of = [&](const Eigen::MatrixXd& each) { return std::sqrt(each(i, i)); };
+        deviations.push_back({model.parameters[p], of(covariances.formal),
+                              of(covariances.cluster_robust), std::nullopt,
+                              of(covariances.stated)});
+        if (covariances.bootstrap)
+            deviations.back().bootstrap = of(*covariances.bootstrap);
+    }
+    return deviations;
+}
+
+// The factor takes out that draws scatter about the mean of n views, not about the truth.
+Eigen::MatrixXd Bootstrap::covariance(std::size_t views) const {
+    const Eigen::Index size = parameters.empty() ? 0 : parameters.front().size();
+    const double draws = static_cast<double>(parameters.size()), n = static_cast<double>(views);
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
+    for (const Eigen::VectorXd& each : parameters)
+        mean += each / draws;
+    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size, size);
+    for (const Eigen::VectorXd& each : parameters)
+        sum += (each - mean) * (each - mean).transpose();
+    return n / (n - 1.0) / (draws - 1.0) * sum;
+}
+
+Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, const CameraFit& fit,
+                                 int resamples, std::uint64_t seed) {
+    std::vector<std::optional<Eigen::VectorXd>> all(static_cast<std::size_t>(resamples));
+    cv::parallel_for_(cv::Range(0, resamples), [&](const cv::Range& range) {
+        for (int i = range.start; i < range.end; ++i)
+            all[static_cast<std::size_t>(i)] =
+                resampled(views, fit, drawn_views(views.size(), seed, i));
+    });
+    Bootstrap bootstrap;
+    for (const auto& each : all)
+        if (each)
+            bootstrap.parameters.push_back(*each);
+        else
+            ++bootstrap.without_result;
+    return bootstrap;
+}
+
+void check_determinacy(std::span<const CalibrationView> views, const CameraFit& fit,
+                       std::span<const ViewEquations> equations) {
+    const CalibrationModel& model = fit.model;
+    const double noise = noise_of(views, fit);
+    const bool is_telecentric = model.projection == Projection::telecentric;
+    if (is_telecentric && frees(model, "fx") && frees(model, "fy"))
+        check_tilts(fit, equations, noise);
+    const Eigen::MatrixXd inverse = inverse_information(equations, model);
+    const Eigen::VectorXd values = parameters_of(fit.camera, model);
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+        const std::string& name = model.parameters[static_cast<std::size_t>(i)];
+        const double deviation = noise * std::sqrt(inverse(i, i));
+        if (name == "fx" || name == "fy")
+            check_focal_length(name, values[i], deviation, equations, model);
+        else if (is_telecentric && (name == "cx" || name == "cy"))
+            check_centre(name, deviation, fit);
+    }
+}
 
 double profile_quantile(std::span<const CalibrationView> views, const CalibrationModel& model) {
     const int freedom = static_cast<int>(2 * point_count(views) - model.parameters.size()) -
@@ -321,13 +306,13 @@ double profile_quantile(std::span<const CalibrationView> views, const Calibratio
 }
 
 std::vector<std::optional<ProfileInterval>> profile_intervals(
-    std::span<const CalibrationView> views, cv::Size image_size, const CalibrationModel& model,
-    const CameraFit& fit, const Eigen::VectorXd& deviations) {
-    std::vector<std::optional<ProfileInterval>> intervals(model.parameters.size());
+    std::span<const CalibrationView> views, const CameraFit& fit,
+    const Eigen::VectorXd& deviations) {
+    std::vector<std::optional<ProfileInterval>> intervals(fit.model.parameters.size());
     if (!(fit.variance > 0.0) || !fit.pull.isZero())
         return intervals;
-    const Profile profile(views, image_size, model, fit);
-    const double quantile = profile_quantile(views, model);
+    const Profile profile(views, fit);
+    const double quantile = profile_quantile(views, fit.model);
     cv::parallel_for_(
         cv::Range(0, static_cast<int>(intervals.size())), [&](const cv::Range& range) {
             for (int i = range.start; i < range.end; ++i)

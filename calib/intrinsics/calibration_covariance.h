@@ -1,35 +1,21 @@
-// The covariance of calibrated parameters, because the usual one is too small on photographs: it
-// takes the errors of all points for independent, but those of one photo share its blur, its light,
-// its JPEG blocks and the bend of the board.
+// The covariance of calibrated parameters (docs/calibration.md). The usual one is too small on
+// photographs, because the errors of one photo share its blur, light, JPEG blocks and board.
 //
-//  formal          variance of the residuals times the inverse information. Only this one assumes
-//                  independent points.
+//  formal          variance of the residuals times the inverse information: independent points.
 //  cluster-robust  what the residuals of each view, taken together, did to the parameters: the
 //                  sandwich of Liang and Zeger (Biometrika 73, 1986) with views as clusters,
 //                  unbiased for few of them (CR2: Bell and McCaffrey, Survey Methodology 28, 2002).
-//  bootstrap       the scatter of calibrations of views that were drawn from these with
-//                  replacement (Efron, 1979); no linearisation.
+//  bootstrap       the scatter of calibrations of views drawn from these with replacement (Efron,
+//                  1979); no linearisation.
+//  stated          where the formal covariance is the identity, the cluster-robust one drawn
+//                  towards a multiple of it (core/statistics/covariance.h: excess_scatter).
 //
-// The two latter assume that views are independent, and need many of them to be exact themselves:
-// of n views a standard deviation is uncertain by about 1 / sqrt(2 (n - 1)), 20 % for 13, and of
-// fewer views than parameters some combinations look certain that are not. What is stated is
-// therefore a fourth:
-//
-//  stated          in the units in which the formal covariance is the identity, the cluster-robust
-//                  one drawn towards a multiple of the identity (core/statistics/covariance.h:
-//                  excess_scatter). So photos that share errors widen it, and in the directions in
-//                  which they do as far as they tell, but correlations that keep a projection
-//                  certain stay: deviations and correlations are never from two sources.
+// Cluster-robust and bootstrap assume independent views and need many: of n views a standard
+// deviation is uncertain by about 1 / sqrt(2 (n - 1)), and of fewer views than parameters some
+// combinations look certain that are not. Stated deviations and correlations have one source.
 #pragma once
 
-#include <opencv2/core.hpp>
-
-#include <Eigen/Core>
 #include <cstdint>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
 
 #include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/camera_fit.h"
@@ -48,14 +34,17 @@ struct ParameterDeviation {
     double ratio() const;
 };
 
-// All of them have the order of the model's parameters. Throw NumericalError when the views do not
-// determine the parameters.
-Eigen::MatrixXd formal_covariance(std::span<const ViewEquations> equations,
-                                  const CalibrationModel& model, double variance);
-Eigen::MatrixXd cluster_robust_covariance(std::span<const ViewEquations> equations,
-                                          const CalibrationModel& model);
-Eigen::MatrixXd stated_covariance(std::span<const ViewEquations> equations,
-                                  const CalibrationModel& model, double variance);
+// In the order of the model's parameters.
+struct CalibrationCovariances {
+    Eigen::MatrixXd formal, cluster_robust, stated;
+    std::optional<Eigen::MatrixXd> bootstrap = std::nullopt;
+};
+
+// Without the bootstrap. Throws NumericalError when the views do not determine the parameters.
+CalibrationCovariances covariances_of(std::span<const ViewEquations> equations,
+                                      const CalibrationModel& model, double variance);
+std::vector<ParameterDeviation> deviations_of(const CalibrationModel& model,
+                                              const CalibrationCovariances& covariances);
 
 struct Bootstrap {
     std::vector<Eigen::VectorXd> parameters;  // of each resample that has a calibration
@@ -70,19 +59,18 @@ inline constexpr std::size_t min_bootstrap_views = 6;
 // `fit` is that of all views and the start of every search. Resamples with less than three
 // different views are drawn again. Some 0.5 s for 13 views of 54 points; on all cores, with the
 // same result for any number of them.
-Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, cv::Size image_size,
-                                 const CalibrationModel& model, const CameraFit& fit,
+Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, const CameraFit& fit,
                                  int resamples = bootstrap_resamples, std::uint64_t seed = 1);
 
 // Whether views determine the camera that was fitted to them well enough to be used at all.
 
-// Throws NumericalError, naming what is weak, for a rank lost, and for a focal length that noise
-// (0.1 px, or what the fit leaves if that is more) makes uncertain by more than a tenth. Of a
-// telecentric lens also unless views that are tilted by more than hardly_tilted_rad, about several
-// axes, tell fx and fy to a hundredth, and for a distortion too weak to tell its centre to half the
-// image. `equations` are the fit's.
+// Throws NumericalError, naming what is weak: for a rank lost, and for a focal length that noise
+// (0.1 px, or what the fit leaves if that is more) makes uncertain by more than a tenth. A
+// telecentric lens also needs views tilted by more than hardly_tilted_rad about several axes, which
+// tell fx and fy to a hundredth, and a distortion that tells its centre to half the image.
+// `equations` are the fit's.
 void check_determinacy(std::span<const CalibrationView> views, const CameraFit& fit,
-                       const CalibrationModel& model, std::span<const ViewEquations> equations);
+                       std::span<const ViewEquations> equations);
 
 // 95 % intervals of a calibration's parameters where a standard deviation does not say enough: with
 // a parameter held at an end of its interval and all else fitted again, the sum of squares is what
@@ -90,29 +78,26 @@ void check_determinacy(std::span<const CalibrationView> views, const CameraFit& 
 // Regression Analysis and Its Applications", 1988, 6.1).
 //
 // Focal length, xi and the distortion of an omnidirectional lens trade for each other over a range
-// in which none of them acts linearly. The deviation at the solution is then that of a neighbour as
-// much as of the truth, and twice it to both sides holds the truth in 90 % of calibrations where
-// the profile's interval does in 95 %. What a lens projects is not concerned: that is nearly
-// linear (docs/calibration.md has the figures).
+// in which none acts linearly. Two deviations to both sides then hold the truth in 90 % of
+// calibrations, the profile's interval in 95 %. What a lens projects is nearly linear.
 
 struct ProfileInterval {
     double low = 0.0, high = 0.0;
 };
 
-// An interval lies askew whose ends are this share of its length nearer and farther than each
-// other.
-inline constexpr double askew_share = 0.1;
+// An interval is skewed whose ends differ in distance by more than this share of its length.
+inline constexpr double skewed_interval_share = 0.1;
 
 // Student's: an interval reaches so many deviations to both sides where a parameter acts linearly.
 double profile_quantile(std::span<const CalibrationView> views, const CalibrationModel& model);
 
-// In the order of the model's parameters, for a fit of these views and model. `deviations` are
-// those to be stated; where photos share errors they are larger than the fit's formal ones, and as
-// much more may the sum of squares rise. Nothing for a parameter without such ends in reach, and
-// for all of a fit with a pull (rational and richer) or without residuals. Two or three fits an
-// end, on all cores, with the same result for any number of them.
+// In the order of the model's parameters. `deviations` are those to be stated; where photos share
+// errors they are larger than the fit's formal ones, and as much more may the sum of squares rise.
+// Nothing for a parameter without such ends in reach, and for all of a fit with a pull (rational
+// and richer) or without residuals. Two or three fits an end, on all cores, with the same result
+// for any number of them.
 std::vector<std::optional<ProfileInterval>> profile_intervals(
-    std::span<const CalibrationView> views, cv::Size image_size, const CalibrationModel& model,
-    const CameraFit& fit, const Eigen::VectorXd& deviations);
+    std::span<const CalibrationView> views, const CameraFit& fit,
+    const Eigen::VectorXd& deviations);
 
 }  // namespace etalon

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 
-#include "calib/camera/camera_model.h"
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -4,11 +4,6 @@
 // The names are those of calib/camera/camera_model.h and of files.
 #pragma once
 
-#include <Eigen/Core>
-#include <string>
-#include <string_view>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 #include "calib/camera/pixel_model.h"
 
@@ -38,14 +33,12 @@ const std::vector<CalibrationModel>& telecentric_calibration_models();
 // Those that are compared with a model of this projection: the list that it is in.
 const std::vector<CalibrationModel>& calibration_models_beside(Projection projection);
 
-// Of lenses that perspective and wide models may follow, in the order in which the first that
-// predicts well is advised. What radial distortion does to a perspective camera is tried first, as
-// every tool reads it, though some models of wide lenses have fewer parameters; these stand behind
-// rational and before prism, which is for lenses and sensors that are not centred.
+// Perspective and wide models in the order in which the first that predicts well is advised: the
+// wide ones behind rational, as every tool reads the radial ones, and before prism, which is for
+// lenses and sensors that are not centred.
 const std::vector<CalibrationModel>& perspective_and_wide_models();
 
-// Of a pose of a view that pixels depend on: 6, and 5 of a telecentric camera's, all but the
-// distance.
+// How many parameters of a pose pixels depend on: 6, telecentric 5, all but the distance.
 int pose_parameters(Projection projection);
 
 // Of any kind. Throws ConfigError, listing the names there are.

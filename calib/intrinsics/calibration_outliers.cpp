@@ -12,7 +12,7 @@ namespace {
 
 using Residuals = std::vector<std::vector<Eigen::Vector2d>>;
 
-constexpr double min_view_points = 6.0;
+constexpr double least_view_corners = 6.0;
 
 double robust_scale(std::span<const std::vector<Eigen::Vector2d>> residuals) {
     std::vector<double> sizes;
@@ -70,7 +70,7 @@ std::vector<bool> longer_than(std::span<const Eigen::Vector2d> residuals, double
         longer.push_back(residual.norm() > limit);
     const auto size = static_cast<double>(longer.size());
     const auto count = static_cast<double>(std::count(longer.begin(), longer.end(), true));
-    if (count >= outlier_view_corners * size || (count > 0.0 && size - count < min_view_points))
+    if (count >= outlier_view_corners * size || (count > 0.0 && size - count < least_view_corners))
         longer.assign(longer.size(), true);
     return longer;
 }

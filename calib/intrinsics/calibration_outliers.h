@@ -1,22 +1,15 @@
 // Corners and whole views that do not fit the others: a corner taken for its neighbour, a photo of
 // a board that moved. What is found is named and counted, never dropped silently.
 //
-// The rules are simple enough to be repeated by hand:
-//  - scale: 1.4826 times the median of the residuals' coordinates, without their sign (for normal
-//    errors the standard deviation; Huber, "Robust Statistics", 1981), from a fit in which a far
-//    point pulls no harder than one at 1.5 scales. A corner is an outlier when its residual is more
-//    than six scales long, the scale of all views or of its own, whichever is larger.
-//  - a view is an outlier when a quarter of its corners are (or less than six are left), or when it
-//    is three times as bad as the median view both in the fit and left out of it. Both: a view that
-//    alone sees a corner of the image is badly predicted by the others without being wrong.
-//  - a view is no view of the target, and is left out before any fit, when its points are further
-//    from every homography of the target's plane than a tenth of its extent, and than five times
-//    the median view: its points are in a wrong order.
+//  - Scale: 1.4826 times the median size of the residuals' coordinates (Huber, "Robust Statistics",
+//    1981), from a fit in which points beyond 1.5 scales pull no harder. A corner is an outlier
+//    beyond six scales of all views or of its own, whichever is larger.
+//  - A view is an outlier when a quarter of its corners are, when less than six are left, or when
+//  it
+//    is three times as bad as the median view both in the fit and left out of it.
+//  - A view is no view of the target when its points are further from every homography of the
+//    target's plane than a tenth of its extent, and than five times the median view.
 #pragma once
-
-#include <opencv2/core.hpp>
-#include <span>
-#include <vector>
 
 #include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/camera_fit.h"

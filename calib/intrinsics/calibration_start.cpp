@@ -3,24 +3,29 @@
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <Eigen/SVD>
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <limits>
 #include <numbers>
-#include <string>
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/bundle_adjustment.h"
-#include "calib/intrinsics/calibration_model.h"
-#include "calib/intrinsics/camera_fit.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
+
+Eigen::Vector2d middle_of(cv::Size image_size) {
+    return {0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1)};
+}
+
+CameraModel centred_camera(cv::Size image_size, const LensProjection& projection,
+                           const Eigen::Vector2d& focal) {
+    const Eigen::Vector2d principal = middle_of(image_size);
+    return {.width = image_size.width,
+            .height = image_size.height,
+            .projection = projection,
+            .intrinsics = {focal.x(), focal.y(), principal.x(), principal.y()}};
+}
 
 // Moves points to their centroid and scales them to a mean square of 2.
 struct Normaliser {
@@ -182,22 +187,18 @@ Eigen::Vector2d searched_focal(const std::vector<Plane>& planes, double diagonal
     return focal;
 }
 
-// q about the principal point over 1 + lambda |q|^2.
-std::vector<Eigen::Vector2d> divided(const std::vector<Eigen::Vector2d>& pixels,
-                                     const Eigen::Vector2d& principal, double lambda) {
-    std::vector<Eigen::Vector2d> undistorted;
-    for (const Eigen::Vector2d& pixel : pixels) {
-        const Eigen::Vector2d arm = pixel - principal;
-        undistorted.push_back(principal + arm / (1.0 + lambda * arm.squaredNorm()));
-    }
-    return undistorted;
-}
-
+// Of pixels q about the principal point over 1 + lambda |q|^2.
 std::vector<Plane> planes_of(std::span<const CalibrationView> views,
                              const Eigen::Vector2d& principal, double lambda) {
     std::vector<Plane> planes;
-    for (const CalibrationView& view : views)
-        planes.push_back(plane_of(view.points_mm, divided(view.pixels, principal, lambda)));
+    for (const CalibrationView& view : views) {
+        std::vector<Eigen::Vector2d> undistorted;
+        for (const Eigen::Vector2d& pixel : view.pixels) {
+            const Eigen::Vector2d arm = pixel - principal;
+            undistorted.push_back(principal + arm / (1.0 + lambda * arm.squaredNorm()));
+        }
+        planes.push_back(plane_of(view.points_mm, undistorted));
+    }
     return planes;
 }
 
@@ -258,13 +259,12 @@ std::vector<LensProjection> first_guesses(Projection kind) {
 // Poses of all views for a camera without distortion, and the sum of the squared distances that
 // they leave, px; nothing when it does not see all of them.
 struct PosedViews {
-    std::vector<BundlePose> poses;
+    std::vector<Rigid> camera_from_target;
     double squares = 0.0;
 };
 std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
                                       const std::vector<BundleView>& bundle_views,
                                       const CameraModel& camera) {
-    Bundle one{camera.projection, all_parameters(camera), {}};
     PosedViews posed;
     for (std::size_t v = 0; v < views.size(); ++v) {
         std::vector<Eigen::Vector2d> plane;
@@ -273,128 +273,16 @@ std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
         const auto pose = pose_from_plane(views[v].points_mm, plane, camera.projection);
         if (!pose)
             return std::nullopt;
-        posed.poses.push_back(bundle_pose(*pose, bundle_views[v].centre_mm));
-        one.poses = {posed.poses.back()};
-        const auto cost = bundle_cost({bundle_views[v]}, one, {});
+        const std::vector<BundleView> one{bundle_views[v]};
+        const Bundle bundle = bundle_of(camera, {&*pose, 1}, one);
+        const auto cost = bundle_cost(one, bundle, {});
         if (!cost)
             return std::nullopt;
+        posed.camera_from_target.push_back(poses_of(bundle, one).front());
         posed.squares += *cost;
     }
     return posed;
 }
-
-}  // namespace
-
-double plane_misfit(const CalibrationView& view) {
-    return std::sqrt(std::max(plane_of(view.points_mm, view.pixels).misfit, 0.0));
-}
-
-std::optional<Rigid> pose_from_homography(const std::vector<Eigen::Vector3d>& points_mm,
-                                          const std::vector<Eigen::Vector2d>& normalised) {
-    const Plane plane = plane_of(points_mm, normalised);
-    const PlaneFit fit = fit_plane(plane, Eigen::Vector2d::Ones(), Eigen::Vector2d::Zero());
-    if (!std::isfinite(fit.error))
-        return std::nullopt;
-    return rigid_of(plane, fit.pose);
-}
-
-std::optional<Rigid> pose_from_plane(const std::vector<Eigen::Vector3d>& points_mm,
-                                     const std::vector<Eigen::Vector2d>& undistorted,
-                                     const LensProjection& projection) {
-    std::vector<Eigen::Vector3d> rays;
-    for (const Eigen::Vector2d& point : undistorted) {
-        const auto ray = from_plane(projection, point);
-        if (!ray)
-            return std::nullopt;
-        rays.push_back(*ray);
-    }
-    const Eigen::Quaterniond turn = rotation_to_mean_direction(rays);
-    const VisibleProjection seen = seen_across(turn, rays);
-    if (seen.kept.size() < etalon::min_view_points)
-        return std::nullopt;
-    std::vector<Eigen::Vector3d> points;
-    for (const std::size_t i : seen.kept)
-        points.push_back(points_mm[i]);
-    const auto pose = pose_from_homography(points, seen.points);
-    if (!pose || !pose->translation.allFinite())
-        return std::nullopt;
-    return Rigid{turn.conjugate() * pose->rotation, turn.conjugate() * pose->translation};
-}
-
-Rigid mirrored_pose(const Rigid& camera_from_target, const Eigen::Vector3d& centre_mm) {
-    const Eigen::Vector3d centre = camera_from_target * centre_mm;
-    const Eigen::Vector3d sight = centre.normalized();
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - 2.0 * sight * sight.transpose();
-    const Eigen::Matrix3d rotation = across * camera_from_target.rotation.toRotationMatrix() *
-                                     Eigen::Vector3d(1, 1, -1).asDiagonal();
-    const Eigen::Quaterniond turned = Eigen::Quaterniond(rotation).normalized();
-    return {turned, centre - turned * centre_mm};
-}
-
-CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size image_size) {
-    const Eigen::Vector2d principal(0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1));
-    const std::vector<Plane> planes = undistorted_planes(views, principal);
-    const Eigen::Vector2d focal =
-        searched_focal(planes, std::hypot(image_size.width, image_size.height), principal);
-    Bundle bundle{.camera = CameraParameters::Zero()};
-    bundle.camera.head<4>() << focal, principal;
-    std::vector<BundleView> undistorted;
-    for (std::size_t i = 0; i < views.size(); ++i) {
-        CalibrationView view = views[i];
-        view.pixels = planes[i].seen;
-        undistorted.push_back(bundle_view(view));
-        const Rigid pose = rigid_of(planes[i], fit_plane(planes[i], focal, principal).pose);
-        bundle.poses.push_back(bundle_pose(pose, undistorted[i].centre_mm));
-    }
-    constexpr int few = 20;
-    const auto solution =
-        adjust_bundle(undistorted, bundle, {.free = {0, 1}, .most_iterations = few});
-    if (solution)
-        bundle = solution->bundle;
-    CameraStart start;
-    start.camera.width = image_size.width;
-    start.camera.height = image_size.height;
-    set_all_parameters(start.camera, bundle.camera);
-    for (std::size_t i = 0; i < views.size(); ++i)
-        start.camera_from_target.push_back(rigid_from(bundle.poses[i], undistorted[i].centre_mm));
-    return start;
-}
-
-std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView> views,
-                                                 cv::Size image_size, Projection projection) {
-    const double diagonal = std::hypot(image_size.width, image_size.height);
-    std::vector<BundleView> all;
-    for (const CalibrationView& view : views)
-        all.push_back(bundle_view(view));
-    std::vector<CameraStart> starts;
-    for (const LensProjection& guess : first_guesses(projection)) {
-        std::optional<PosedViews> best;
-        CameraStart start;
-        for (double f = 0.05 * diagonal; f < 5.0 * diagonal; f *= 1.1) {
-            CameraModel camera;
-            camera.width = image_size.width;
-            camera.height = image_size.height;
-            camera.projection = guess;
-            camera.intrinsics = {f, f, 0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1)};
-            auto posed = posed_views(views, all, camera);
-            if (!posed || (best && posed->squares >= best->squares))
-                continue;
-            best = std::move(posed);
-            start.camera = camera;
-        }
-        if (!best)
-            continue;
-        for (std::size_t i = 0; i < views.size(); ++i)
-            start.camera_from_target.push_back(rigid_from(best->poses[i], all[i].centre_mm));
-        starts.push_back(std::move(start));
-    }
-    if (starts.empty())
-        throw NumericalError(
-            fmt::format("no {} lens sees all points as a plane", name_of(projection).name));
-    return starts;
-}
-
-namespace {
 
 constexpr double max_noise_over_scatter = 1.5, either_angle_deg = 40.0, wide_angle_deg = 50.0;
 
@@ -418,36 +306,9 @@ Misfit misfit_of(const std::string& model, std::span<const CalibrationView> view
     const auto fit = attempted([&] { return fit_camera(views, size, calibration_model(model)); });
     if (!fit)
         return {};
-    double squares = 0.0;
-    for (const auto& residuals : fit.value->residuals_px)
-        for (const Eigen::Vector2d& residual : residuals)
-            squares += residual.squaredNorm();
-    return {std::sqrt(squares / static_cast<double>(point_count(views))),
-            corner_scatter_px(views, fit.value->residuals_px),
+    return {fit.value->rms_px(), corner_scatter_px(views, fit.value->residuals_px),
             outermost_angle_deg(views, *fit.value)};
 }
-
-}  // namespace
-
-LensAngle lens_angle(std::span<const CalibrationView> views, cv::Size image_size) {
-    Misfit perspective;
-    for (const char* model : {"standard", "rational"}) {
-        const Misfit misfit = misfit_of(model, views, image_size);
-        if (misfit.rms_px < perspective.rms_px)
-            perspective = misfit;
-        if (misfit.rms_px <= max_noise_over_scatter * misfit.scatter_px)
-            return perspective.angle_deg < either_angle_deg ? LensAngle::ordinary
-                                                            : LensAngle::either;
-    }
-    for (const CalibrationModel& model : wide_calibration_models()) {
-        const Misfit misfit = misfit_of(model.name, views, image_size);
-        if (misfit.rms_px < 0.5 * perspective.rms_px && misfit.angle_deg > wide_angle_deg)
-            return LensAngle::wide;
-    }
-    return perspective.angle_deg < either_angle_deg ? LensAngle::ordinary : LensAngle::either;
-}
-
-namespace {
 
 constexpr double nearly_flat_rad = 0.035;  // 2 degrees
 
@@ -545,6 +406,119 @@ Rigid pose_of(const AffineView& view, double flat_rad) {
 
 }  // namespace
 
+double plane_misfit(const CalibrationView& view) {
+    return std::sqrt(std::max(plane_of(view.points_mm, view.pixels).misfit, 0.0));
+}
+
+std::optional<Rigid> pose_from_homography(const std::vector<Eigen::Vector3d>& points_mm,
+                                          const std::vector<Eigen::Vector2d>& normalised) {
+    const Plane plane = plane_of(points_mm, normalised);
+    const PlaneFit fit = fit_plane(plane, Eigen::Vector2d::Ones(), Eigen::Vector2d::Zero());
+    if (!std::isfinite(fit.error))
+        return std::nullopt;
+    return rigid_of(plane, fit.pose);
+}
+
+std::optional<Rigid> pose_from_plane(const std::vector<Eigen::Vector3d>& points_mm,
+                                     const std::vector<Eigen::Vector2d>& undistorted,
+                                     const LensProjection& projection) {
+    std::vector<Eigen::Vector3d> rays;
+    for (const Eigen::Vector2d& point : undistorted) {
+        const auto ray = from_plane(projection, point);
+        if (!ray)
+            return std::nullopt;
+        rays.push_back(*ray);
+    }
+    const Eigen::Quaterniond turn = rotation_to_mean_direction(rays);
+    const VisibleProjection seen = seen_across(turn, rays);
+    if (seen.kept.size() < min_view_points)
+        return std::nullopt;
+    std::vector<Eigen::Vector3d> points;
+    for (const std::size_t i : seen.kept)
+        points.push_back(points_mm[i]);
+    const auto pose = pose_from_homography(points, seen.points);
+    if (!pose || !pose->translation.allFinite())
+        return std::nullopt;
+    return Rigid{turn.conjugate() * pose->rotation, turn.conjugate() * pose->translation};
+}
+
+Rigid mirrored_pose(const Rigid& camera_from_target, const Eigen::Vector3d& centre_mm) {
+    const Eigen::Vector3d centre = camera_from_target * centre_mm;
+    const Eigen::Vector3d sight = centre.normalized();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - 2.0 * sight * sight.transpose();
+    const Eigen::Matrix3d rotation = across * camera_from_target.rotation.toRotationMatrix() *
+                                     Eigen::Vector3d(1, 1, -1).asDiagonal();
+    const Eigen::Quaterniond turned = Eigen::Quaterniond(rotation).normalized();
+    return {turned, centre - turned * centre_mm};
+}
+
+CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size image_size) {
+    const Eigen::Vector2d principal = middle_of(image_size);
+    const std::vector<Plane> planes = undistorted_planes(views, principal);
+    const Eigen::Vector2d focal =
+        searched_focal(planes, std::hypot(image_size.width, image_size.height), principal);
+    CameraStart start{centred_camera(image_size, {}, focal), {}};
+    std::vector<BundleView> undistorted;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        CalibrationView view = views[i];
+        view.pixels = planes[i].seen;
+        undistorted.push_back(bundle_view(view));
+        start.camera_from_target.push_back(
+            rigid_of(planes[i], fit_plane(planes[i], focal, principal).pose));
+    }
+    constexpr int few = 20;
+    Bundle bundle = bundle_of(start.camera, start.camera_from_target, undistorted);
+    if (const auto solution =
+            adjust_bundle(undistorted, bundle, {.free = {0, 1}, .most_iterations = few}))
+        bundle = solution->bundle;
+    set_all_parameters(start.camera, bundle.camera);
+    start.camera_from_target = poses_of(bundle, undistorted);
+    return start;
+}
+
+std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView> views,
+                                                 cv::Size image_size, Projection projection) {
+    const double diagonal = std::hypot(image_size.width, image_size.height);
+    const std::vector<BundleView> all = bundle_views(views);
+    std::vector<CameraStart> starts;
+    for (const LensProjection& guess : first_guesses(projection)) {
+        std::optional<PosedViews> best;
+        CameraStart start;
+        for (double f = 0.05 * diagonal; f < 5.0 * diagonal; f *= 1.1) {
+            const CameraModel camera = centred_camera(image_size, guess, {f, f});
+            auto posed = posed_views(views, all, camera);
+            if (!posed || (best && posed->squares >= best->squares))
+                continue;
+            best = std::move(posed);
+            start = {camera, best->camera_from_target};
+        }
+        if (best)
+            starts.push_back(std::move(start));
+    }
+    if (starts.empty())
+        throw NumericalError(
+            fmt::format("no {} lens sees all points as a plane", name_of(projection).name));
+    return starts;
+}
+
+LensAngle lens_angle(std::span<const CalibrationView> views, cv::Size image_size) {
+    Misfit perspective;
+    for (const char* model : {"standard", "rational"}) {
+        const Misfit misfit = misfit_of(model, views, image_size);
+        if (misfit.rms_px < perspective.rms_px)
+            perspective = misfit;
+        if (misfit.rms_px <= max_noise_over_scatter * misfit.scatter_px)
+            return perspective.angle_deg < either_angle_deg ? LensAngle::ordinary
+                                                            : LensAngle::either;
+    }
+    for (const CalibrationModel& model : wide_calibration_models()) {
+        const Misfit misfit = misfit_of(model.name, views, image_size);
+        if (misfit.rms_px < 0.5 * perspective.rms_px && misfit.angle_deg > wide_angle_deg)
+            return LensAngle::wide;
+    }
+    return perspective.angle_deg < either_angle_deg ? LensAngle::ordinary : LensAngle::either;
+}
+
 CameraStart telecentric_calibration_start(std::span<const CalibrationView> views,
                                           cv::Size image_size) {
     std::vector<AffineView> affine;
@@ -554,13 +528,8 @@ CameraStart telecentric_calibration_start(std::span<const CalibrationView> views
     const double fx = magnification(affine, ratio).mean, fy = ratio * fx;
     if (!std::isfinite(fx) || !(fx > 0.0))
         throw NumericalError("the pixels of a view do not make a plane");
-    CameraStart start;
-    start.camera.projection.kind = Projection::telecentric;
-    start.camera.width = image_size.width;
-    start.camera.height = image_size.height;
-    const Eigen::Vector2d principal(0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1));
-    start.camera.intrinsics = {fx, fy, principal.x(), principal.y()};
-    const Eigen::Vector2d to_mm(1.0 / fx, 1.0 / fy);
+    CameraStart start{centred_camera(image_size, {Projection::telecentric}, {fx, fy}), {}};
+    const Eigen::Vector2d principal = middle_of(image_size), to_mm(1.0 / fx, 1.0 / fy);
     for (AffineView& view : affine) {
         view.map = to_mm.asDiagonal() * view.map;
         view.middle = to_mm.cwiseProduct(view.middle - principal);

@@ -1,23 +1,14 @@
 // Where a calibration starts: focal lengths and poses from the homographies of the views.
 //
-// Zhang, "A flexible new technique for camera calibration" (PAMI 2000), has the focal lengths in
-// closed form, which distortion upsets, and which fails (a negative square) where the perspective
-// is below the noise, as before a telephoto lens. Here the pixels are first undistorted by the
-// division model's one parameter (Fitzgibbon, CVPR 2001) that makes the views most nearly
-// homographies, which needs no focal length. Then the focal lengths are searched, from a hundredth
-// of the image's diagonal to ten thousand of them and with pixels' ratios from 1/2 to 2, by how
-// well the poses project that a homography's first derivatives give (Collins and Bartoli,
-// "Infinitesimal Plane-Based Pose Estimation", IJCV 2014).
+// Zhang's closed form (PAMI 2000) is upset by distortion and fails where the perspective is below
+// the noise. Here the pixels are first undistorted by the division model's one parameter
+// (Fitzgibbon, CVPR 2001) that makes the views most nearly homographies. Then focal lengths from a
+// hundredth of the image's diagonal to ten thousand of them, with pixels' ratios from 1/2 to 2, are
+// searched by how well the poses project that a homography's first derivatives give (Collins and
+// Bartoli, "Infinitesimal Plane-Based Pose Estimation", IJCV 2014).
 //
 // Needs checked views. Some ms for eight views of 54 points.
 #pragma once
-
-#include <opencv2/core.hpp>
-
-#include <Eigen/Core>
-#include <optional>
-#include <span>
-#include <vector>
 
 #include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/camera_fit.h"
@@ -75,12 +66,10 @@ LensAngle lens_angle(std::span<const CalibrationView> views, cv::Size image_size
 // maps of the views.
 //
 // A plane is seen by the map K A + t, K = diag(fx, fy) and A the upper left 2 x 2 of a rotation,
-// whose larger singular value is 1 and whose smaller one is the cosine of the tilt (the metric
-// constraints of orthography: Tomasi and Kanade, IJCV 9, 1992). So fy / fx is searched, from 1/2 to
-// 2, for the one with which the larger singular values of all views are most nearly alike.
-//
-// The distance has no effect, and neither has the sign of the tilt: points lie twice as far away
-// as the farthest of them from their middle, and which way they are tilted means nothing.
+// with singular values 1 and the cosine of the tilt (Tomasi and Kanade, IJCV 9, 1992). fy / fx,
+// from 1/2 to 2, is the one with which the larger singular values of all views are most alike. The
+// distance and the sign of the tilt have no effect: points lie twice as far away as the farthest of
+// them from their middle.
 //
 // Needs checked views. Microseconds.
 

@@ -42,18 +42,15 @@ void check_points(const CalibrationView& view, std::size_t index) {
 
 void check_labels(const CalibrationView& view, std::size_t index) {
     const std::size_t points = view.points_mm.size();
-    if (!view.ids.empty() && view.ids.size() != points)
-        refuse_view(index, fmt::format("has {} points but {} ids", points, view.ids.size()));
+    for (const auto& [size, what] : {std::pair{view.ids.size(), "ids"},
+                                     {view.sigma_px.size(), "standard deviations"},
+                                     {view.displacements_mm.size(), "displacements"}})
+        if (size != 0 && size != points)
+            refuse_view(index, fmt::format("has {} points but {} {}", points, size, what));
     std::set<int> seen;
     for (const int id : view.ids)
         if (!seen.insert(id).second)
             refuse_view(index, fmt::format("the id {} is there twice", id));
-    if (!view.sigma_px.empty() && view.sigma_px.size() != points)
-        refuse_view(index, fmt::format("has {} points but {} standard deviations", points,
-                                       view.sigma_px.size()));
-    if (!view.displacements_mm.empty() && view.displacements_mm.size() != points)
-        refuse_view(index, fmt::format("has {} points but {} displacements", points,
-                                       view.displacements_mm.size()));
     for (std::size_t i = 0; i < view.displacements_mm.size(); ++i)
         if (!view.displacements_mm[i].allFinite())
             refuse_view(index, fmt::format("the displacement of point {} is not finite", i));
@@ -82,6 +79,13 @@ void check_view(const CalibrationView& view, std::size_t index, std::size_t need
     check_labels(view, index);
     if (are_collinear(view.points_mm))
         refuse_view(index, "the points are collinear");
+}
+
+void check_views(std::span<const CalibrationView> views) {
+    if (views.size() < min_views)
+        throw NumericalError(fmt::format("{} views, three are needed", views.size()));
+    for (std::size_t i = 0; i < views.size(); ++i)
+        check_view(views[i], i, min_view_points);
 }
 
 double corner_scatter_px(std::span<const CalibrationView> views,

@@ -45,5 +45,7 @@ std::size_t point_count(std::span<const CalibrationView> views);
 // points that are finite, in the plane z = 0 and not collinear, as many finite pixels, positive
 // finite standard deviations or none, finite displacements or none, and distinct ids or none.
 void check_view(const CalibrationView& view, std::size_t index, std::size_t needed);
+// The same of what a calibration takes at least.
+void check_views(std::span<const CalibrationView> views);
 
 }  // namespace etalon

@@ -22,41 +22,31 @@ Eigen::Vector2d image_position(const CameraModel& camera, double x, double y) {
     return {x * camera.width - 0.5, y * camera.height - 0.5};
 }
 
-double angle_between_deg(const Projector& projector, const Eigen::Vector2d& a,
-                         const Eigen::Vector2d& b) {
-    const auto ray_a = projector.ray(a), ray_b = projector.ray(b);
-    if (!ray_a || !ray_b)
-        return not_a_number;
-    return std::atan2(ray_a->cross(*ray_b).norm(), ray_a->dot(*ray_b)) * 180.0 / std::numbers::pi;
-}
-
-void measure_telecentric_field(const Projector& projector, CameraCheck& check) {
-    const auto across = [&](double x, double y) {
-        const auto a = projector.ray(image_position(projector.camera(), x, y)),
-                   b = projector.ray(image_position(projector.camera(), 1.0 - x, 1.0 - y));
-        return a && b ? (*a - *b).norm() : not_a_number;
-    };
-    check.horizontal_mm = across(0, 0.5);
-    check.vertical_mm = across(0.5, 0);
-    check.diagonal_mm = across(0, 0);
+double angle_between_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+    return std::atan2(a.cross(b).norm(), a.dot(b)) * 180.0 / std::numbers::pi;
 }
 
 // Of a wide lens by way of the middle, as it may see more than 180 degrees.
 void measure_field_of_view(const Projector& projector, CameraCheck& check) {
     const CameraModel& camera = projector.camera();
-    if (camera.projection.kind == Projection::telecentric)
-        return measure_telecentric_field(projector, check);
-    const auto across = [&](double x, double y) {
-        const Eigen::Vector2d a = image_position(camera, x, y),
-                              b = image_position(camera, 1.0 - x, 1.0 - y),
-                              middle = image_position(camera, 0.5, 0.5);
-        if (camera.projection.is_flat())
-            return angle_between_deg(projector, a, b);
-        return angle_between_deg(projector, a, middle) + angle_between_deg(projector, middle, b);
+    const bool is_telecentric = camera.projection.kind == Projection::telecentric;
+    const auto ray_at = [&](double x, double y) {
+        return projector.ray(image_position(camera, x, y));
     };
-    check.horizontal_deg = across(0, 0.5);
-    check.vertical_deg = across(0.5, 0);
-    check.diagonal_deg = across(0, 0);
+    const auto across = [&](double x, double y) {
+        const auto a = ray_at(x, y), b = ray_at(1.0 - x, 1.0 - y), middle = ray_at(0.5, 0.5);
+        if (!a || !b)
+            return not_a_number;
+        if (is_telecentric)
+            return (*a - *b).norm();
+        if (camera.projection.is_flat())
+            return angle_between_deg(*a, *b);
+        return middle ? angle_between_deg(*a, *middle) + angle_between_deg(*middle, *b)
+                      : not_a_number;
+    };
+    (is_telecentric ? check.horizontal_mm : check.horizontal_deg) = across(0, 0.5);
+    (is_telecentric ? check.vertical_mm : check.vertical_deg) = across(0.5, 0);
+    (is_telecentric ? check.diagonal_mm : check.diagonal_deg) = across(0, 0);
 }
 
 void measure_valid_region(const Projector& projector, CameraCheck& check) {
@@ -155,21 +145,17 @@ void judge_thin_lens(const CameraModel& camera, std::vector<CameraFinding>& find
                                         1.0 / lens.inverse_focus_per_mm, magnification)});
 }
 
-void judge_telecentric_lens(const CameraModel& camera, std::vector<CameraFinding>& findings) {
-    const TelecentricLens lens = telecentric_lens(camera);
-    findings.push_back({Weight::note, "lens",
-                        fmt::format("telecentric, magnification {:.4f}, working f-number {:.3f}",
-                                    lens.magnification, lens.working_f_number)});
-}
-
 void judge_lens(const CameraModel& camera, std::vector<CameraFinding>& findings) {
     if (!camera.lens)
         return;
-    if (camera.projection.kind == Projection::telecentric)
-        judge_telecentric_lens(camera, findings);
-    else
-        judge_thin_lens(camera, findings);
     const double f_number = working_f_number(camera);
+    if (camera.projection.kind != Projection::telecentric)
+        judge_thin_lens(camera, findings);
+    else
+        findings.push_back(
+            {Weight::note, "lens",
+             fmt::format("telecentric, magnification {:.4f}, working f-number {:.3f}",
+                         telecentric_lens(camera).magnification, f_number)});
     if (f_number < 0.5)
         findings.push_back(
             {Weight::warning, "lens", "faster than f/0.5, which no lens in air can be"});

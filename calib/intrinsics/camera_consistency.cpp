@@ -9,7 +9,6 @@
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/calibration_start.h"
-#include "calib/intrinsics/camera_fit.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 
@@ -32,6 +31,12 @@ const CalibrationModel& telecentric_model() {
 
 constexpr double least_noise_px = 0.01;  // exact points are taken to be no better
 
+Indices first_indices(std::size_t count) {
+    Indices all(count);
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    return all;
+}
+
 std::vector<CalibrationView> chosen(std::span<const CalibrationView> views, const Indices& which) {
     std::vector<CalibrationView> some;
     for (const std::size_t i : which)
@@ -46,51 +51,35 @@ struct GroupFit {
     std::vector<ViewEquations> equations;  // what they leave is R's share
     double freedom = 0.0;                  // of the points
 
+    GroupFit(std::span<const CalibrationView> views, CameraFit of_views, double parameters)
+        : fit(std::move(of_views)),
+          squares(weighted_squares(views, fit)),
+          equations(view_equations(views, fit)),
+          freedom(2.0 * double(point_count(views)) -
+                  pose_parameters(fit.model.projection) * double(views.size()) - parameters) {}
+
     double variance() const { return freedom > 0.0 ? squares / freedom : 0.0; }
 };
 
-GroupFit measured(std::span<const CalibrationView> views, const CalibrationModel& model,
-                  CameraFit fit, double parameters) {
-    GroupFit group{std::move(fit)};
-    for (std::size_t v = 0; v < views.size(); ++v)
-        for (std::size_t i = 0; i < views[v].pixels.size(); ++i)
-            group.squares += (group.fit.residuals_px[v][i] / views[v].sigma(i)).squaredNorm();
-    group.equations = view_equations(views, group.fit, model);
-    group.freedom = 2.0 * double(point_count(views)) -
-                    pose_parameters(model.projection) * double(views.size()) - parameters;
-    return group;
-}
-
 GroupFit fit_first(std::span<const CalibrationView> views, cv::Size size,
                    const CalibrationModel& model) {
-    return measured(views, model, fit_camera(views, size, model), double(model.parameters.size()));
+    return {views, fit_camera(views, size, model), double(model.parameters.size())};
 }
 
 // A camera like the first one but for its own parameters. Throws NumericalError.
 GroupFit fit_second(std::span<const CalibrationView> views, const CalibrationModel& model,
                     const CameraModel& first, int own) {
-    std::vector<BundleView> bundle_views;
-    Bundle start{first.projection, all_parameters(first), {}};
-    for (const CalibrationView& view : views) {
-        bundle_views.push_back(bundle_view(view));
-        start.poses.push_back(
-            bundle_pose(fit_view_pose(first, view), bundle_views.back().centre_mm));
-    }
+    const std::vector<BundleView> all = bundle_views(views);
+    std::vector<Rigid> poses;
+    for (const CalibrationView& view : views)
+        poses.push_back(fit_view_pose(first, view));
     std::vector<int> free;
     for (int i = 0; i < own; ++i)
         free.push_back(parameter_index(model.parameters[std::size_t(i)]));
-    const auto solution = adjust_bundle(bundle_views, start, {.free = free});
+    const auto solution = adjust_bundle(all, bundle_of(first, poses, all), {.free = free});
     if (!solution)
         throw NumericalError("no second camera fits");
-    CameraFit fit{.camera = first};
-    set_all_parameters(fit.camera, solution->bundle.camera);
-    for (std::size_t v = 0; v < views.size(); ++v) {
-        fit.camera_from_target.push_back(
-            rigid_from(solution->bundle.poses[v], bundle_views[v].centre_mm));
-        fit.residuals_px.push_back(
-            view_residuals(fit.camera, fit.camera_from_target.back(), views[v]));
-    }
-    return measured(views, model, std::move(fit), own);
+    return {views, fit_from(*solution, model, views, all, first), double(own)};
 }
 
 struct Split {
@@ -172,8 +161,6 @@ Split settled(std::span<const CalibrationView> views, cv::Size size, Split split
     return split;
 }
 
-// ---- where to begin ---------------------------------------------------------------------------
-
 // What is left of the common equations when the views aside have parameters of their own.
 double equations_left(std::span<const ViewEquations> equations, const Indices& aside) {
     const Eigen::Index p = equations.front().triangle.cols(), n = std::ssize(equations);
@@ -203,8 +190,7 @@ Indices by_own_wish(std::span<const ViewEquations> equations, const Eigen::Vecto
                         double(informations.size());
     for (std::size_t i = 0; i < wishes.size(); ++i)
         wishes[i] /= informations[i] + mean;
-    Indices order(equations.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
+    Indices order = first_indices(equations.size());
     std::ranges::stable_sort(order, {}, [&](std::size_t i) { return wishes[i]; });
     return order;
 }
@@ -214,9 +200,7 @@ std::vector<Indices> orders(std::span<const ViewEquations> equations, const Came
     Eigen::VectorXd zoom = Eigen::VectorXd::Zero(p);
     zoom[0] = camera.intrinsics.fx;
     zoom[1] = camera.intrinsics.fy;
-    Indices as_given(equations.size());
-    std::iota(as_given.begin(), as_given.end(), std::size_t{0});
-    return {as_given, by_own_wish(equations, zoom),
+    return {first_indices(equations.size()), by_own_wish(equations, zoom),
             by_own_wish(equations, Eigen::VectorXd::Unit(p, 2)),
             by_own_wish(equations, Eigen::VectorXd::Unit(p, 3))};
 }
@@ -241,9 +225,9 @@ std::vector<Indices> starts(std::span<const ViewEquations> equations, const Came
 }
 
 std::optional<Split> best_split(std::span<const CalibrationView> views, cv::Size size,
-                                const CalibrationModel& model, const CameraFit& common) {
+                                const CalibrationModel& model, const GroupFit& common) {
     std::optional<Split> best;
-    for (const Indices& aside : starts(view_equations(views, common, model), common.camera)) {
+    for (const Indices& aside : starts(common.equations, common.fit.camera)) {
         Indices rest;
         for (std::size_t i = 0; i < views.size(); ++i)
             if (!std::ranges::binary_search(aside, i))
@@ -257,8 +241,6 @@ std::optional<Split> best_split(std::span<const CalibrationView> views, cv::Size
     }
     return best;
 }
-
-// ---- whether it is needed ---------------------------------------------------------------------
 
 // The number of views that would say as much of the dispersion if all erred alike: of normal
 // equations with p rows each (sum y)^2 / sum y^2 is n p / (p + 2).
@@ -304,17 +286,13 @@ bool is_needed_with_richest(std::span<const CalibrationView> views, cv::Size siz
            log_chance(*richest, common->squares) < std::log(mixed_views_false_alarms);
 }
 
-// ---- what is told -----------------------------------------------------------------------------
-
 CameraGroup described(Indices which, const Intrinsics& camera, double variance, double of_focal) {
     return {std::move(which), 0.5 * (camera.fx + camera.fy), std::sqrt(variance * of_focal)};
 }
 
 // Everything else free.
-CameraGroup described(const Indices& which, std::span<const CalibrationView> views,
-                      const GroupFit& group, const CalibrationModel& model, double variance) {
-    const Eigen::MatrixXd inverse =
-        inverse_information(view_equations(views, group.fit, model), model);
+CameraGroup described(const Indices& which, const GroupFit& group, double variance) {
+    const Eigen::MatrixXd inverse = inverse_information(group.equations, group.fit.model);
     return described(which, group.fit.camera.intrinsics, variance,
                      0.25 * inverse.topLeftCorner(2, 2).sum());
 }
@@ -328,7 +306,7 @@ CameraGroup described_by_zoom(const Split& split, std::span<const CalibrationVie
         const GroupFit held = fit_second(views, *split.model, camera, 0);
         const Eigen::Vector2d zoom(camera.intrinsics.fx, camera.intrinsics.fy);
         score = information = 0.0;
-        for (const ViewEquations& view : view_equations(views, held.fit, *split.model)) {
+        for (const ViewEquations& view : held.equations) {
             const Eigen::VectorXd seen = view.triangle.leftCols<2>() * zoom / zoom.mean();
             score += seen.dot(view.rhs);
             information += seen.squaredNorm();
@@ -343,8 +321,7 @@ CameraGroup described_aside(std::span<const CalibrationView> views, cv::Size siz
                             const Split& split) {
     const auto some = chosen(views, split.aside);
     auto own = attempted([&] {
-        return described(split.aside, some, fit_first(some, size, *split.model), *split.model,
-                         split.dispersion());
+        return described(split.aside, fit_first(some, size, *split.model), split.dispersion());
     });
     return own ? std::move(*own) : described_by_zoom(split, some);
 }
@@ -358,18 +335,16 @@ CameraGroup of_indices(CameraGroup group, const Indices& indices) {
 // As camera_groups(), of views that show planes, in any order.
 std::vector<CameraGroup> groups_among(std::span<const CalibrationView> views, cv::Size size,
                                       const CalibrationModel& model) {
-    Indices all(views.size());
-    std::iota(all.begin(), all.end(), std::size_t{0});
+    const Indices all = first_indices(views.size());
     auto common = attempted([&] { return fit_first(views, size, model); });
     if (!common || views.size() < min_mixed_views)
         return {{all}};
-    const auto split = best_split(views, size, model, common->fit);
+    const auto split = best_split(views, size, model, *common);
     if (!split || !is_needed(*split, common->squares) ||
         !is_needed_with_richest(views, size, *split))
         return {{all}};
     std::vector<CameraGroup> groups;
-    const auto rest = described(split->rest, chosen(views, split->rest), split->first, model,
-                                split->dispersion());
+    const auto rest = described(split->rest, split->first, split->dispersion());
     for (const CameraGroup& part : {rest, described_aside(views, size, *split)}) {
         const auto parts = groups_among(chosen(views, part.views), size, model);
         if (parts.size() == 1)

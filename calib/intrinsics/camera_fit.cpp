@@ -27,21 +27,11 @@ std::vector<int> indices_of(const CalibrationModel& model) {
     return indices;
 }
 
-Views bundle_views(std::span<const CalibrationView> views) {
-    Views all;
-    for (const CalibrationView& view : views)
-        all.push_back(bundle_view(view));
-    return all;
-}
-
 void check_input(std::span<const CalibrationView> views, cv::Size size,
                  const CalibrationModel& model) {
     if (size.width <= 0 || size.height <= 0)
         throw NumericalError(fmt::format("no image has {} x {} px", size.width, size.height));
-    if (views.size() < min_views)
-        throw NumericalError(fmt::format("{} views, three are needed", views.size()));
-    for (std::size_t i = 0; i < views.size(); ++i)
-        check_view(views[i], i, min_view_points);
+    check_views(views);
     const std::size_t unknowns =
         model.parameters.size() +
         static_cast<std::size_t>(pose_parameters(model.projection)) * views.size();
@@ -64,13 +54,6 @@ void check_camera(const CameraModel& camera, std::span<const Rigid> poses, std::
         if (!pose.rotation.coeffs().allFinite() || !pose.translation.allFinite() ||
             !(pose.rotation.norm() > 0.0))
             throw NumericalError("a pose is not finite");
-}
-
-Bundle bundle_of(const CameraModel& camera, std::span<const Rigid> poses, const Views& views) {
-    Bundle bundle{camera.projection, all_parameters(camera), {}};
-    for (std::size_t i = 0; i < views.size(); ++i)
-        bundle.poses.push_back(bundle_pose(poses[i], views[i].centre_mm));
-    return bundle;
 }
 
 [[noreturn]] void refuse_start() {
@@ -366,11 +349,6 @@ Eigen::MatrixXd inverse_root(const ScaledTriangle& scaled, const CalibrationMode
     return scaled.lengths.cwiseInverse().asDiagonal() * root;
 }
 
-Eigen::MatrixXd inverse_information(const ScaledTriangle& scaled, const CalibrationModel& model) {
-    const Eigen::MatrixXd root = inverse_root(scaled, model);
-    return root * root.transpose();
-}
-
 double variance_of(std::span<const CalibrationView> views, double squares,
                    const CalibrationModel& model) {
     const double freedom =
@@ -378,22 +356,6 @@ double variance_of(std::span<const CalibrationView> views, double squares,
         static_cast<double>(model.parameters.size()) -
         static_cast<double>(pose_parameters(model.projection)) * static_cast<double>(views.size());
     return freedom > 0.0 ? squares / freedom : 0.0;
-}
-
-CameraFit fit_from(const Solution& solution, std::span<const CalibrationView> views,
-                   const Views& bundle_views, CameraModel camera) {
-    CameraFit fit;
-    set_all_parameters(camera, solution.bundle.camera);
-    camera.covariance.reset();
-    fit.camera = camera;
-    for (std::size_t i = 0; i < views.size(); ++i) {
-        fit.camera_from_target.push_back(
-            rigid_from(solution.bundle.poses[i], bundle_views[i].centre_mm));
-        fit.residuals_px.push_back(view_residuals(camera, fit.camera_from_target[i], views[i]));
-    }
-    fit.iterations = solution.iterations;
-    fit.converged = solution.converged;
-    return fit;
 }
 
 CameraModel plain_camera(cv::Size size, Projection projection) {
@@ -450,14 +412,36 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
         model.parameters.size() > calibration_model("standard").parameters.size())
         solution = with_its_own_pull(all, std::move(*solution), bundle_options);
     CameraFit fit = fit_from(
-        *solution, views, all,
+        *solution, model, views, all,
         options.start ? options.start->camera : plain_camera(image_size, model.projection));
     fit.pull = bundle_options.pull;
     fit.variance = variance_of(views, weighted_squares(views, fit), model);
-    const std::vector<ViewEquations> equations = view_equations(views, fit, model);
+    const std::vector<ViewEquations> equations = view_equations(views, fit);
     fit.condition_number = weakest_direction(equations, model).condition_number;
-    check_determinacy(views, fit, model, equations);
+    check_determinacy(views, fit, equations);
     return fit;
+}
+
+CameraFit refit_camera(std::span<const CalibrationView> views, const CameraFit& fit,
+                       std::vector<Rigid> poses) {
+    return fit_camera(views, {fit.camera.width, fit.camera.height}, fit.model,
+                      {.start = CameraStart{fit.camera, std::move(poses)}});
+}
+
+double sum_of_squares(std::span<const Eigen::Vector2d> residuals) {
+    double sum = 0.0;
+    for (const Eigen::Vector2d& residual : residuals)
+        sum += residual.squaredNorm();
+    return sum;
+}
+
+double CameraFit::rms_px() const {
+    double squares = 0.0, points = 0.0;
+    for (const auto& residuals : residuals_px) {
+        squares += sum_of_squares(residuals);
+        points += static_cast<double>(residuals.size());
+    }
+    return std::sqrt(squares / points);
 }
 
 double weighted_squares(std::span<const CalibrationView> views, const CameraFit& fit) {
@@ -516,11 +500,11 @@ Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vect
 }
 
 std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views,
-                                          const CameraFit& fit, const CalibrationModel& model) {
+                                          const CameraFit& fit) {
     check_camera(fit.camera, fit.camera_from_target, views.size());
     const PixelModel<double> pixel_model(fit.camera.projection, all_parameters(fit.camera));
-    const BundleOptions options{.free = indices_of(model), .pull = fit.pull};
-    const Eigen::Index free = static_cast<Eigen::Index>(model.parameters.size());
+    const BundleOptions options{.free = indices_of(fit.model), .pull = fit.pull};
+    const Eigen::Index free = std::ssize(fit.model.parameters);
     std::vector<ViewEquations> equations;
     for (std::size_t v = 0; v < views.size(); ++v) {
         const BundleView view = bundle_view(views[v]);
@@ -535,7 +519,8 @@ std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views
 
 Eigen::MatrixXd inverse_information(std::span<const ViewEquations> equations,
                                     const CalibrationModel& model) {
-    return inverse_information(scaled_triangle(equations, model), model);
+    const Eigen::MatrixXd root = inverse_information_root(equations, model);
+    return root * root.transpose();
 }
 
 Eigen::MatrixXd inverse_information_root(std::span<const ViewEquations> equations,

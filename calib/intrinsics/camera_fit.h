@@ -3,23 +3,18 @@
 //
 // Triggs et al., "Bundle Adjustment - A Modern Synthesis" (2000); Bjorck, "Numerical Methods for
 // Least Squares Problems" (1996). Levenberg-Marquardt with scaled columns. Every view's pose is
-// eliminated by Householder QR, not by normal equations, so that the condition number of the
-// problem counts once and not squared: k1..k6 that are correlated to 0.9999 keep their digits.
+// eliminated by Householder QR, so that the condition number counts once and not squared.
 //
-// A telecentric camera's poses keep the distance that they start with (docs/calibration.md). Says
-// nothing about whether the model predicts well, and no standard deviations: see
-// calib/intrinsics/calibrate.h. Thread-safe, deterministic, single-threaded. Eight views of 54
-// points cost 1.3 ms from a start nearby and 9 ms from nothing, nine parameters free.
+// A telecentric camera's poses keep the distance that they start with. Thread-safe, deterministic,
+// single-threaded. Eight views of 54 points cost 1.3 ms from a start nearby and 9 ms from nothing,
+// nine parameters free. Standard deviations: calib/intrinsics/calibration_covariance.h.
 #pragma once
 
-#include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <span>
 #include <string>
-#include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/calibration_view.h"
 #include "core/geometry/rigid.h"
@@ -28,15 +23,14 @@ namespace etalon {
 
 // What richer models add, photos may hardly tell apart: k1 = k4 + 1000 fits as well as any where
 // the points do not reach far, and a tilt tau_y does at first order what p2 = -s1 = tau_y / 2 do.
-// Neither file nor covariance could be used then. Before a point is seen, each of k4 to k6, of the
-// prism's and of the tilts is therefore taken to be normally distributed about zero, as wide as
-// lenses and sensors make it with room to spare: of what it does at the outermost point, relative
-// to that point's distance from the axis, these are the standard deviations. Where the points say
-// something of it, that counts for far more.
+// So k4 to k6, the prism's coefficients and the tilts have normal priors about zero, as wide as
+// lenses and sensors make them with room to spare. These are the standard deviations of what each
+// does at the outermost point, relative to that point's distance from the axis.
 inline constexpr double rational_deviation = 0.5, prism_deviation = 0.004, tilt_deviation = 0.02;
 
 struct CameraFit {
-    CameraModel camera;  // without covariance
+    CalibrationModel model;
+    CameraModel camera;  // without covariance; its image size is that of the views
     std::vector<Rigid> camera_from_target;
     // Observed minus projected, by view and point.
     std::vector<std::vector<Eigen::Vector2d>> residuals_px;
@@ -47,6 +41,8 @@ struct CameraFit {
     int iterations = 0;
     bool converged = false;         // the last step was below 1e-8 standard deviations
     double condition_number = 0.0;  // of the pose-eliminated Jacobian with columns of length 1
+
+    double rms_px() const;  // over all points, of the distance in the image
 };
 
 struct CameraStart {
@@ -64,15 +60,17 @@ struct CameraFitOptions {
 // The start without CameraFitOptions::start (calib/intrinsics/calibration_start.h) has a principal
 // point in the middle of the image and no distortion; parameters that are not in `model` stay as in
 // the start. Throws NumericalError for fewer than three views, a view that check_view() refuses
-// with four points, more parameters than observations, a start that is none, and for views that do
-// not determine the camera: a rank lost, or a focal length that noise of 0.1 px makes uncertain by
-// more than a tenth; the combination of parameters that is weakest is named; of a telecentric lens
-// planes all tilted about one axis, or by less than 5 degrees. Every observed point
-// is where the model is regular (calib/camera/distortion.h); a fold between the axis and a point is
-// for Projector to find.
+// with four points, more parameters than observations, a start that is none, and what
+// check_determinacy() refuses. Every observed point is where the model is regular
+// (calib/camera/distortion.h); a fold between the axis and a point is for Projector to find.
 CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size,
                      const CalibrationModel& model, const CameraFitOptions& options = {});
 
+// The same model again, started from the fit's camera and these poses, one per view.
+CameraFit refit_camera(std::span<const CalibrationView> views, const CameraFit& fit,
+                       std::vector<Rigid> poses);
+
+double sum_of_squares(std::span<const Eigen::Vector2d> residuals);
 // Of the residuals in their points' sigmas.
 double weighted_squares(std::span<const CalibrationView> views, const CameraFit& fit);
 
@@ -101,16 +99,16 @@ struct ViewEquations {
 };
 
 std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views,
-                                          const CameraFit& fit, const CalibrationModel& model);
+                                          const CameraFit& fit);
 
-// Inverse of the views' common information, from one more QR of their triangles: times the variance
-// it is the formal covariance. Throws NumericalError, naming the weakest combination of parameters,
-// when rank is lost.
-Eigen::MatrixXd inverse_information(std::span<const ViewEquations> equations,
-                                    const CalibrationModel& model);
-// G, upper triangular up to the order of its rows, with G G^T that inverse.
+// G with G G^T the inverse of the views' common information, from one more QR of their triangles;
+// upper triangular up to the order of its rows. That inverse times the variance is the formal
+// covariance. Throw NumericalError, naming the weakest combination of parameters, when rank is
+// lost.
 Eigen::MatrixXd inverse_information_root(std::span<const ViewEquations> equations,
                                          const CalibrationModel& model);
+Eigen::MatrixXd inverse_information(std::span<const ViewEquations> equations,
+                                    const CalibrationModel& model);
 
 // The weakest combination of the parameters, each in units of the change that alone moves the
 // pixels by 1 px rms in total: "0.72 k1 - 0.55 k4 + 0.43 k2", largest first, parts below 0.1 left

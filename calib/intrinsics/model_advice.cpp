@@ -8,7 +8,6 @@
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_covariance.h"
-#include "calib/intrinsics/projection_uncertainty.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -17,50 +16,20 @@ namespace {
 struct Half {
     CameraModel camera;
     std::size_t views = 0;
-    Eigen::MatrixXd formal, robust;
+    CalibrationCovariances covariances;
 };
 
-Half calibrated_half(std::span<const CalibrationView> views, std::size_t first, cv::Size image_size,
-                     const CalibrationModel& model, const CameraFit& all) {
+Half calibrated_half(std::span<const CalibrationView> views, std::size_t first,
+                     const CameraFit& all) {
     std::vector<CalibrationView> chosen;
-    CameraStart start{all.camera, {}};
+    std::vector<Rigid> poses;
     for (std::size_t i = first; i < views.size(); i += 2) {
         chosen.push_back(views[i]);
-        start.camera_from_target.push_back(all.camera_from_target[i]);
+        poses.push_back(all.camera_from_target[i]);
     }
-    const CameraFit fit = fit_camera(chosen, image_size, model, {.start = start});
-    const auto equations = view_equations(chosen, fit, model);
-    return {fit.camera, chosen.size(), formal_covariance(equations, model, fit.variance),
-            cluster_robust_covariance(equations, model)};
-}
-
-// The rays that the second camera sees too.
-struct Seen {
-    ImageRays rays;
-    Eigen::VectorXd differences, deviations;  // two rows, one row for each
-};
-
-Seen seen_by_second(const ImageRays& rays, const Projector& second, const Rigid& motion,
-                    const Eigen::VectorXd& deviations) {
-    Seen seen;
-    const auto most = static_cast<Eigen::Index>(rays.pixels.size());
-    seen.differences.resize(2 * most);
-    seen.deviations.resize(most);
-    Eigen::Index count = 0;
-    for (std::size_t i = 0; i < rays.pixels.size(); ++i) {
-        const auto pixel = second.project(motion * rays.rays[i]);
-        if (!pixel)
-            continue;
-        seen.rays.pixels.push_back(rays.pixels[i]);
-        seen.rays.rays.push_back(rays.rays[i]);
-        seen.differences.segment<2>(2 * count) = *pixel - rays.pixels[i];
-        seen.deviations[count++] = deviations[static_cast<Eigen::Index>(i)];
-    }
-    if (count < 3)
-        throw NumericalError("two calibrations of one camera have no rays in common");
-    seen.differences.conservativeResize(2 * count);
-    seen.deviations.conservativeResize(count);
-    return seen;
+    const CameraFit fit = refit_camera(chosen, all, std::move(poses));
+    return {fit.camera, chosen.size(),
+            covariances_of(view_equations(chosen, fit), fit.model, fit.variance)};
 }
 
 // Of the rays, which of a telecentric camera have Z = 1 mm: a turn of theirs about x or y is a
@@ -77,69 +46,6 @@ double mean_square(const Eigen::MatrixXd& moved, const Eigen::MatrixXd& covarian
            (0.5 * static_cast<double>(moved.rows()));
 }
 
-}  // namespace
-
-// Gauss-Newton; the rotation is small and the problem nearly linear.
-ProjectionDifference projection_difference(const CameraModel& second, const ImageRays& rays,
-                                           const Eigen::VectorXd& deviations) {
-    const Projector projector(second);
-    Rigid motion;
-    for (int iteration = 0; iteration < 5; ++iteration) {
-        const Seen seen = seen_by_second(rays, projector, motion, deviations);
-        const Eigen::Vector3d step =
-            -best_rotation(seen.differences, rotation_jacobian(second, seen.rays), seen.deviations);
-        motion = motion_of_rays(step, second.projection.kind) * motion;
-    }
-    const Seen seen = seen_by_second(rays, projector, motion, deviations);
-    ProjectionDifference difference{seen.rays.pixels, {}};
-    for (Eigen::Index i = 0; i < seen.differences.size(); i += 2)
-        difference.differences_px.emplace_back(seen.differences.segment<2>(i));
-    return difference;
-}
-
-CrossValidation cross_validate(std::span<const CalibrationView> views, cv::Size image_size,
-                               const CalibrationModel& model, const CameraFit& fit) {
-    if (views.size() < min_cross_validation_views)
-        throw NumericalError(fmt::format("{} views, {} are needed for two halves", views.size(),
-                                         min_cross_validation_views));
-    const Half first = calibrated_half(views, 0, image_size, model, fit);
-    const Half second = calibrated_half(views, 1, image_size, model, fit);
-    const Eigen::MatrixXd formal = first.formal + second.formal;
-    const ImageRays rays = rays_among(image_rays(first.camera), all_pixels(views));
-    const Eigen::MatrixXd moved = parameter_jacobian(first.camera, rays, model);
-    const Eigen::VectorXd deviations = ray_deviations(moved, formal);
-    ProjectionDifference difference = projection_difference(second.camera, rays, deviations);
-
-    CrossValidation result{{first.views, second.views},
-                           std::move(difference.pixels),
-                           std::move(difference.differences_px)};
-    double squares = 0.0;
-    for (const Eigen::Vector2d& each : result.differences_px) {
-        squares += each.squaredNorm();
-        result.worst_px = std::max(result.worst_px, each.norm());
-    }
-    result.rms_px = std::sqrt(squares / static_cast<double>(result.differences_px.size()));
-
-    const Eigen::MatrixXd rotated =
-        less_best_rotation(moved, rotation_jacobian(first.camera, rays), deviations);
-    result.expected_formal_px = std::sqrt(mean_square(rotated, formal));
-    result.expected_robust_px = std::sqrt(mean_square(rotated, first.robust + second.robust));
-    return result;
-}
-
-namespace {
-
-double sum_of_squares(const std::vector<Eigen::Vector2d>& residuals) {
-    double sum = 0.0;
-    for (const Eigen::Vector2d& residual : residuals)
-        sum += residual.squaredNorm();
-    return sum;
-}
-
-double rms(double sum, std::span<const CalibrationView> views) {
-    return std::sqrt(sum / static_cast<double>(point_count(views)));
-}
-
 ModelScore fitted_score(std::span<const CalibrationView> views, cv::Size image_size,
                         const CalibrationModel& model) {
     ModelScore score;
@@ -150,10 +56,7 @@ ModelScore fitted_score(std::span<const CalibrationView> views, cv::Size image_s
     score.failure = fit.cause;
     if (!score.fit)
         return score;
-    double squares = 0.0;
-    for (const auto& residuals : score.fit->residuals_px)
-        squares += sum_of_squares(residuals);
-    score.rms_px = rms(squares, views);
+    score.rms_px = score.fit->rms_px();
     return score;
 }
 
@@ -184,14 +87,12 @@ std::vector<Element> without(std::span<const Element> all, std::size_t left_out)
 using ViewLeftOut = Result<double>;
 
 // The search starts from the fit to all views, which is near.
-ViewLeftOut leave_out(std::span<const CalibrationView> views, cv::Size image_size,
-                      const CalibrationModel& model, const CameraFit& all, std::size_t view) {
+ViewLeftOut leave_out(std::span<const CalibrationView> views, const CameraFit& all,
+                      std::size_t view) {
     return attempted([&] {
-        const std::vector<Rigid> poses =
-            without(std::span<const Rigid>(all.camera_from_target), view);
-        const CameraModel camera = fit_camera(without(views, view), image_size, model,
-                                              {.start = CameraStart{all.camera, poses}})
-                                       .camera;
+        const std::span<const Rigid> poses = all.camera_from_target;
+        const CameraModel camera =
+            refit_camera(without(views, view), all, without(poses, view)).camera;
         const Rigid pose = fit_view_pose(camera, views[view]);
         return sum_of_squares(view_residuals(camera, pose, views[view]));
     });
@@ -210,7 +111,7 @@ void set_left_out(ModelScore& score, std::span<const ViewLeftOut> left_out,
         score.left_out_squares.push_back(*left_out[i].value);
         sum += *left_out[i].value;
     }
-    score.leave_one_out_rms_px = rms(sum, views);
+    score.leave_one_out_rms_px = std::sqrt(sum / static_cast<double>(point_count(views)));
 }
 
 template <class Task>
@@ -222,20 +123,17 @@ void for_each_index(std::size_t count, const Task& task) {
 }
 
 // What the views say of the model's projection where their points are.
-void set_determinacy(ModelScore& score, std::span<const CalibrationView> views, cv::Size image_size,
-                     const CalibrationModel& model) {
+void set_determinacy(ModelScore& score, std::span<const CalibrationView> views) {
     const CameraFit& fit = *score.fit;
     const auto deviation = attempted([&] {
-        const auto equations = view_equations(views, fit, model);
-        return projection_uncertainty(fit.camera, model,
-                                      stated_covariance(equations, model, fit.variance),
-                                      all_pixels(views))
+        const auto covariances =
+            covariances_of(view_equations(views, fit), fit.model, fit.variance);
+        return projection_uncertainty(fit.camera, fit.model, covariances.stated, all_pixels(views))
             .worst_among_points(&PixelUncertainty::rotated);
     });
     score.projection_deviation_px = deviation.value;
     if (views.size() >= min_cross_validation_views)
-        score.halves_px =
-            attempted([&] { return cross_validate(views, image_size, model, fit).rms_px; }).value;
+        score.halves_px = attempted([&] { return cross_validate(views, fit).rms_px; }).value;
 }
 
 // The smallest of a figure among the models that are not in doubt.
@@ -315,6 +213,67 @@ bool predicts_worse(const ModelScore& richer, const ModelScore& advised) {
 
 }  // namespace
 
+// Gauss-Newton; the rotation is small and the problem nearly linear.
+ProjectionDifference projection_difference(const CameraModel& second, const ImageRays& rays,
+                                           const Eigen::VectorXd& deviations) {
+    constexpr int steps = 5;
+    const Projector projector(second);
+    Rigid motion;
+    for (int step = 0;; ++step) {
+        ImageRays seen;
+        std::vector<Eigen::Vector2d> differences;
+        std::vector<double> of_seen;  // their deviations
+        for (std::size_t i = 0; i < rays.pixels.size(); ++i) {
+            const auto pixel = projector.project(motion * rays.rays[i]);
+            if (!pixel)
+                continue;
+            seen.pixels.push_back(rays.pixels[i]);
+            seen.rays.push_back(rays.rays[i]);
+            differences.push_back(*pixel - rays.pixels[i]);
+            of_seen.push_back(deviations[static_cast<Eigen::Index>(i)]);
+        }
+        if (of_seen.size() < 3)
+            throw NumericalError("two calibrations of one camera have no rays in common");
+        if (step == steps)
+            return {seen.pixels, differences};
+        using Column = Eigen::Map<const Eigen::VectorXd>;
+        const Eigen::Vector3d turn = -best_rotation(
+            Column(differences.front().data(), 2 * std::ssize(differences)),
+            rotation_jacobian(second, seen), Column(of_seen.data(), std::ssize(of_seen)));
+        motion = motion_of_rays(turn, second.projection.kind) * motion;
+    }
+}
+
+CrossValidation cross_validate(std::span<const CalibrationView> views, const CameraFit& fit) {
+    if (views.size() < min_cross_validation_views)
+        throw NumericalError(fmt::format("{} views, {} are needed for two halves", views.size(),
+                                         min_cross_validation_views));
+    const Half first = calibrated_half(views, 0, fit), second = calibrated_half(views, 1, fit);
+    const Eigen::MatrixXd formal = first.covariances.formal + second.covariances.formal,
+                          robust =
+                              first.covariances.cluster_robust + second.covariances.cluster_robust;
+    const ImageRays rays = rays_among(image_rays(first.camera), all_pixels(views));
+    const Eigen::MatrixXd moved = parameter_jacobian(first.camera, rays, fit.model);
+    const Eigen::VectorXd deviations = ray_deviations(moved, formal);
+    ProjectionDifference difference = projection_difference(second.camera, rays, deviations);
+
+    CrossValidation result{{first.views, second.views},
+                           std::move(difference.pixels),
+                           std::move(difference.differences_px)};
+    double squares = 0.0;
+    for (const Eigen::Vector2d& each : result.differences_px) {
+        squares += each.squaredNorm();
+        result.worst_px = std::max(result.worst_px, each.norm());
+    }
+    result.rms_px = std::sqrt(squares / static_cast<double>(result.differences_px.size()));
+
+    const Eigen::MatrixXd rotated =
+        less_best_rotation(moved, rotation_jacobian(first.camera, rays), deviations);
+    result.expected_formal_px = std::sqrt(mean_square(rotated, formal));
+    result.expected_robust_px = std::sqrt(mean_square(rotated, robust));
+    return result;
+}
+
 // Every fit is a problem of its own and has its own place for the result, so that the number of
 // threads cannot change it.
 std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv::Size image_size,
@@ -331,13 +290,13 @@ std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv:
     for_each_index(left_out.size(), [&](std::size_t i) {
         const std::size_t model = i / views.size(), view = i % views.size();
         if (is_asked(model))
-            left_out[i] = leave_out(views, image_size, models[model], *scores[model].fit, view);
+            left_out[i] = leave_out(views, *scores[model].fit, view);
     });
     for_each_index(models.size(), [&](std::size_t i) {
         if (!is_asked(i))
             return;
         set_left_out(scores[i], std::span(left_out).subspan(i * views.size(), views.size()), views);
-        set_determinacy(scores[i], views, image_size, models[i]);
+        set_determinacy(scores[i], views);
     });
     return scores;
 }

@@ -1,42 +1,25 @@
 // Which set of parameters (calib/intrinsics/calibration_model.h) these views support. A richer
-// model always fits its own photos better; whether it says more of the lens, only a photo tells
-// that it has not seen: every view is left out in turn, the camera calibrated from the others, and
-// of the left-out view nothing but the pose is fitted.
+// model always fits its own photos better. So every view is left out in turn, the camera calibrated
+// from the others, and only the pose of the left-out view is fitted (Stone, "Cross-validatory
+// choice and assessment of statistical predictions", 1974).
 //
-// Stone, "Cross-validatory choice and assessment of statistical predictions" (1974). The advised
-// model is the simplest one whose error is within one standard error of the best (Breiman et al.,
-// "Classification and Regression Trees", 1984, 3.4.3), with the differences paired by view: a photo
-// that is hard for every model says nothing about which one is better. Few photos have large
-// standard errors, so that its error must not be more than a quarter above the best one's either.
-//
-// A model that predicts photos like the others may still say little of the lens between them. It is
-// not advised where the photos do not determine its projection, or where two halves of them
-// disagree about it.
+// The advised model is the simplest one within one standard error of the best (Breiman et al.,
+// "Classification and Regression Trees", 1984, 3.4.3), with the differences paired by view, and not
+// more than a quarter above it. A model is not advised where the photos do not determine its
+// projection, or where two halves of them disagree about it. More: docs/calibration.md.
 #pragma once
 
-#include <opencv2/core.hpp>
-
-#include <Eigen/Core>
 #include <array>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
 
-#include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/camera_fit.h"
 #include "calib/intrinsics/projection_uncertainty.h"
 
 namespace etalon {
 
-// Two calibrations of one camera that share no photo, and how differently they project: the test
-// that a stated uncertainty has to stand. Each half is every second view, so that a drift over the
-// session is in both.
-//
-// The difference is taken over the part of the image that the points reach (their convex hull),
-// after the rotation of the camera that takes back most of it, places weighing as much as they are
-// certain (calib/intrinsics/projection_uncertainty.h). What it should be follows from the
-// covariances of the halves; when it is much larger, they are too small.
+// Two calibrations of one camera that share no photo, and how differently they project. Each half
+// is every second view, so that a drift over the session is in both. The difference is taken over
+// the convex hull of the points, after the rotation of the camera that takes back most of it,
+// places weighing as much as they are certain. The covariances of the halves say what it should be.
 
 inline constexpr std::size_t min_cross_validation_views = 6;
 
@@ -51,13 +34,12 @@ struct CrossValidation {
 
 // `fit` is that of all views and the start of both searches. Throws NumericalError for less than
 // six views, and when a half does not determine the camera. Some milliseconds.
-CrossValidation cross_validate(std::span<const CalibrationView> views, cv::Size image_size,
-                               const CalibrationModel& model, const CameraFit& fit);
+CrossValidation cross_validate(std::span<const CalibrationView> views, const CameraFit& fit);
 
 // Second minus first: where the second camera sees the first one's rays, after the second was
 // turned by the rotation (telecentric: about the axis, and shifted) that takes back most of the
-// difference. `deviations` (px) say how much
-// each ray weighs. Rays that the second one does not see are left out.
+// difference. `deviations` (px) say how much each ray weighs. Rays that the second one does not see
+// are left out.
 struct ProjectionDifference {
     std::vector<Eigen::Vector2d> pixels, differences_px;
 };

@@ -96,9 +96,7 @@ Eigen::MatrixXd rotation_jacobian(const CameraModel& camera, const ImageRays& ra
     Eigen::MatrixXd jacobian(2 * count, 3);
     for (Eigen::Index i = 0; i < count; ++i) {
         const Eigen::Vector3d& r = rays.rays[static_cast<std::size_t>(i)];
-        Eigen::Matrix3d turned;
-        turned << 0, r.z(), -r.y(), -r.z(), 0, r.x(), r.y(), -r.x(), 0;
-        jacobian.middleRows<2>(2 * i) = model(r).of * turned;
+        jacobian.middleRows<2>(2 * i) = model(r).of * -cross_matrix(r);
     }
     return jacobian;
 }
@@ -136,10 +134,7 @@ double ProjectionUncertainty::mean(double PixelUncertainty::*value) const {
 }
 
 double ProjectionUncertainty::worst(double PixelUncertainty::*value) const {
-    double worst = 0.0;
-    for (const PixelUncertainty& each : pixels)
-        worst = std::max(worst, each.*value);
-    return worst;
+    return std::ranges::max(pixels, {}, value).*value;
 }
 
 double ProjectionUncertainty::worst_among_points(double PixelUncertainty::*value) const {
@@ -151,8 +146,7 @@ double ProjectionUncertainty::worst_among_points(double PixelUncertainty::*value
 }
 
 double ProjectionUncertainty::share_among_points() const {
-    const auto among = std::count_if(pixels.begin(), pixels.end(),
-                                     [](const auto& each) { return each.among_points; });
+    const auto among = std::ranges::count(pixels, true, &PixelUncertainty::among_points);
     return static_cast<double>(among) / static_cast<double>(pixels.size());
 }
 

@@ -1,20 +1,13 @@
 // What an uncertain calibration means in pixels: how far the image of a fixed ray may be off,
-// everywhere in the image. Standard deviations of single parameters do not tell, because their
-// errors cancel: a k1 too large with a k2 too small.
+// everywhere in the image. Deviations of single parameters do not tell, because their errors
+// cancel.
 //
 // Two figures for each place: with the camera held, and after the rotation of the camera that takes
-// back most of it over the image, each place weighing as much as it is certain. The second is what
-// a measurement is left with that finds the camera's orientation itself, as a pose of a marker
-// does; a shift of the principal point is mostly such a rotation. After mrcal (its documentation,
-// "Projection uncertainty"), for far points: at one single distance a translation would take back
-// more.
+// back most of it over the image, each place weighing as much as it is certain. The second is left
+// to a measurement that finds the camera's orientation itself, as a marker's pose does. After mrcal
+// (its documentation, "Projection uncertainty"), for far points.
 #pragma once
 
-#include <Eigen/Core>
-#include <span>
-#include <vector>
-
-#include "calib/camera/camera_model.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/calibration_view.h"
 

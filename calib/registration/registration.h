@@ -11,10 +11,8 @@
 // to the nominal one. The predicted camera_from_marker never depends on that prior.
 #pragma once
 
-#include <Eigen/Core>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "calib/camera/projector.h"
 #include "core/geometry/rigid.h"
@@ -39,9 +37,8 @@ struct GaugeFreedom {
     Vector12d direction;  // largest entry of the base-frame motion is 1 (rad or mm)
 };
 
-// A direction that is determined, but badly: all poses together say less about it than a single
-// photograph would if Y were known. A rotary axis of +-2 degrees leaves some. The predicted poses
-// do not suffer from it; X and Y do.
+// A direction about which all poses together say less than a single photograph would if Y were
+// known. A rotary axis of +-2 degrees leaves some. It affects X and Y, not the predicted poses.
 struct PoorlyConstrainedDirection {
     std::string name;        // like that of a freedom
     Vector12d direction;     // by 1 mm of a shift or 1 rad of a rotation
@@ -64,7 +61,7 @@ struct Registration {
     // Sum of the squared residuals in standard deviations per degree of freedom: 1 when the stated
     // ones are right.
     double reduced_squares = 0.0;
-    int down_weighted_points = 0;   // that the robust loss holds for outliers; of poses: poses
+    int down_weighted_points = 0;   // flagged as outliers by the robust loss; of poses: poses
     int rank = 0;                   // 12 - freedoms.size()
     double condition_number = 0.0;  // of the column-scaled Jacobian, determined directions only
     std::vector<GaugeFreedom> freedoms;
@@ -85,8 +82,8 @@ struct Registration {
 // Throws NumericalError for fewer than 4 distinct poses, sizes that do not agree, values that are
 // not finite, a stage that did not move (or moved so little that more than 4 directions are free),
 // a marker that is predicted outside the camera's valid region, and a solution that does not
-// converge. Whether the poses move all that the stage could is for require_full_motion()
-// (calib/registration/stage_motion.h) to say.
+// converge. Whether the poses move all that the stage can: require_full_motion()
+// (calib/registration/stage_motion.h).
 Registration register_stage(const Projector& projector,
                             const std::vector<Eigen::Vector3d>& points_mm,
                             std::span<const RegistrationPose> poses,

@@ -5,11 +5,10 @@
 // is a motion of the base frame that commutes with every relative motion S_i S_j^-1 of the carriage
 // (H. H. Chen, "A screw motion approach to uniqueness analysis of head-eye geometry", CVPR 1991).
 //
-// A plan that moves less than its stage can is degenerate: nothing would determine part of X and Y,
-// or part of what a camera's errors do in depth. Such a plan is named, and not registered.
+// A plan that moves less than its stage can is degenerate: part of X and Y, or of a camera's errors
+// in depth, stays undetermined. Such a plan is named, and not registered.
 #pragma once
 
-#include <Eigen/Core>
 #include <span>
 #include <string>
 #include <vector>

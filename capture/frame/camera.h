@@ -20,17 +20,11 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
-#include <cstdint>
 #include <memory>
-#include <optional>
-#include <stop_token>
-#include <string>
 #include <vector>
 
 #include "core/image/image.h"
 #include "core/program/errors.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 
@@ -141,6 +135,14 @@ struct CameraLink {
         interface;  // IP address of the network card to use; empty: the library looks for it
 };
 
+// A backend whose SDK is loaded when a camera of it is asked for (core/program/plugin.h): the
+// plugin's table.
+struct CameraPlugin {
+    std::vector<CameraIdentity> (*list)();
+    // `id` is what follows the colon of the URI.
+    std::unique_ptr<Camera> (*open)(const std::string& id, const CameraLink& link, Clock& clock);
+};
+
 // Opens by URI: `genicam:ID-or-IP`, `v4l2:/dev/video0`, `libcamera:ID`, `files:FOLDER`. Throws
 // ConfigError for a URI that no backend knows and DeviceError when the device does not answer.
 std::unique_ptr<Camera> open_camera(const std::string& uri, const CameraLink& link, Clock& clock);
@@ -183,28 +185,25 @@ inline TimeWindow intersection(const TimeWindow& a, const TimeWindow& b) {
 class DeviceClock {
 public:
     // The device's clock showed `device_ns` at some moment within the window.
-    void read(std::uint64_t device_ns, const TimeWindow& window) { reading_ = {device_ns, window}; }
+    void read(std::uint64_t device_ns, const TimeWindow& window) {
+        reading_.emplace(device_ns, window);
+    }
     void forget() { reading_.reset(); }
     bool known() const { return reading_.has_value(); }
 
     // Throws std::bad_optional_access where nothing was read.
     TimeWindow station_time(std::uint64_t device_ns) const {
-        const Reading& reading = reading_.value();
+        const auto& [read_ns, window] = reading_.value();
         // The difference of two unsigned counters is right across a wrap of 64 bits.
-        const auto since =
-            std::chrono::nanoseconds(static_cast<std::int64_t>(device_ns - reading.device_ns));
+        const auto since = std::chrono::nanoseconds(static_cast<std::int64_t>(device_ns - read_ns));
         const Duration drift = std::chrono::abs(since) / rate_parts;
-        return {reading.window.earliest + since - drift, reading.window.latest + since + drift};
+        return {window.earliest + since - drift, window.latest + since + drift};
     }
 
 private:
     static constexpr std::int64_t rate_parts = 5000;  // 1 / 5000 = 200 ppm
 
-    struct Reading {
-        std::uint64_t device_ns;
-        TimeWindow window;
-    };
-    std::optional<Reading> reading_;
+    std::optional<std::pair<std::uint64_t, TimeWindow>> reading_;
 };
 
 }  // namespace etalon

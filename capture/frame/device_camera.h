@@ -2,6 +2,8 @@
 // settings in force, retries, and how a lost device comes back.
 #pragma once
 
+#include <fmt/format.h>
+
 #include "capture/frame/frame_checks.h"
 
 namespace etalon {
@@ -50,6 +52,7 @@ public:
     }
 
     CaptureStatistics statistics() const override { return statistics_; }
+    std::vector<std::string> remarks() const override { return remarks_; }
 
 protected:
     DeviceCamera(const std::string& uri, const CameraLink& link, Clock& clock)
@@ -63,6 +66,35 @@ protected:
     void refuse_if(const std::optional<SettingDifference>& difference) const {
         if (difference)
             fail(difference->request, difference->cause);
+    }
+    // Once each.
+    void remark(const std::string& text) {
+        if (std::ranges::find(remarks_, text) == remarks_.end())
+            remarks_.push_back(text);
+    }
+    void remark_on_format(const PixelFormat& format, std::string_view name,
+                          std::string_view range = "") {
+        if (format.lossy())
+            remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", name));
+        if (format.luma_of_colours())
+            remark(fmt::format("of {} the luma is kept, which the camera made{}", name, range));
+    }
+
+    Frame nothing_came(const std::string& cause) const {
+        Frame frame;
+        frame.settings = *settings_;
+        frame.status_detail = cause;
+        return frame;
+    }
+    static void date(Frame& frame, const TimeWindow& exposure_start) {
+        frame.exposure_start_uncertainty = exposure_start.half_width();
+        frame.exposure_start = exposure_start.earliest + frame.exposure_start_uncertainty;
+    }
+    void require_codes(const Frame& frame, const PixelFormat& format) const {
+        if (frame.status != FrameStatus::complete)
+            return;
+        if (const std::string fault = code_fault(frame.image, format); !fault.empty())
+            fail("take a frame", fault);
     }
 
     // Throws DeviceError when the device is gone.
@@ -115,6 +147,7 @@ protected:
     Clock& clock_;
     CameraIdentity identity_;
     CaptureStatistics statistics_;
+    std::vector<std::string> remarks_;
     CaptureSettings wanted_;
     std::optional<CaptureSettings> settings_;  // in force; nothing until configured
     bool armed_ = false;                       // stays when the device is lost

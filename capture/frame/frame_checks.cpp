@@ -3,9 +3,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <future>
+#include <thread>
 
 namespace etalon {
-
 namespace {
 
 constexpr std::uint64_t wrapping_ids = 65535;  // 1..65535, then 1 again
@@ -14,25 +15,6 @@ constexpr std::uint64_t wrapping_ids = 65535;  // 1..65535, then 1 again
 std::uint64_t ahead(std::uint64_t last, std::uint64_t id) {
     return (id + wrapping_ids - last) % wrapping_ids;
 }
-
-}  // namespace
-
-bool frame_id_advanced(std::uint64_t last, std::uint64_t id) {
-    if (last > wrapping_ids || id > wrapping_ids)
-        return id > last;
-    return ahead(last, id) > 0 && ahead(last, id) <= wrapping_ids / 2;
-}
-
-std::uint64_t frames_between(std::uint64_t last, std::uint64_t id) {
-    return (last > wrapping_ids || id > wrapping_ids ? id - last : ahead(last, id)) - 1;
-}
-
-bool bits_fit_depth(int bits, int cv_depth) {
-    return cv_depth == CV_8U ? bits >= 1 && bits <= 8
-                             : cv_depth == CV_16U && bits >= 9 && bits <= 16;
-}
-
-namespace {
 
 // The full scale is all ones, so a code above it has a bit that lies above.
 template <typename Code>
@@ -45,28 +27,6 @@ bool has_bit_above(const cv::Mat& pixels, int full_scale) {
     }
     return bits > full_scale;
 }
-
-}  // namespace
-
-bool can_exceed_full_scale(const PixelFormat& format, int bits) {
-    return bits < format.bits || (format.packing == PixelPacking::words_low && bits < 16);
-}
-
-bool exceeds_full_scale(const CodeImage& image) {
-    return image.pixels.depth() == CV_8U
-               ? has_bit_above<std::uint8_t>(image.pixels, image.full_scale())
-               : has_bit_above<std::uint16_t>(image.pixels, image.full_scale());
-}
-
-std::string code_fault(const CodeImage& image, const PixelFormat& format) {
-    if (!can_exceed_full_scale(format, image.bits) || !exceeds_full_scale(image))
-        return "";
-    return fmt::format(
-        "a code is above {}: the device does not send {} bits in the low bits of a pixel",
-        image.full_scale(), image.bits);
-}
-
-namespace {
 
 bool nearly_equal(double a, double b) {
     return std::abs(a - b) <= 1e-6 * std::max(std::abs(a), std::abs(b));
@@ -86,6 +46,48 @@ std::optional<SettingDifference> control_difference(const CaptureSettings& wante
 }
 
 }  // namespace
+
+bool frame_id_advanced(std::uint64_t last, std::uint64_t id) {
+    if (last > wrapping_ids || id > wrapping_ids)
+        return id > last;
+    return ahead(last, id) > 0 && ahead(last, id) <= wrapping_ids / 2;
+}
+
+std::uint64_t frames_between(std::uint64_t last, std::uint64_t id) {
+    return (last > wrapping_ids || id > wrapping_ids ? id - last : ahead(last, id)) - 1;
+}
+
+bool bits_fit_depth(int bits, int cv_depth) {
+    return cv_depth == CV_8U ? bits >= 1 && bits <= 8
+                             : cv_depth == CV_16U && bits >= 9 && bits <= 16;
+}
+
+bool can_exceed_full_scale(const PixelFormat& format, int bits) {
+    return bits < format.bits || (format.packing == PixelPacking::words_low && bits < 16);
+}
+
+bool exceeds_full_scale(const CodeImage& image) {
+    return image.pixels.depth() == CV_8U
+               ? has_bit_above<std::uint8_t>(image.pixels, image.full_scale())
+               : has_bit_above<std::uint16_t>(image.pixels, image.full_scale());
+}
+
+std::string code_fault(const CodeImage& image, const PixelFormat& format) {
+    if (!can_exceed_full_scale(format, image.bits) || !exceeds_full_scale(image))
+        return "";
+    return fmt::format(
+        "a code is above {}: the device does not send {} bits in the low bits of a pixel",
+        image.full_scale(), image.bits);
+}
+
+void unpack_into(Frame& frame, const PixelFormat& format, const RawImage& raw, int bits) {
+    const std::string fault = unpack(format, raw, frame.image);
+    frame.status = fault.empty() ? FrameStatus::complete : FrameStatus::short_frame;
+    if (fault.empty())
+        frame.image.bits = bits;
+    else
+        frame.status_detail = fault;
+}
 
 std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
                                                   const CaptureSettings& actual,
@@ -116,6 +118,23 @@ std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
     if (wanted.black_level && !nearly_equal(*wanted.black_level, *actual.black_level))
         return differs(fmt::format("black level {}", *wanted.black_level), *actual.black_level);
     return control_difference(wanted, actual);
+}
+
+bool run_bounded(std::function<void()> task, Duration limit) noexcept {
+    const auto done = std::make_shared<std::promise<void>>();
+    const std::future<void> is_done = done->get_future();
+    const auto job = std::make_shared<std::function<void()>>(std::move(task));
+    const auto run = [job, done] {
+        (*job)();
+        *job = nullptr;  // what it owned is gone when it is done
+        done->set_value();
+    };
+    try {
+        std::thread(run).detach();
+    } catch (const std::system_error&) {
+        run();  // no thread to be had
+    }
+    return is_done.wait_for(limit) == std::future_status::ready;
 }
 
 void wait_until_after(Clock& clock, Instant t, std::stop_token stop) {

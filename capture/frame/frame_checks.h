@@ -2,15 +2,10 @@
 // for. Shared by the backends.
 #pragma once
 
-#include <cstdint>
-#include <optional>
-#include <stop_token>
-#include <string>
-#include <utility>
+#include <functional>
 
 #include "capture/frame/camera.h"
 #include "capture/frame/pixel_formats.h"
-#include "core/image/image.h"
 
 namespace etalon {
 
@@ -36,6 +31,10 @@ bool can_exceed_full_scale(const PixelFormat& format, int bits);
 // exceed its full scale. Empty if nothing. Another frame would not help: a device that sends codes
 // in the wrong bits always does.
 std::string code_fault(const CodeImage& image, const PixelFormat& format);
+
+// Unpacks the data of a frame, of which `bits` a pixel are in use: `complete`, or `short_frame`
+// with what is wrong.
+void unpack_into(Frame& frame, const PixelFormat& format, const RawImage& raw, int bits);
 
 // A wish that a device did not fulfil, in the words of a DeviceError.
 struct SettingDifference {
@@ -69,6 +68,10 @@ Frame first_complete_frame(int retries, CaptureStatistics& statistics, const Tak
     }
     return last;
 }
+
+// Runs what a hanging driver may never end. True when it is done; after `limit` false, and it goes
+// on in the background, so it must own all that it touches.
+bool run_bounded(std::function<void()> task, Duration limit) noexcept;
 
 // Returns once the clock is past t. Throws Interrupted when a stop is requested.
 void wait_until_after(Clock& clock, Instant t, std::stop_token stop);

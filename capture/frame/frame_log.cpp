@@ -7,25 +7,14 @@
 namespace etalon {
 namespace {
 
-// The value that has this name.
+// The value up to `last` that has this name.
 template <class Enum>
-Enum value_named(const JsonEntry& entry, std::initializer_list<Enum> values) {
+Enum value_named(const JsonEntry& entry, Enum last) {
     const std::string word = entry.text();
-    for (const Enum value : values)
-        if (word == name(value))
-            return value;
+    for (int i = 0; i <= static_cast<int>(last); ++i)
+        if (word == name(static_cast<Enum>(i)))
+            return static_cast<Enum>(i);
     entry.fail(fmt::format("there is no '{}'", word));
-}
-
-FrameStatus read_status(const JsonEntry& entry) {
-    return value_named(entry, {FrameStatus::complete, FrameStatus::short_frame,
-                               FrameStatus::corrupt, FrameStatus::lost, FrameStatus::timed_out});
-}
-
-TimeSource read_time_source(const JsonEntry& entry) {
-    return value_named(entry,
-                       {TimeSource::request, TimeSource::device_clock, TimeSource::driver_start,
-                        TimeSource::driver_end, TimeSource::recording});
 }
 
 double seconds(Duration duration) {
@@ -55,16 +44,18 @@ LogLength read_log(const std::filesystem::path& folder,
 }
 
 FrameRecord frame_record(const Frame& frame, Instant start) {
-    FrameRecord record;
-    record.status = frame.status;
-    record.status_detail = frame.status_detail;
-    record.device_id = frame.id;
-    record.exposure_start_s = seconds(frame.exposure_start - start);
-    record.exposure_start_uncertainty_s = seconds(frame.exposure_start_uncertainty);
-    record.time_source = frame.time_source;
-    record.device_time_ns = frame.device_time_ns;
-    record.settings = frame.settings;
-    return record;
+    return {.file = {},
+            .sha256 = {},
+            .status = frame.status,
+            .status_detail = frame.status_detail,
+            .device_id = frame.id,
+            .exposure_start_s = seconds(frame.exposure_start - start),
+            .exposure_start_uncertainty_s = seconds(frame.exposure_start_uncertainty),
+            .time_source = frame.time_source,
+            .device_time_ns = frame.device_time_ns,
+            .settings = frame.settings,
+            .corners = {},
+            .detection = {}};
 }
 
 FrameRecord read_frame_record(const JsonEntry& line) {
@@ -74,13 +65,13 @@ FrameRecord read_frame_record(const JsonEntry& line) {
     FrameRecord frame;
     frame.file = line.at("file").text();
     frame.sha256 = line.at("sha256").text();
-    frame.status = read_status(line.at("status"));
+    frame.status = value_named(line.at("status"), FrameStatus::timed_out);
     frame.status_detail = line.at("status_detail").text();
     frame.device_id = line.at("device_id").whole();
     frame.exposure_start_s = line.at("t").number(units::s.either_sign());
     frame.exposure_start_uncertainty_s =
         line.at("exposure_start_uncertainty_s").number(units::s.non_negative());
-    frame.time_source = read_time_source(line.at("time_source"));
+    frame.time_source = value_named(line.at("time_source"), TimeSource::recording);
     frame.device_time_ns = line.at("device_time_ns").whole();
     frame.settings = read_settings(line.at("settings"));
     return frame;

@@ -4,10 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <filesystem>
 #include <functional>
-#include <string>
-#include <vector>
 
 #include "core/config/json_entry.h"
 #include "core/image/image.h"

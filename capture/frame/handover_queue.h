@@ -2,12 +2,7 @@
 // be called from any thread, the others from the owner's alone.
 #pragma once
 
-#include <condition_variable>
 #include <deque>
-#include <mutex>
-#include <optional>
-#include <stop_token>
-#include <utility>
 
 #include "core/program/errors.h"
 #include "core/time/clock.h"

@@ -20,9 +20,9 @@ using enum PixelPacking;
 // PFNC name and code, V4L2, libcamera, packing, bits, mosaic, big-endian
 constexpr PixelFormat formats[] = {
     {"Mono8", 0x01080001, "GREY", "R8", bytes, 8, Mosaic::none, false},
-    {"Mono10", 0x01100003, "Y10 ", "R10", words_low, 10, Mosaic::none, false},
-    {"Mono12", 0x01100005, "Y12 ", "R12", words_low, 12, Mosaic::none, false},
-    {"Mono16", 0x01100007, "Y16 ", "R16", words_low, 16, Mosaic::none, false},
+    {"Mono10", 0x01100003, "Y10", "R10", words_low, 10, Mosaic::none, false},
+    {"Mono12", 0x01100005, "Y12", "R12", words_low, 12, Mosaic::none, false},
+    {"Mono16", 0x01100007, "Y16", "R16", words_low, 16, Mosaic::none, false},
     {"", 0, "Y16 -BE", "", words_low, 16, Mosaic::none, true},
     {"", 0, "Y012", "", words_high, 12, Mosaic::none, false},
     {"Mono10p", 0x010A0046, "", "", bit_stream, 10, Mosaic::none, false},
@@ -162,15 +162,13 @@ void unpack_groups(const std::uint8_t* in, std::size_t size, std::size_t pixels,
 
 void unpack_packed(const PixelFormat& format, const std::uint8_t* in, std::size_t size,
                    std::size_t pixels, std::uint16_t* out) {
-    const bool ten = format.bits == 10;
-    if (format.packing == bit_stream)
-        (ten ? unpack_groups<bit_stream_10, 5> : unpack_groups<bit_stream_12, 6>)(in, size, pixels,
-                                                                                  out);
-    else if (format.packing == gige_pairs)
-        (ten ? unpack_groups<gige_pairs_10, 6> : unpack_groups<gige_pairs_12, 6>)(in, size, pixels,
-                                                                                  out);
-    else
-        (ten ? unpack_groups<mipi_10, 5> : unpack_groups<mipi_12, 6>)(in, size, pixels, out);
+    constexpr decltype(&unpack_groups<mipi_10, 5>) of_bits[][2] = {
+        {unpack_groups<bit_stream_10, 5>, unpack_groups<bit_stream_12, 6>},
+        {unpack_groups<gige_pairs_10, 6>, unpack_groups<gige_pairs_12, 6>},
+        {unpack_groups<mipi_10, 5>, unpack_groups<mipi_12, 6>}};
+    const auto row =
+        static_cast<std::size_t>(format.packing) - static_cast<std::size_t>(bit_stream);
+    of_bits[row][format.bits == 12](in, size, pixels, out);
 }
 
 // ---- lines -----------------------------------------------------------------------------------
@@ -181,11 +179,10 @@ void unpack_words(const PixelFormat& format, const std::uint8_t* in, std::size_t
     if (format.big_endian)
         std::transform(out, out + pixels, out,
                        [](std::uint16_t w) { return static_cast<std::uint16_t>(w >> 8 | w << 8); });
-    if (format.packing == words_high) {
-        const int shift = 16 - format.bits;
-        std::transform(out, out + pixels, out,
-                       [=](std::uint16_t w) { return static_cast<std::uint16_t>(w >> shift); });
-    }
+    if (format.packing == words_high)
+        std::transform(out, out + pixels, out, [&](std::uint16_t w) {
+            return static_cast<std::uint16_t>(w >> (16 - format.bits));
+        });
 }
 
 // `size` is line_bytes() of as many pixels.
@@ -315,8 +312,8 @@ const PixelFormat* find_pfnc_format(std::uint32_t code) {
     return find(&PixelFormat::pfnc_code, code);
 }
 
-const PixelFormat* find_v4l2_format(std::string_view characters) {
-    return find(&PixelFormat::v4l2, characters);
+const PixelFormat* find_v4l2_format(std::string_view name) {
+    return find(&PixelFormat::v4l2, name);
 }
 
 const PixelFormat* find_libcamera_format(std::string_view name) {

@@ -7,10 +7,7 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <span>
-#include <string>
-#include <string_view>
 
 #include "core/image/image.h"
 
@@ -32,7 +29,7 @@ enum class PixelPacking {
 struct PixelFormat {
     std::string_view pfnc;        // "Mono12p"; empty where GenICam has no such format
     std::uint32_t pfnc_code = 0;  // 0x010C0047, as in a GigE Vision leader; 0: none
-    std::string_view v4l2;        // the four characters, "Y10 "; followed by "-BE" if big-endian
+    std::string_view v4l2;        // as people write the four characters: "Y10", "Y16 -BE"
     std::string_view libcamera;   // "R10", as PixelFormat::toString() has it
     PixelPacking packing = PixelPacking::bytes;
     int bits = 8;  // of a code: 8, or 9..16 where the packing holds more than bytes
@@ -55,7 +52,7 @@ std::span<const PixelFormat> pixel_formats();
 // Null where the table has none of that name.
 const PixelFormat* find_pfnc_format(std::string_view name);
 const PixelFormat* find_pfnc_format(std::uint32_t code);
-const PixelFormat* find_v4l2_format(std::string_view characters);
+const PixelFormat* find_v4l2_format(std::string_view name);
 const PixelFormat* find_libcamera_format(std::string_view name);
 
 // Bytes that the pixels of one line take, without padding; 0 for compressed formats.

@@ -1,12 +1,10 @@
 #include "capture/genicam/genicam_camera.h"
 
 #include <arv.h>
-#include <fmt/format.h>
 
 #include <set>
 
 #include "capture/frame/device_camera.h"
-#include "capture/genicam/genicam_device.h"
 #include "capture/genicam/genicam_settings.h"
 
 namespace etalon {
@@ -69,9 +67,6 @@ public:
             release_in_background(std::move(stream_));
     }
 
-    GenicamStream(const GenicamStream&) = delete;
-    GenicamStream& operator=(const GenicamStream&) = delete;
-
     // The next buffer that the library has done with; null where there is none (before the
     // deadline).
     Buffer waiting() { return Buffer(arv_stream_try_pop_buffer(stream_.get())); }
@@ -102,48 +97,43 @@ public:
         return true;
     }
 
-    // The frame in the buffer, without its times. Throws DeviceError for codes above the full
-    // scale.
-    Frame judged(ArvBuffer* buffer) {
+    // The frame in the buffer, which is given back, without its times.
+    Frame judged(Buffer owned) {
+        ArvBuffer* buffer = owned.get();
+        const CaptureSettings& settings = capture_.settings;
         Frame frame;
         frame.id = arv_buffer_get_frame_id(buffer);
-        frame.settings = capture_.settings;
+        frame.settings = settings;
         frame.mosaic = capture_.format->mosaic;
-        frame.device_time_ns = device_time_ns(buffer);
+        frame.device_time_ns = arv_buffer_get_timestamp(buffer);
         const BufferVerdict verdict = verdict_of_buffer(arv_buffer_get_status(buffer));
         reject(frame, verdict.status, verdict.detail);
-        if (frame.status != FrameStatus::complete)
-            return frame;
         PayloadParts parts;
-        if (const std::string fault = leader_fault(buffer); !fault.empty())
+        if (frame.status != FrameStatus::complete) {
+            // as the library says
+        } else if (const std::string fault = leader_fault(buffer); !fault.empty())
             reject(frame, FrameStatus::short_frame, fault);
         else if (const std::string damage = split(buffer, parts); !damage.empty())
             reject(frame, FrameStatus::corrupt, damage);
         else if (const std::string doubt = chunk_fault(buffer, parts); !doubt.empty())
             reject(frame, FrameStatus::corrupt, doubt);
         else
-            unpack_into(frame, parts.image);
+            unpack_into(frame, *capture_.format, {parts.image, settings.width, settings.height},
+                        settings.bits);
+        give_back(std::move(owned));
         return frame;
     }
 
-    static std::uint64_t device_time_ns(ArvBuffer* buffer) {
-        return arv_buffer_get_timestamp(buffer);
-    }
-
-    // Packets, underruns and skipped frames of this acquisition.
-    CaptureStatistics statistics() const {
-        CaptureStatistics statistics;
-        guint64 completed = 0, failed = 0, underruns = 0;
+    // Adds the packets, underruns and skipped frames of this acquisition.
+    void add_to(CaptureStatistics& sum) const {
+        guint64 completed = 0, failed = 0, underruns = 0, resent = 0, missing = 0;
         arv_stream_get_statistics(stream_.get(), &completed, &failed, &underruns);
-        statistics.underruns = static_cast<long>(underruns);
-        statistics.skipped = skipped_;
-        if (ARV_IS_GV_STREAM(stream_.get())) {
-            guint64 resent = 0, missing = 0;
+        if (ARV_IS_GV_STREAM(stream_.get()))
             arv_gv_stream_get_statistics(ARV_GV_STREAM(stream_.get()), &resent, &missing);
-            statistics.resent_packets = static_cast<long>(resent);
-            statistics.missing_packets = static_cast<long>(missing);
-        }
-        return statistics;
+        sum.underruns += static_cast<long>(underruns);
+        sum.skipped += skipped_;
+        sum.resent_packets += static_cast<long>(resent);
+        sum.missing_packets += static_cast<long>(missing);
     }
 
     // Whether chunks came that the library cannot read.
@@ -158,20 +148,6 @@ private:
                      "packet-timeout", static_cast<guint>(packet_timeout.count()), "packet-resend",
                      ARV_GV_STREAM_PACKET_RESEND_ALWAYS, "frame-retention",
                      static_cast<guint>(frame_retention.count()), nullptr);
-    }
-
-    void unpack_into(Frame& frame, std::span<const std::uint8_t> image) const {
-        const CaptureSettings& settings = capture_.settings;
-        std::string fault =
-            unpack(*capture_.format, {image, settings.width, settings.height}, frame.image);
-        if (!fault.empty()) {
-            reject(frame, FrameStatus::short_frame, fault);
-            return;
-        }
-        frame.image.bits = settings.bits;
-        fault = code_fault(frame.image, *capture_.format);
-        if (!fault.empty())
-            device_.fail("take a frame", fault);
     }
 
     // What is wrong with what a frame that the library calls good says of itself before its pixels,
@@ -232,7 +208,7 @@ private:
 
     // Both stamps lie in the exposure, so they cannot be further apart than it is long.
     std::string stamp_fault(ArvBuffer* buffer, const ChunkValues& values) const {
-        const std::uint64_t stamp = device_time_ns(buffer);
+        const std::uint64_t stamp = arv_buffer_get_timestamp(buffer);
         if (!values.time_ns || stamp == 0)
             return "";
         const microseconds allowed = capture_.settings.exposure + milliseconds(1);
@@ -277,13 +253,6 @@ private:
 
 // ---- the camera ------------------------------------------------------------------------------
 
-void add(const CaptureStatistics& of_stream, CaptureStatistics& sum) {
-    sum.missing_packets += of_stream.missing_packets;
-    sum.resent_packets += of_stream.resent_packets;
-    sum.underruns += of_stream.underruns;
-    sum.skipped += of_stream.skipped;
-}
-
 class GenicamCamera final : public DeviceCamera {
 public:
     GenicamCamera(const std::string& id, const CameraLink& link, Clock& clock)
@@ -293,34 +262,20 @@ public:
         identity_ = device_->identity();
     }
     ~GenicamCamera() override { disarm(); }
-    GenicamCamera(const GenicamCamera&) = delete;
-    GenicamCamera& operator=(const GenicamCamera&) = delete;
 
     CameraAbilities abilities() const override {
         require_alive("list abilities");
         return genicam_abilities(*device_);
     }
 
-    // The library only finds a device again when everything of the old one is gone.
     void reconnect(Instant deadline, std::stop_token stop) override {
-        const bool armed = armed_;
-        stop_stream();
-        device_.reset();
-        open_again(deadline, stop);
-        try {
-            take_up_again(armed);
-        } catch (const Error&) {
-            device_->lose();
-            stop_stream();
-            throw;
-        }
-        ++statistics_.reconnects;
+        reconnect_every(between_openings, deadline, stop);
     }
 
     CaptureStatistics statistics() const override {
         CaptureStatistics now = statistics_;
         if (stream_)
-            add(stream_->statistics(), now);
+            stream_->add_to(now);
         return now;
     }
 
@@ -328,12 +283,8 @@ public:
         std::vector<std::string> remarks;
         if (device_)
             remarks = device_->remarks();
-        for (const auto* more : {&capture_.remarks, &ptp_remarks_})
+        for (const auto* more : {&capture_.remarks, &remarks_})
             remarks.insert(remarks.end(), more->begin(), more->end());
-        if (had_unreadable_chunks_ || (stream_ && stream_->had_unreadable_chunks()))
-            remarks.emplace_back(
-                "this version of Aravis cannot read the camera's chunks: the exposure "
-                "and gain of each frame are not compared");
         return remarks;
     }
 
@@ -361,10 +312,8 @@ private:
     }
 
     void stop_stream() noexcept override {
-        if (stream_) {
-            add(stream_->statistics(), statistics_);
-            had_unreadable_chunks_ |= stream_->had_unreadable_chunks();
-        }
+        if (stream_)
+            stream_->add_to(statistics_);
         stream_.reset();
     }
 
@@ -397,72 +346,63 @@ private:
     Frame next_frame(Instant t, std::stop_token stop) override {
         // The answer to an old trigger may still come and would pass for the new one's. Only a new
         // stream, on a port of its own, is sure to be without it.
-        if (answer_outstanding_ || !stream_) {
-            stop_stream();
-            start_stream();
-        }
+        if (answer_outstanding_ || !stream_)
+            restart_stream();
         wait_until_after(clock_, t, stop);
-        if (by_software())
-            return triggered_frame(stop);
-        return streamed_frame(t, stop);
-    }
-
-    Frame triggered_frame(std::stop_token stop) {
-        discard_stale_frames();
-        const Instant sent = clock_.now();
-        trigger();
-        const Instant deadline = clock_.now() + link_.frame_timeout;
-        while (auto buffer = stream_->next(clock_, deadline, stop)) {
-            if (stream_->is_newer(buffer.get())) {
-                const Instant arrival = clock_.now();
-                Frame frame = stream_->judged(buffer.get());
-                stream_->give_back(std::move(buffer));
-                date(frame, {sent, arrival});
-                return frame;
-            }
-            ++statistics_.rejected;
-            stream_->give_back(std::move(buffer));
-        }
-        answer_outstanding_ = true;
-        return nothing_came();
-    }
-
-    // Without a clock the camera begins anew, so that whatever comes began after now.
-    Frame streamed_frame(Instant t, std::stop_token stop) {
-        read_clock();
-        Instant earliest = Instant::min();  // known from the frame's stamp
-        if (!device_clock_.known()) {
-            earliest = clock_.now();
-            stop_stream();
-            start_stream();
-        }
-        discard_stale_frames();
+        const Instant earliest = begin_exposure();
         const Instant deadline = clock_.now() + link_.frame_timeout;
         while (auto buffer = stream_->next(clock_, deadline, stop)) {
             const Instant arrival = clock_.now();
-            const bool newer = stream_->is_newer(buffer.get());
-            Frame frame = stream_->judged(buffer.get());
-            stream_->give_back(std::move(buffer));
+            if (!stream_->is_newer(buffer.get())) {
+                ++statistics_.rejected;
+                stream_->give_back(std::move(buffer));
+                continue;
+            }
+            Frame frame = stream_->judged(std::move(buffer));
+            require_codes(frame, *capture_.format);
+            if (stream_->had_unreadable_chunks())
+                remark(
+                    "this version of Aravis cannot read the camera's chunks: the exposure and gain "
+                    "of each frame are not compared");
             date(frame, {earliest, arrival});
-            if (newer && (frame.status != FrameStatus::complete ||
-                          frame.exposure_start - frame.exposure_start_uncertainty > t))
+            if (by_software() || frame.status != FrameStatus::complete ||
+                frame.exposure_start - frame.exposure_start_uncertainty > t)
                 return frame;
             ++statistics_.rejected;  // too old
         }
-        return nothing_came();
+        answer_outstanding_ = by_software();
+        return nothing_came(fmt::format("no frame within {} ms", link_.frame_timeout.count()));
     }
 
-    Frame nothing_came() const {
-        Frame frame;
-        frame.settings = capture_.settings;
-        frame.status_detail = fmt::format("no frame within {} ms", link_.frame_timeout.count());
-        return frame;
+    // Triggers where the camera is triggered by software. Returns before when no frame that comes
+    // can have begun, as far as the station knows; otherwise the frame's stamp must tell. Without a
+    // clock a camera that runs freely begins anew.
+    Instant begin_exposure() {
+        Instant earliest = Instant::min();
+        if (!by_software()) {
+            read_clock();
+            if (!device_clock_.known()) {
+                earliest = clock_.now();
+                restart_stream();
+            }
+        }
+        discard_stale_frames();
+        if (by_software()) {
+            earliest = clock_.now();
+            trigger();
+        }
+        return earliest;
+    }
+
+    void restart_stream() {
+        stop_stream();
+        start_stream();
     }
 
     void discard_stale_frames() {
         while (auto buffer = stream_->waiting()) {
             stream_->is_newer(buffer.get());
-            last_device_ns_ = GenicamStream::device_time_ns(buffer.get());
+            last_device_ns_ = arv_buffer_get_timestamp(buffer.get());
             stream_->give_back(std::move(buffer));
             ++statistics_.rejected;
         }
@@ -474,14 +414,14 @@ private:
         device_clock_.forget();
         const auto ptp = read_ptp(*device_);
         if (ptp)
-            remark(*ptp);
+            remark_on_clock(*ptp);
         if (ptp && !ptp->steady())
             return;
         if (const auto reading = read_genicam_clock(*device_, clock_))
             device_clock_.read(reading->device_ns, reading->window);
     }
 
-    void remark(const PtpState& ptp) {
+    void remark_on_clock(const PtpState& ptp) {
         if (!ptp_states_.insert(ptp.status).second)
             return;
         std::string text = "PTP: the camera's clock is " + ptp.status;
@@ -489,7 +429,7 @@ private:
             text += fmt::format(", {} ns from its master's", *ptp.offset_ns);
         if (!ptp.steady())
             text += ": no frame is dated by it, since it may be set at any moment";
-        ptp_remarks_.push_back(text);
+        remark(text);
     }
 
     // A stamp may lie anywhere from the beginning to the end of the exposure: devices differ.
@@ -520,38 +460,21 @@ private:
                 frame.image = {};
             }
         }
-        frame.exposure_start_uncertainty = window.half_width();
-        frame.exposure_start = window.earliest + frame.exposure_start_uncertainty;
+        DeviceCamera::date(frame, window);
     }
 
-    void open_again(Instant deadline, std::stop_token stop) {
-        for (;;) {
-            if (stop.stop_requested())
-                throw Interrupted();
-            try {
-                arv_update_device_list();
-                device_ = std::make_unique<GenicamDevice>(id_, link_);
-                return;
-            } catch (const DeviceError&) {
-                if (clock_.now() >= deadline)
-                    throw;
-            }
-            clock_.wait_for(between_openings, stop);
-        }
+    // The library only finds a device again when everything of the old one is gone.
+    void close() noexcept override {
+        disarm();
+        device_.reset();
     }
 
-    void take_up_again(bool armed) {
+    void reopen() override {
+        arv_update_device_list();
+        device_ = std::make_unique<GenicamDevice>(id_, link_);
         if (device_->identity().serial != identity_.serial)
             fail("reconnect", fmt::format("camera {} came back in place of {}",
                                           device_->identity().serial, identity_.serial));
-        if (settings_) {
-            const CaptureSettings before = capture_.settings;
-            capture_ = configure_genicam(*device_, wanted_);
-            if (const auto difference = first_difference(before, capture_.settings, 0.0))
-                fail(difference->request + " again", difference->cause);
-        }
-        if (armed)
-            start_stream();
     }
 
     std::string id_;
@@ -561,10 +484,8 @@ private:
     std::unique_ptr<GenicamStream> stream_;
     DeviceClock device_clock_;
     std::set<std::string> ptp_states_;  // that were seen
-    std::vector<std::string> ptp_remarks_;
     std::uint64_t last_device_ns_ = 0;
     bool answer_outstanding_ = false;  // a trigger was sent whose frame never came
-    bool had_unreadable_chunks_ = false;
 };
 
 }  // namespace

@@ -1,30 +1,19 @@
 // GenICam cameras (GigE Vision, USB3 Vision) through Aravis 0.8: triggered by software, by a line,
-// or running freely.
+// or running freely. Every default of GigE Vision's transport was measured to fail somewhere, so
+// all of it is set: no packet socket (it binds the wrong network card), a packet size that is never
+// negotiated, one large receive buffer; the first frame is thrown away (unless a line triggers).
 //
-// A GigE Vision camera reaches us over UDP, and every default of the transport was measured to fail
-// somewhere, so all of it is set here on purpose: the kernel's packet socket is not used (it binds
-// the wrong network card), the packet size is given and never negotiated, the receive buffer is
-// asked for in one piece, and the first frame after a start is thrown away (unless a line
-// triggers).
+// Freshness: a frame that answers a software trigger began between that trigger and its own
+// arrival. Of any other the device's clock must say so, which is read before each frame; a stamp
+// may lie anywhere in the exposure. A device without a readable clock is started again after the
+// moment asked for. A clock that PTP has not synchronised yet counts as none. A frame whose stamp
+// contradicts what the station saw is `corrupt`; a triggered one is dated by its trigger alone. So
+// is a frame whose chunks say that it was taken otherwise than asked.
 //
-// Freshness: a frame that answers a software trigger began between sending that trigger and its own
-// arrival. Of any other the device's clock must say so: it is read before each frame, and a stamp
-// may lie anywhere in the exposure. A device without a readable clock is stopped and started again
-// after the moment asked for. A frame whose stamp contradicts what the station saw (a clock that
-// was set, wrapped or went back) is `corrupt`, and a triggered one is dated by its trigger alone. A
-// clock that PTP has not synchronised yet counts as none.
-//
-// Where the device says what a frame was taken with (chunks), a frame that was taken otherwise than
-// asked is `corrupt`.
-//
-// Loss: a request to a device that has gone fails after the control protocol's own five tries of
-// 0.5 s, which no setting of the library shortens (and waits for the heartbeat's). From then on
-// every call fails at once, and what the library still wants to tell the device is told in the
-// background. reconnect() makes all anew.
+// Loss: a request to a device that has gone fails after five tries of 0.5 s, which no setting of
+// the library shortens (and waits for the heartbeat's). From then on every call fails at once, and
+// what the library still wants to tell the device is told in the background.
 #pragma once
-
-#include <memory>
-#include <string>
 
 #include "capture/frame/camera.h"
 

@@ -19,46 +19,7 @@ std::uint32_t number(std::span<const std::uint8_t> bytes, std::endian order) {
     return value;
 }
 
-}  // namespace
-
-const Chunk* PayloadParts::find(std::uint32_t id) const {
-    const auto found = std::find_if(chunks.begin(), chunks.end(),
-                                    [&](const Chunk& each) { return each.id == id; });
-    return found == chunks.end() ? nullptr : &*found;
-}
-
-std::string split_payload(std::span<const std::uint8_t> payload, std::size_t image_bytes,
-                          std::endian order, PayloadParts& parts) {
-    parts = {};
-    std::size_t end = payload.size();
-    while (end != 0 && end != image_bytes) {
-        if (end < tag_bytes)
-            return fmt::format("{} bytes are left over before its chunks", end);
-        if (parts.chunks.size() == max_chunks)
-            return fmt::format("it has more than {} chunks", max_chunks);
-        const std::size_t before = end - tag_bytes;
-        const std::uint32_t id = number(payload.subspan(before, 4), order);
-        const std::size_t length = number(payload.subspan(before + 4, 4), order);
-        if (length > before)
-            return fmt::format("its chunk {:#x} has a length of {} bytes, {} are there", id, length,
-                               before);
-        end = before - length;
-        parts.chunks.push_back({id, payload.subspan(end, length)});
-    }
-    parts.image = payload.first(end);
-    if (end == 0 && !parts.chunks.empty()) {
-        parts.image = parts.chunks.back().data;
-        parts.chunks.pop_back();
-    }
-    return "";
-}
-
-namespace {
-
-constexpr const char* exposure_feature = "ChunkExposureTime";
-constexpr const char* gain_feature = "ChunkGain";
 constexpr const char* time_feature = "ChunkTimestamp";
-constexpr const char* frame_id_feature = "ChunkFrameID";
 
 constexpr int max_links = 8;              // from a feature to its register
 constexpr std::uint64_t max_bytes = 256;  // of a value's chunk
@@ -208,38 +169,65 @@ std::string layout_fault(const ChunkField& field, const PayloadParts& parts) {
     return "";
 }
 
-void store(const ChunkField& field, double value, ChunkValues& values) {
-    if (field.feature == exposure_feature)
-        values.exposure_us = value;
-    else if (field.feature == gain_feature)
-        values.gain_db = value;
-}
-
-void store(const ChunkField& field, std::uint64_t value, ChunkValues& values) {
-    if (field.feature == time_feature)
-        values.time_ns = nanoseconds_of_ticks(value, field.ticks_a_second);
-    else if (field.feature == frame_id_feature)
-        values.frame_id = value;
-    else
-        store(field, static_cast<double>(value), values);
-}
-
 std::string read_field(const ChunkField& field, ArvChunkParser* parser, ArvBuffer* buffer,
                        ChunkValues& values) {
     ErrorSlot error;
-    if (field.whole)
-        store(field,
-              static_cast<std::uint64_t>(arv_chunk_parser_get_integer_value(
-                  parser, buffer, field.feature.c_str(), error.out())),
-              values);
-    else
-        store(field,
-              arv_chunk_parser_get_float_value(parser, buffer, field.feature.c_str(), error.out()),
-              values);
-    return error ? field.feature + ": " + error.message() : "";
+    const char* name = field.feature.c_str();
+    std::uint64_t whole = 0;
+    double number = 0.0;
+    if (field.whole) {
+        whole = static_cast<std::uint64_t>(
+            arv_chunk_parser_get_integer_value(parser, buffer, name, error.out()));
+        number = static_cast<double>(whole);
+    } else {
+        number = arv_chunk_parser_get_float_value(parser, buffer, name, error.out());
+    }
+    if (error)
+        return field.feature + ": " + error.message();
+    if (field.feature == "ChunkExposureTime")
+        values.exposure_us = number;
+    else if (field.feature == "ChunkGain")
+        values.gain_db = number;
+    else if (field.whole && field.feature == time_feature)
+        values.time_ns = nanoseconds_of_ticks(whole, field.ticks_a_second);
+    else if (field.whole)
+        values.frame_id = whole;
+    return "";
 }
 
 }  // namespace
+
+const Chunk* PayloadParts::find(std::uint32_t id) const {
+    const auto found = std::find_if(chunks.begin(), chunks.end(),
+                                    [&](const Chunk& each) { return each.id == id; });
+    return found == chunks.end() ? nullptr : &*found;
+}
+
+std::string split_payload(std::span<const std::uint8_t> payload, std::size_t image_bytes,
+                          std::endian order, PayloadParts& parts) {
+    parts = {};
+    std::size_t end = payload.size();
+    while (end != 0 && end != image_bytes) {
+        if (end < tag_bytes)
+            return fmt::format("{} bytes are left over before its chunks", end);
+        if (parts.chunks.size() == max_chunks)
+            return fmt::format("it has more than {} chunks", max_chunks);
+        const std::size_t before = end - tag_bytes;
+        const std::uint32_t id = number(payload.subspan(before, 4), order);
+        const std::size_t length = number(payload.subspan(before + 4, 4), order);
+        if (length > before)
+            return fmt::format("its chunk {:#x} has a length of {} bytes, {} are there", id, length,
+                               before);
+        end = before - length;
+        parts.chunks.push_back({id, payload.subspan(end, length)});
+    }
+    parts.image = payload.first(end);
+    if (end == 0 && !parts.chunks.empty()) {
+        parts.image = parts.chunks.back().data;
+        parts.chunks.pop_back();
+    }
+    return "";
+}
 
 GenicamChunks switch_chunks_on(const GenicamDevice& device) {
     GenicamChunks chunks;

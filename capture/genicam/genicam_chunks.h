@@ -6,12 +6,7 @@
 #pragma once
 
 #include <bit>
-#include <cstdint>
-#include <memory>
-#include <optional>
 #include <span>
-#include <string>
-#include <vector>
 
 #include "capture/genicam/genicam_device.h"
 
@@ -20,14 +15,11 @@ typedef struct _ArvBuffer ArvBuffer;
 
 namespace etalon {
 
-// Where the chunks of a GenICam payload lie. In chunk mode a device sends its image and what it
-// says of it as chunks one after the other: the data of each, then its id and its length in bytes,
-// 4 bytes each, big-endian with GigE Vision and little-endian with USB3 Vision. Only the end of the
-// payload is known, so they are read backwards. The image is the first of them; some devices send
-// it without id and length. What the chunks mean is in genicam_chunks.h.
-//
-// Lengths come from a device and over a network: nothing outside the payload is ever touched.
-
+// In chunk mode a device sends its image and what it says of it as chunks one after the other: the
+// data of each, then its id and its length in bytes, 4 bytes each, big-endian with GigE Vision and
+// little-endian with USB3 Vision. Only the end of the payload is known, so they are read backwards.
+// The image is the first of them; some devices send it without id and length. Nothing outside the
+// payload is ever touched, whatever the lengths say.
 struct Chunk {
     std::uint32_t id = 0;
     std::span<const std::uint8_t> data;

@@ -1,20 +1,13 @@
-#include "capture/genicam/genicam_description.h"
-
 #include <fmt/format.h>
 #include <libxml/parser.h>
 #include <libxml/tree.h>
 
-#include <algorithm>
 #include <cctype>
 #include <cerrno>
 #include <cstdlib>
-#include <map>
-#include <memory>
 #include <set>
-#include <string_view>
-#include <vector>
 
-#include "core/program/errors.h"
+#include "capture/genicam/genicam_device.h"
 
 namespace etalon {
 namespace {

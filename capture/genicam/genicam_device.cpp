@@ -3,23 +3,19 @@
 #include <arv.h>
 #include <fmt/format.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <cmath>
-#include <thread>
 
+#include "capture/frame/frame_checks.h"
 #include "capture/genicam/genicam_camera.h"
-#include "capture/genicam/genicam_description.h"
+#include "core/file/file_descriptor.h"
 
 namespace etalon {
 namespace {
 
 using LostFlag = std::shared_ptr<std::atomic<bool>>;
 
-struct UnrefAddress {
-    void operator()(GInetAddress* address) const { g_object_unref(address); }
-};
-using Address = std::unique_ptr<GInetAddress, UnrefAddress>;
+using Address = std::unique_ptr<GInetAddress, UnrefObject>;
 
 // On the library's heartbeat thread, where nothing but a flag may be touched.
 void control_lost(ArvDevice*, const LostFlag* lost) {
@@ -57,11 +53,7 @@ void UnrefObject::operator()(void* object) const {
 }
 
 void release_in_background(std::shared_ptr<void> object) noexcept {
-    try {
-        std::thread([held = std::move(object)]() mutable { held.reset(); }).detach();
-    } catch (const std::system_error&) {
-        // No thread to be had: the object's own destructor has waited instead.
-    }
+    run_bounded([held = std::move(object)]() mutable { held.reset(); }, Duration(0));
 }
 
 GenicamDevice::GenicamDevice(const std::string& id, const CameraLink& link)
@@ -209,38 +201,28 @@ void GenicamDevice::set_packets(const CameraLink& link) {
 
 // The kernel counts its own bookkeeping in, so it reports twice what it was asked (socket(7)).
 int granted_receive_buffer(int asked) {
-    const int socket = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    if (socket < 0)
-        return asked;  // no answer is no finding
+    const FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
     int size = asked;
     socklen_t length = sizeof size;
-    const bool known = setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &size, length) == 0 &&
-                       getsockopt(socket, SOL_SOCKET, SO_RCVBUF, &size, &length) == 0;
-    close(socket);
+    const bool known = setsockopt(socket.get(), SOL_SOCKET, SO_RCVBUF, &size, length) == 0 &&
+                       getsockopt(socket.get(), SOL_SOCKET, SO_RCVBUF, &size, &length) == 0;
     return known ? size / 2 : asked;
 }
 
 BufferVerdict verdict_of_buffer(int status) {
-    switch (status) {
-        case ARV_BUFFER_STATUS_SUCCESS:
-            return {FrameStatus::complete, "success"};
-        case ARV_BUFFER_STATUS_CLEARED:
-            return {FrameStatus::lost, "buffer cleared"};
-        case ARV_BUFFER_STATUS_TIMEOUT:
-            return {FrameStatus::corrupt, "packets timed out"};
-        case ARV_BUFFER_STATUS_MISSING_PACKETS:
-            return {FrameStatus::corrupt, "missing packets"};
-        case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
-            return {FrameStatus::corrupt, "wrong packet id"};
-        case ARV_BUFFER_STATUS_SIZE_MISMATCH:
-            return {FrameStatus::short_frame, "size mismatch"};
-        case ARV_BUFFER_STATUS_FILLING:
-            return {FrameStatus::lost, "still filling"};
-        case ARV_BUFFER_STATUS_ABORTED:
-            return {FrameStatus::lost, "aborted"};
-        default:
-            return {FrameStatus::lost, "unknown status"};
-    }
+    constexpr std::pair<int, BufferVerdict> verdicts[] = {
+        {ARV_BUFFER_STATUS_SUCCESS, {FrameStatus::complete, "success"}},
+        {ARV_BUFFER_STATUS_CLEARED, {FrameStatus::lost, "buffer cleared"}},
+        {ARV_BUFFER_STATUS_TIMEOUT, {FrameStatus::corrupt, "packets timed out"}},
+        {ARV_BUFFER_STATUS_MISSING_PACKETS, {FrameStatus::corrupt, "missing packets"}},
+        {ARV_BUFFER_STATUS_WRONG_PACKET_ID, {FrameStatus::corrupt, "wrong packet id"}},
+        {ARV_BUFFER_STATUS_SIZE_MISMATCH, {FrameStatus::short_frame, "size mismatch"}},
+        {ARV_BUFFER_STATUS_FILLING, {FrameStatus::lost, "still filling"}},
+        {ARV_BUFFER_STATUS_ABORTED, {FrameStatus::lost, "aborted"}}};
+    for (const auto& [known, verdict] : verdicts)
+        if (status == known)
+            return verdict;
+    return {FrameStatus::lost, "unknown status"};
 }
 
 std::vector<CameraIdentity> list_genicam_cameras() {
@@ -311,8 +293,8 @@ PtpState ptp_state(const GenicamDevice& device, const PtpFeatures& features) {
     if (device.has(features.latch))
         device.call("latch the PTP state", arv_camera_execute_command, features.latch);
     PtpState state;
-    const char* status = device.call("read the PTP state", arv_camera_get_string, features.status);
-    state.status = status ? status : "";
+    state.status =
+        text_or_empty(device.call("read the PTP state", arv_camera_get_string, features.status));
     if (state.status == "Slave" && device.has(features.offset))
         state.offset_ns =
             device.call("read the PTP offset", arv_camera_get_integer, features.offset);

@@ -4,14 +4,8 @@
 #pragma once
 
 #include <atomic>
-#include <chrono>
-#include <memory>
-#include <string>
-#include <type_traits>
-#include <vector>
 
 #include "capture/frame/camera.h"
-#include "core/image/image.h"
 
 typedef struct _ArvCamera ArvCamera;  // Aravis' own declarations
 typedef struct _ArvDevice ArvDevice;
@@ -47,14 +41,19 @@ struct UnrefObject {
 // of its own.
 void release_in_background(std::shared_ptr<void> object) noexcept;
 
+// Checks a camera's GenICam description before the library follows it: Aravis takes references and
+// lengths as they come (0.8.26), and would run out of stack, of time or of memory. Refuses what is
+// not well-formed; a value that refers to itself, or to more than 64 others one after another; a
+// value that takes more than 100 000 others; a register of more than 1 GiB. Throws Error, with the
+// line and the name. Lengths that the camera says only when asked (pLength) are not seen. Linear.
+void require_sound_description(const std::string& xml);
+
 class GenicamDevice {
 public:
     // `id`: an IP address or a device id. Throws DeviceError; CameraBusy while another program has
     // control.
     GenicamDevice(const std::string& id, const CameraLink& link);
     ~GenicamDevice();
-    GenicamDevice(const GenicamDevice&) = delete;
-    GenicamDevice& operator=(const GenicamDevice&) = delete;
 
     ArvCamera* camera() const { return camera_.get(); }
     const CameraIdentity& identity() const { return identity_; }
@@ -120,9 +119,6 @@ private:
 // Asked of the kernel for a stream, in bytes; without it a 1.3-megapixel camera at 50 Hz delivers
 // nothing on loopback (measured).
 inline constexpr int receive_buffer_bytes = 4 << 20;
-
-// What the GenICam backend needs besides the camera itself: the kernel's say on the receive buffer,
-// and the library's buffer status in this project's words.
 
 // What the kernel grants of a UDP receive buffer of `asked` bytes; `asked` where it will not say.
 int granted_receive_buffer(int asked);

@@ -119,9 +119,8 @@ bool has_black_level(const GenicamDevice& device) {
 void set_exposure(const GenicamDevice& device, microseconds exposure) {
     if (exposure.count() == 0)
         return;
-    device.ask(fmt::format("set exposure {} us", exposure.count()), [&](GError** e) {
-        arv_camera_set_exposure_time(device.camera(), static_cast<double>(exposure.count()), e);
-    });
+    device.call(fmt::format("set exposure {} us", exposure.count()), arv_camera_set_exposure_time,
+                static_cast<double>(exposure.count()));
 }
 
 // A device without a feature is read back without it, and a wish for it refused then.
@@ -254,23 +253,21 @@ std::optional<double> said(double bound) {
 }
 
 void describe_number(const GenicamDevice& device, ArvGcNode* node, CameraControl& control) {
-    ErrorSlot ignored[3];
-    if (ARV_IS_GC_FLOAT(node)) {
-        control.low = said(arv_gc_float_get_min(ARV_GC_FLOAT(node), ignored[0].out()));
-        control.high = said(arv_gc_float_get_max(ARV_GC_FLOAT(node), ignored[1].out()));
-        const double step = arv_gc_float_get_inc(ARV_GC_FLOAT(node), ignored[2].out());
-        if (!ignored[2] && step > 1e-300)  // the smallest number there is: no step
-            control.step = said(step);
-        control.unit = text_or_empty(arv_gc_float_get_unit(ARV_GC_FLOAT(node)));
-    } else {
-        control.low = said(
-            static_cast<double>(arv_gc_integer_get_min(ARV_GC_INTEGER(node), ignored[0].out())));
-        control.high = said(
-            static_cast<double>(arv_gc_integer_get_max(ARV_GC_INTEGER(node), ignored[1].out())));
-        control.step = said(
-            static_cast<double>(arv_gc_integer_get_inc(ARV_GC_INTEGER(node), ignored[2].out())));
-        control.unit = text_or_empty(arv_gc_integer_get_unit(ARV_GC_INTEGER(node)));
-    }
+    const auto describe = [&](auto* number, auto low, auto high, auto step, auto unit) {
+        ErrorSlot ignored[2], no_step;
+        control.low = said(static_cast<double>(low(number, ignored[0].out())));
+        control.high = said(static_cast<double>(high(number, ignored[1].out())));
+        const auto increment = static_cast<double>(step(number, no_step.out()));
+        if (!no_step && increment > 1e-300)  // the smallest number there is: no step
+            control.step = said(increment);
+        control.unit = text_or_empty(unit(number));
+    };
+    if (ARV_IS_GC_FLOAT(node))
+        describe(ARV_GC_FLOAT(node), arv_gc_float_get_min, arv_gc_float_get_max,
+                 arv_gc_float_get_inc, arv_gc_float_get_unit);
+    else
+        describe(ARV_GC_INTEGER(node), arv_gc_integer_get_min, arv_gc_integer_get_max,
+                 arv_gc_integer_get_inc, arv_gc_integer_get_unit);
     control.value = fmt::format("{:g}", feature_number(device, control.name));
 }
 

@@ -6,7 +6,6 @@
 
 #include "capture/frame/pixel_formats.h"
 #include "capture/genicam/genicam_chunks.h"
-#include "capture/genicam/genicam_device.h"
 
 namespace etalon {
 

@@ -1,12 +1,9 @@
 #include "capture/libcamera/libcamera_camera.h"
 
-#include <fmt/format.h>
-
 #include <cmath>
-#include <future>
-#include <thread>
 
 #include "capture/frame/device_camera.h"
+
 namespace etalon {
 namespace {
 
@@ -18,25 +15,6 @@ constexpr int warm_up_frames = UsbDelay::frames_on_their_way + 1;
 constexpr int max_stale_frames = 40;  // in a row, of a camera whose frames all seem old
 constexpr milliseconds stop_patience{2000};
 constexpr milliseconds reopen_pause{250};
-
-// Carries out what may take as long as a driver likes. False if it still runs after `patience`:
-// then it goes on in the background with what it holds.
-bool done_within(Duration patience, std::function<void()> call) noexcept {
-    const auto job = std::make_shared<std::function<void()>>(std::move(call));
-    const auto done = std::make_shared<std::promise<void>>();
-    std::future<void> is_done = done->get_future();
-    const auto run = [job, done] {
-        (*job)();
-        *job = nullptr;
-        done->set_value();
-    };
-    try {
-        std::thread(run).detach();
-    } catch (const std::system_error&) {
-        run();  // no thread is to be had: patience is not, either
-    }
-    return is_done.wait_for(patience) == std::future_status::ready;
-}
 
 class LibcameraCamera final : public DeviceCamera {
 public:
@@ -63,14 +41,13 @@ public:
         for (const auto& [control, range] : device_->controls()) {
             const auto now = metadata_.find(control);
             abilities.controls.push_back(
-                {control,
-                 now == metadata_.end() ? "" : fmt::format("{}", now->second),
-                 control == "ExposureTime" ? "us" : "",
-                 range.low,
-                 range.high,
-                 {},
-                 {},
-                 false});
+                {.name = control,
+                 .value = now == metadata_.end() ? "" : fmt::format("{}", now->second),
+                 .unit = control == "ExposureTime" ? "us" : "",
+                 .low = range.low,
+                 .high = range.high,
+                 .step = {},
+                 .choices = {}});
         }
         return abilities;
     }
@@ -78,8 +55,6 @@ public:
     void reconnect(Instant deadline, std::stop_token stop) override {
         reconnect_every(reopen_pause, deadline, stop);
     }
-
-    std::vector<std::string> remarks() const override { return remarks_; }
 
 private:
     [[noreturn]] void lose(const std::string& request, const std::string& cause) {
@@ -93,17 +68,8 @@ private:
     }
 
     CaptureSettings apply(const CaptureSettings& wanted) override {
-        try {
-            const CaptureSettings actual = applied(wanted);
-            stop_stream();
-            return actual;
-        } catch (const Error&) {
-            stop_stream();
-            throw;
-        }
-    }
-
-    CaptureSettings applied(const CaptureSettings& wanted) {
+        // The stream that tells what is in force ends with this function.
+        const std::shared_ptr<void> stopping(nullptr, [this](void*) { stop_stream(); });
         if (wanted.black_level)
             fail("set black level", "libcamera cannot set it");
         if (!wanted.trigger.empty() && wanted.trigger != "none")
@@ -168,30 +134,27 @@ private:
                                                    in_words(control, actual->second)));
             }
         if (!unmentioned.empty())
-            remarks_.push_back(
-                "set but not read back, since the frames' metadata do not mention it: " +
-                unmentioned);
+            remark("set but not read back, since the frames' metadata do not mention it: " +
+                   unmentioned);
         if (!metadata_.count("ExposureTime"))
             remarks_.push_back(
                 "whatever libcamera has no control for stays as it is, such as the sharpening of a "
-                "USB "
-                "camera (v4l2: reaches it)");
-        if (format_->lossy())
-            remarks_.push_back(stream_.format + " is lossy: its pixels are not the sensor's codes");
-        if (format_->luma_of_colours())
-            remarks_.push_back(fmt::format("of {} the luma is kept, which the camera made{}",
-                                           stream_.format,
-                                           stream_.limited_range ? ", from 16 to 235 only" : ""));
+                "USB camera (v4l2: reaches it)");
+        remark_on_format(*format_, stream_.format,
+                         stream_.limited_range ? ", from 16 to 235 only" : "");
     }
 
-    CaptureSettings with_metadata(CaptureSettings settings, const LibcameraValues& metadata) const {
-        for (auto& [control, value] : settings.controls)
-            if (const auto actual = metadata.find(control); actual != metadata.end())
-                value = actual->second;
-        if (const auto exposure = metadata.find("ExposureTime"); exposure != metadata.end())
-            settings.exposure = microseconds(std::llround(exposure->second));
-        if (const auto gain = metadata.find("AnalogueGain"); gain != metadata.end())
-            settings.gain_db = gain_db(gain->second);
+    static CaptureSettings with_metadata(CaptureSettings settings,
+                                         const LibcameraValues& metadata) {
+        for (const auto& [control, value] : metadata) {
+            if (const auto asked = settings.controls.find(control);
+                asked != settings.controls.end())
+                asked->second = value;
+            if (control == "ExposureTime")
+                settings.exposure = microseconds(std::llround(value));
+            else if (control == "AnalogueGain")
+                settings.gain_db = gain_db(value);
+        }
         return settings;
     }
 
@@ -218,14 +181,11 @@ private:
             placed(raw);
             metadata_ = raw.metadata;
             device_->give_back(raw.buffer);
-            if (frames >= warm_up_frames && settled())
+            if (frames >= warm_up_frames &&
+                !contradicted(plan_.asked, metadata_, exposure_step_us()) &&
+                !contradicted(plan_.automatics, metadata_, exposure_step_us()))
                 return;
         }
-    }
-
-    bool settled() const {
-        return !contradicted(plan_.asked, metadata_, exposure_step_us()) &&
-               !contradicted(plan_.automatics, metadata_, exposure_step_us());
     }
 
     LibcameraFrame next_while_settling() {
@@ -244,7 +204,7 @@ private:
     void stop_stream() noexcept override {
         if (!std::exchange(streaming_, false))
             return;
-        if (device_ && !done_within(stop_patience, [device = device_] { device->stop(); })) {
+        if (device_ && !run_bounded([device = device_] { device->stop(); }, stop_patience)) {
             lost_ = true;
             device_.reset();  // it is the background's now
         }
@@ -253,7 +213,7 @@ private:
     void close() noexcept override {
         armed_ = streaming_ = false;
         if (device_)
-            done_within(stop_patience, [device = std::move(device_)]() mutable { device.reset(); });
+            run_bounded([device = std::move(device_)]() mutable { device.reset(); }, stop_patience);
     }
 
     void reopen() override {
@@ -268,23 +228,20 @@ private:
         wait_until_after(clock_, t, stop);
         waiting_since_ = clock_.now();
         expected_.reset();
-        Frame none;
         for (int stale = 0; stale < max_stale_frames; ++stale) {
             const auto raw = device_->next(link_.frame_timeout, stop);
             if (!raw) {
                 if (device_->disconnected() || device_->is_silently_gone())
                     lose("take a frame", "the camera is gone");
-                none.status_detail =
-                    fmt::format("no frame within {} ms", link_.frame_timeout.count());
-                return none;
+                return nothing_came(
+                    fmt::format("no frame within {} ms", link_.frame_timeout.count()));
             }
             if (const auto frame = judged(*raw, t))
                 return *frame;
             ++statistics_.rejected;
         }
-        none.status_detail = fmt::format(
-            "{} frames came, none of them begun after the moment asked for", max_stale_frames);
-        return none;
+        return nothing_came(fmt::format(
+            "{} frames came, none of them begun after the moment asked for", max_stale_frames));
     }
 
     FrameTiming::Start placed(const LibcameraFrame& raw) {
@@ -308,7 +265,9 @@ private:
         else if (raw.status == LibcameraFrame::Status::error)
             frame.status_detail = "libcamera flags the frame as damaged";
         else
-            unpack_into(frame, raw);
+            unpack_into(frame, *format_,
+                        {raw.data, settings_->width, settings_->height, stream_.bytes_per_line},
+                        settings_->bits);
         device_->give_back(raw.buffer);
         require_as_asked(frame, raw.metadata);
         return frame;
@@ -331,35 +290,15 @@ private:
         frame.time_source = TimeSource::driver_start;
         frame.device_time_ns = static_cast<std::uint64_t>(raw.timestamp_ns.value_or(0));
         frame.status = FrameStatus::corrupt;
-        if (start.fault.empty()) {
-            frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
-            frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
-        }
+        if (start.fault.empty())
+            date(frame, {start.earliest, start.latest});
         return frame;
-    }
-
-    void unpack_into(Frame& frame, const LibcameraFrame& raw) const {
-        const RawImage image{raw.data, settings_->width, settings_->height, stream_.bytes_per_line};
-        const std::size_t needed =
-            image_bytes(*format_, image.width, image.height, image.bytes_per_line);
-        frame.status_detail = unpack(*format_, image, frame.image);
-        if (!frame.status_detail.empty()) {
-            frame.status =
-                raw.data.size() < needed ? FrameStatus::short_frame : FrameStatus::corrupt;
-            return;
-        }
-        frame.status = FrameStatus::complete;
-        frame.image.bits = settings_->bits;
     }
 
     void require_as_asked(const Frame& frame, const LibcameraValues& metadata) const {
         if (const auto changed = contradicted(plan_.asked, metadata, exposure_step_us()))
             fail("take a frame", "it was told to " + changed->request + ": " + changed->cause);
-        if (frame.status != FrameStatus::complete)
-            return;
-        const std::string fault = code_fault(frame.image, *format_);
-        if (!fault.empty())
-            fail("take a frame", fault);
+        require_codes(frame, *format_);
     }
 
     std::string id_;
@@ -370,7 +309,6 @@ private:
     LibcameraStream stream_;
     LibcameraPlan plan_;
     LibcameraValues metadata_;  // of the latest frame
-    std::vector<std::string> remarks_;
 
     bool streaming_ = false;
     FrameTiming timing_;

@@ -1,23 +1,13 @@
 // Cameras behind libcamera: sensors on embedded boards, with or without an image processor, and USB
-// ones. They run freely; a frame is waited for, not triggered.
-//
-// Fresh: what a request brings is taken only if its exposure began after the moment asked for;
-// older ones, with which the requests were filled while nobody asked, are queued again.
-// SensorTimestamp is defined as the beginning of the first line's exposure, but what drivers stamp
-// is its readout, or the arrival of the first data. FrameTiming (libcamera_device.h) says what
-// follows from that.
-//
-// A camera is silent when no frame comes within the link's frame_timeout, however old.
+// ones. They run freely; a frame is waited for, not triggered. What a request brings is taken only
+// if its exposure began after the moment asked for (FrameTiming in libcamera_device.h); older ones
+// are queued again. A camera is silent when no frame comes within the link's frame_timeout.
 //
 // Settings reach the sensor some frames late. They are in force when the frames' metadata say so,
 // which configure() and arm() wait for, at most 20 frames, and which every frame is asked again.
 // What is asked for and is never mentioned there (USB cameras tell no exposure) is refused; v4l2:
 // reads such cameras back.
 #pragma once
-
-#include <functional>
-#include <memory>
-#include <string>
 
 #include "capture/libcamera/libcamera_device.h"
 

@@ -1,6 +1,5 @@
 #include "capture/libcamera/libcamera_device.h"
 
-#include <fmt/format.h>
 #include <libcamera/camera.h>
 #include <libcamera/camera_manager.h>
 #include <libcamera/control_ids.h>
@@ -91,41 +90,37 @@ private:
 
 // ---- values --------------------------------------------------------------------------------
 
-// A scalar of any type as a number; nothing for arrays, rectangles and texts.
-std::optional<double> number_in(const libcamera::ControlValue& value) {
-    if (value.isArray())
-        return std::nullopt;
-    switch (value.type()) {
+// Calls `use` with a zero of the scalar's type; not at all for rectangles and texts.
+template <class Use>
+void with_scalar(libcamera::ControlType type, const Use& use) {
+    switch (type) {
         case libcamera::ControlTypeBool:
-            return value.get<bool>() ? 1.0 : 0.0;
+            return use(bool{});
         case libcamera::ControlTypeByte:
-            return value.get<std::uint8_t>();
+            return use(std::uint8_t{});
         case libcamera::ControlTypeInteger32:
-            return value.get<std::int32_t>();
+            return use(std::int32_t{});
         case libcamera::ControlTypeInteger64:
-            return static_cast<double>(value.get<std::int64_t>());
+            return use(std::int64_t{});
         case libcamera::ControlTypeFloat:
-            return value.get<float>();
+            return use(float{});
         default:
-            return std::nullopt;
+            return;
     }
 }
 
+std::optional<double> number_in(const libcamera::ControlValue& value) {
+    std::optional<double> number;
+    if (!value.isArray())
+        with_scalar(value.type(),
+                    [&](auto zero) { number = static_cast<double>(value.get<decltype(zero)>()); });
+    return number;
+}
+
 libcamera::ControlValue value_of(libcamera::ControlType type, double number) {
-    switch (type) {
-        case libcamera::ControlTypeBool:
-            return number != 0.0;
-        case libcamera::ControlTypeByte:
-            return static_cast<std::uint8_t>(number);
-        case libcamera::ControlTypeInteger32:
-            return static_cast<std::int32_t>(number);
-        case libcamera::ControlTypeInteger64:
-            return static_cast<std::int64_t>(number);
-        case libcamera::ControlTypeFloat:
-            return static_cast<float>(number);
-        default:
-            return {};
-    }
+    libcamera::ControlValue value;
+    with_scalar(type, [&](auto zero) { value.set(static_cast<decltype(zero)>(number)); });
+    return value;
 }
 
 LibcameraValues values_in(const libcamera::ControlList& list) {
@@ -242,9 +237,6 @@ public:
         camera_->release();
         camera_.reset();  // before the manager
     }
-
-    Device(const Device&) = delete;
-    Device& operator=(const Device&) = delete;
 
     const CameraIdentity& identity() const override { return identity_; }
 
@@ -490,7 +482,7 @@ struct Neutral {
 };
 
 // libcamera's definitions of the controls say these values. Modes: manual or off.
-constexpr std::array<Neutral, 14> neutral_values = {{
+constexpr Neutral neutral_values[] = {
     {"AeEnable", 0},
     {"ExposureTimeMode", 1},
     {"AnalogueGainMode", 1},
@@ -505,7 +497,7 @@ constexpr std::array<Neutral, 14> neutral_values = {{
     {"Contrast", 1},
     {"Saturation", 1},
     {"Gamma", 1},
-}};
+};
 
 LibcameraValues asked_values(const CaptureSettings& wanted) {
     LibcameraValues asked(wanted.controls.begin(), wanted.controls.end());
@@ -513,11 +505,6 @@ LibcameraValues asked_values(const CaptureSettings& wanted) {
         asked["ExposureTime"] = static_cast<double>(wanted.exposure.count());
     asked["AnalogueGain"] = gain_factor(wanted.gain_db);
     return asked;
-}
-
-std::optional<double> value_in(const LibcameraValues& values, const char* control) {
-    const auto found = values.find(control);
-    return found == values.end() ? std::nullopt : std::optional(found->second);
 }
 
 // What the difference between two readings of one control may be: the step of the exposure, that of
@@ -648,8 +635,8 @@ std::optional<Duration> FrameTiming::period() const {
 
 // How long before its stamp the exposure of the newest frame may have begun.
 std::optional<Duration> FrameTiming::longest_age(const LibcameraFrame& frame) const {
-    if (const auto exposure = value_in(frame.metadata, "ExposureTime"))
-        return std::chrono::microseconds(std::llround(*exposure));
+    if (const auto exposure = frame.metadata.find("ExposureTime"); exposure != frame.metadata.end())
+        return std::chrono::microseconds(std::llround(exposure->second));
     return usb_delay_.longest();
 }
 

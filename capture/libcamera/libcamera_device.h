@@ -1,24 +1,11 @@
 // One libcamera camera, reduced to what the backend needs of it and said in plain types, so that
-// tests can script one. Not a Camera: it neither judges frames nor knows what was wished for.
+// tests can script one. It neither judges frames nor knows what was wished for.
 //
-// The real one uses only what libcamera 0.0.3 and all later versions have. What differs between
-// them is avoided instead of switched: controls and pixel formats go by their names, so that a
-// control which a version does not have (ExposureTimeMode came with 0.5) is one that this camera
-// does not have.
+// Only what libcamera 0.0.3 and all later versions have is used; controls and pixel formats go by
+// their names, so that one which a version lacks is one that this camera lacks.
 #pragma once
 
-#include <cstdint>
-#include <map>
-#include <memory>
-#include <optional>
-#include <span>
-#include <stop_token>
-#include <string>
-#include <vector>
-
-#include "capture/frame/camera.h"
 #include "capture/frame/frame_checks.h"
-#include "capture/frame/pixel_formats.h"
 #include "capture/v4l2/v4l2_timing.h"
 
 namespace etalon {

@@ -1,16 +1,17 @@
 #include "capture/v4l2/v4l2_camera.h"
 
-#include <fmt/format.h>
 #include <linux/videodev2.h>
 #include <poll.h>
 
 #include <array>
 #include <atomic>
+#include <cctype>
 #include <cerrno>
+#include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "capture/frame/device_camera.h"
-#include "capture/v4l2/v4l2_controls.h"
 #include "capture/v4l2/v4l2_timing.h"
 
 namespace etalon {
@@ -18,6 +19,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using std::chrono::duration_cast;
+using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
 constexpr milliseconds look_around{10};  // a stop request is noticed within this
@@ -48,7 +50,7 @@ const PixelFormat* monochrome_format(const std::vector<CameraFormat>& offered, i
     };
     const PixelFormat* best = nullptr;
     for (const CameraFormat& format : offered) {
-        const PixelFormat* candidate = find_trimmed_v4l2_format(format.name);
+        const PixelFormat* candidate = find_v4l2_format(format.name);
         if (candidate && rank(*candidate) > (best ? rank(*best) : 0))
             best = candidate;
     }
@@ -62,6 +64,301 @@ std::string names_of(const std::vector<CameraFormat>& formats) {
             names += (names.empty() ? "" : ", ") + format.name;
     return names.empty() ? "none that this program can unpack" : names;
 }
+
+// ---- controls --------------------------------------------------------------------------------
+
+constexpr int exposure_unit_us = 100;  // of V4L2_CID_EXPOSURE_ABSOLUTE
+
+// Where a control is to be when it does nothing.
+struct Rest {
+    enum class Place { value, lowest, normal };
+    std::uint32_t id;
+    Place place;
+    std::int64_t value = 0;
+};
+using enum Rest::Place;
+
+// Automatic functions first: while they run, the controls below them cannot be set.
+constexpr Rest rests[] = {
+    {V4L2_CID_EXPOSURE_AUTO, value, V4L2_EXPOSURE_MANUAL},
+    {V4L2_CID_EXPOSURE_AUTO_PRIORITY, value},
+    {V4L2_CID_AUTOGAIN, value},
+    {V4L2_CID_AUTO_WHITE_BALANCE, value},
+    {V4L2_CID_AUTO_N_PRESET_WHITE_BALANCE, value, V4L2_WHITE_BALANCE_MANUAL},
+    {V4L2_CID_HUE_AUTO, value},
+    {V4L2_CID_AUTOBRIGHTNESS, value},
+    {V4L2_CID_CHROMA_AGC, value},
+    {V4L2_CID_ISO_SENSITIVITY_AUTO, value, V4L2_ISO_SENSITIVITY_MANUAL},
+    {V4L2_CID_FOCUS_AUTO, value},
+    {V4L2_CID_SCENE_MODE, value, V4L2_SCENE_MODE_NONE},
+    {V4L2_CID_POWER_LINE_FREQUENCY, value, V4L2_CID_POWER_LINE_FREQUENCY_DISABLED},
+    {V4L2_CID_BAND_STOP_FILTER, value},
+    {V4L2_CID_WIDE_DYNAMIC_RANGE, value},
+    {V4L2_CID_IMAGE_STABILIZATION, value},
+    {V4L2_CID_COLORFX, value, V4L2_COLORFX_NONE},
+    {V4L2_CID_TEST_PATTERN, value},
+    {V4L2_CID_HFLIP, value},
+    {V4L2_CID_VFLIP, value},
+    {V4L2_CID_ROTATE, value},
+    {V4L2_CID_BACKLIGHT_COMPENSATION, lowest},
+    {V4L2_CID_SHARPNESS, lowest},
+    {V4L2_CID_GAIN, lowest},
+    {V4L2_CID_BRIGHTNESS, normal},
+    {V4L2_CID_CONTRAST, normal},
+    {V4L2_CID_GAMMA, normal},
+    {V4L2_CID_SATURATION, normal},
+    {V4L2_CID_HUE, normal},
+};
+
+// Drivers' own enhancing functions have no number that all share, only names.
+constexpr std::string_view enhancing_names[] = {"noise_reduction", "denoise", "hdr"};
+
+std::string normalised(std::string_view name) {
+    std::string result;
+    for (const char c : name) {
+        const auto letter = static_cast<unsigned char>(c);
+        if (std::isalnum(letter))
+            result += static_cast<char>(std::tolower(letter));
+        else if (!result.empty() && result.back() != '_')
+            result += '_';
+    }
+    while (!result.empty() && result.back() == '_')
+        result.pop_back();
+    return result;
+}
+
+bool is_menu(std::uint32_t type) {
+    return type == V4L2_CTRL_TYPE_MENU || type == V4L2_CTRL_TYPE_INTEGER_MENU;
+}
+
+bool has_a_number(std::uint32_t type) {
+    return type == V4L2_CTRL_TYPE_INTEGER || type == V4L2_CTRL_TYPE_INTEGER64 ||
+           type == V4L2_CTRL_TYPE_BOOLEAN || type == V4L2_CTRL_TYPE_BITMASK || is_menu(type);
+}
+
+bool enhances(const std::string& name) {
+    return std::any_of(std::begin(enhancing_names), std::end(enhancing_names),
+                       [&](std::string_view part) { return name.find(part) != name.npos; });
+}
+
+// The controls of a video node: exposure, and everything that would make a picture differ from what
+// the sensor saw. A control's name here is the driver's, written as v4l2-ctl does: lower case, with
+// one underscore for whatever is neither letter nor digit ("exposure_time_absolute"). Source: the
+// kernel's "Extended Controls API" and "Camera Control Reference".
+class V4l2Controls {
+public:
+    // Asks the device which it has. The device outlives this.
+    explicit V4l2Controls(V4l2Device& device) : device_(device) {
+        v4l2_query_ext_ctrl answer{};
+        answer.id = V4L2_CTRL_FLAG_NEXT_CTRL;
+        while (controls_.size() < 1000 && device_.ask(VIDIOC_QUERY_EXT_CTRL, &answer) == 0) {
+            if (has_a_number(answer.type) && !(answer.flags & V4L2_CTRL_FLAG_DISABLED))
+                controls_.push_back(
+                    {answer.id, answer.type, answer.flags,
+                     normalised({answer.name, strnlen(answer.name, sizeof answer.name)}),
+                     answer.minimum, answer.maximum, static_cast<std::int64_t>(answer.step),
+                     answer.default_value});
+            answer.id |= V4L2_CTRL_FLAG_NEXT_CTRL;
+        }
+        if (device_.lost())
+            device_.fail("list the controls", ENODEV);
+    }
+
+    // With their values now.
+    std::vector<CameraControl> list() {
+        std::vector<CameraControl> all;
+        for (const Control& control : controls_)
+            all.push_back(described(control));
+        return all;
+    }
+
+    // Every automatic function off; whatever enhances, mirrors or replaces the image at rest:
+    // sharpness, gain and backlight compensation lowest, tone and colour controls at the driver's
+    // default. Returns a line for each that could not be brought there.
+    std::vector<std::string> bring_to_rest() {
+        std::vector<std::string> remarks;
+        const auto bring = [&](const Control& control, std::int64_t rest) {
+            if (const auto remark = bring_to(control, rest))
+                remarks.push_back(*remark);
+        };
+        for (const Rest& rest : rests) {
+            const Control* control = find(rest.id);
+            if (control)
+                bring(*control, rest.place == value    ? rest.value
+                                : rest.place == lowest ? control->low
+                                                       : control->normal);
+        }
+        for (const Control& control : controls_)
+            if (enhances(control.name))
+                bring(control, control.low);
+        return remarks;
+    }
+
+    // Sets and reads back. Throws DeviceError when there is no such control, the value is out of
+    // its range or no whole number, or the device uses another.
+    void set(const std::string& name, double value) {
+        const std::string what = fmt::format("set control {} = {}", name, value);
+        const Control& control = named(name, what);
+        if (value != std::floor(value) || std::abs(value) > 1e15)
+            device_.fail(what, "controls are whole numbers");
+        set_checked(control, static_cast<std::int64_t>(value), what);
+    }
+
+    double get(const std::string& name) {
+        const std::string what = "read control " + name;
+        std::int64_t value = 0;
+        if (const int error = read(named(name, what), value))
+            device_.fail(what, error);
+        return static_cast<double>(value);
+    }  // throws as above
+
+    // Exposure time in the API's steps of 100 us; nothing where the device does not say it so.
+    std::optional<microseconds> exposure() {
+        const Control* control = find(V4L2_CID_EXPOSURE_ABSOLUTE);
+        std::int64_t units = 0;
+        if (!control || read(*control, units) != 0)
+            return std::nullopt;
+        return microseconds(units * exposure_unit_us);
+    }
+    microseconds exposure_step() const {
+        const Control* control = find(V4L2_CID_EXPOSURE_ABSOLUTE);
+        return microseconds(exposure_unit_us *
+                            (control ? std::max<std::int64_t>(control->step, 1) : 1));
+    }
+
+    // To the nearest step. Throws DeviceError when there is no such control, it is refused, or
+    // the automatic exposure cannot be switched off.
+    void set_exposure(microseconds exposure) {
+        const std::string what = fmt::format("set exposure {} us", exposure.count());
+        const Control* control = find(V4L2_CID_EXPOSURE_ABSOLUTE);
+        if (!control)
+            device_.fail(what, "the device has no exposure time in known units");
+        if (const Control* automatic = find(V4L2_CID_EXPOSURE_AUTO)) {
+            std::int64_t mode = 0;
+            if (read(*automatic, mode) != 0 ||
+                (mode != V4L2_EXPOSURE_MANUAL && mode != V4L2_EXPOSURE_SHUTTER_PRIORITY))
+                device_.fail(what, "the automatic exposure cannot be switched off");
+        }
+        const std::int64_t step = exposure_step().count() / exposure_unit_us;
+        const double steps = (static_cast<double>(exposure.count()) / exposure_unit_us -
+                              static_cast<double>(control->low)) /
+                             static_cast<double>(step);
+        const std::int64_t units = control->low + std::llround(steps) * step;
+        set_checked(*control, units, what);
+    }
+
+private:
+    struct Control {
+        std::uint32_t id, type, flags;
+        std::string name;
+        std::int64_t low, high, step, normal;
+    };
+
+    const Control* find(std::uint32_t id) const {
+        const auto found = std::find_if(controls_.begin(), controls_.end(),
+                                        [=](const Control& control) { return control.id == id; });
+        return found == controls_.end() ? nullptr : &*found;
+    }
+    const Control& named(const std::string& name, const std::string& what) const {
+        const auto found =
+            std::find_if(controls_.begin(), controls_.end(),
+                         [&](const Control& control) { return control.name == normalised(name); });
+        if (found == controls_.end())
+            device_.fail(what, "the device has no such control");
+        return *found;
+    }
+    int transfer(unsigned long direction, const Control& control, std::int64_t& value) {
+        const bool is_wide = control.type == V4L2_CTRL_TYPE_INTEGER64;
+        v4l2_ext_control one{};
+        one.id = control.id;
+        if (is_wide)
+            one.value64 = value;
+        else
+            one.value = static_cast<std::int32_t>(value);
+        v4l2_ext_controls request{};
+        request.which = V4L2_CTRL_WHICH_CUR_VAL;
+        request.count = 1;
+        request.controls = &one;
+        const int error = device_.ask(direction, &request);
+        value = is_wide ? one.value64 : one.value;
+        return error;
+    }
+    int read(const Control& control, std::int64_t& value) {
+        return transfer(VIDIOC_G_EXT_CTRLS, control, value);
+    }
+    int write(const Control& control, std::int64_t value) {
+        return transfer(VIDIOC_S_EXT_CTRLS, control, value);
+    }
+    void set_checked(const Control& control, std::int64_t value, const std::string& what) {
+        if (value < control.low || value > control.high)
+            device_.fail(what,
+                         fmt::format("{} takes {} to {}", control.name, control.low, control.high));
+        if (const int error = write(control, value))
+            device_.fail(what, error);
+        std::int64_t actual = 0;
+        if (const int error = read(control, actual))
+            device_.fail(what, error);
+        if (actual != value)
+            device_.fail(what, fmt::format("the device uses {} = {}", control.name, actual));
+    }
+    std::optional<std::string> bring_to(const Control& control, std::int64_t rest) {
+        // Nothing if it is there.
+        std::int64_t actual = 0;
+        if (read(control, actual) == 0 && actual == rest)
+            return std::nullopt;
+        const int refused = write(control, rest);
+        if (device_.lost())
+            device_.fail("set " + control.name, ENODEV);
+        if (const int error = read(control, actual))
+            return fmt::format("{} cannot be read: {}", control.name, describe_error(error));
+        if (actual == rest)
+            return std::nullopt;
+        return fmt::format("{} stays at {}: it cannot be set to {}{}", control.name, actual, rest,
+                           refused ? ", " + describe_error(refused) : "");
+    }
+    std::vector<std::string> choices(const Control& control) {
+        // "1: Manual Mode": the number is what set() takes; drivers leave numbers out.
+        std::vector<std::string> found;
+        v4l2_querymenu item{};
+        item.id = control.id;
+        for (std::int64_t i = std::max<std::int64_t>(control.low, 0);
+             i <= std::min<std::int64_t>(control.high, 255); ++i) {
+            item.index = static_cast<std::uint32_t>(i);
+            if (device_.ask(VIDIOC_QUERYMENU, &item) != 0)
+                continue;
+            const char* name = reinterpret_cast<const char*>(item.name);
+            const std::int64_t number = item.value;  // the other member of a packed union
+            found.push_back(fmt::format("{}: {}", i,
+                                        control.type == V4L2_CTRL_TYPE_INTEGER_MENU
+                                            ? std::to_string(number)
+                                            : std::string(name, strnlen(name, 32))));
+        }
+        return found;
+    }
+    CameraControl described(const Control& control) {
+        CameraControl result;
+        result.name = control.name;
+        result.read_only = control.flags & V4L2_CTRL_FLAG_READ_ONLY;
+        std::int64_t number = 0;
+        const bool known = read(control, number) == 0;
+        result.value = known ? std::to_string(number) : "";
+        result.low = static_cast<double>(control.low);
+        result.high = static_cast<double>(control.high);
+        result.step = static_cast<double>(control.step);
+        if (control.id == V4L2_CID_EXPOSURE_ABSOLUTE)
+            result.unit = "100 us";
+        if (!is_menu(control.type))
+            return result;
+        result.choices = choices(control);
+        for (const std::string& choice : result.choices)
+            if (known && choice.rfind(std::to_string(number) + ":", 0) == 0)
+                result.value = choice;
+        return result;
+    }
+
+    V4l2Device& device_;
+    std::vector<Control> controls_;
+};
 
 // ---- a running stream ------------------------------------------------------------------------
 
@@ -135,8 +432,7 @@ public:
             device_.fail("take a frame", error);
         if (buffer.index >= mappings_.size())
             device_.fail("take a frame",
-                         fmt::format("the driver returns a buffer {} that it was not "
-                                     "given",
+                         fmt::format("the driver returns a buffer {} that it was not given",
                                      buffer.index));
         FilledBuffer filled;
         filled.index = buffer.index;
@@ -233,7 +529,7 @@ private:
             if (!*abandoned)
                 system.ioctl(file, VIDIOC_REQBUFS, &none);
         };
-        if (!run_bounded(task)) {
+        if (!run_bounded(task, v4l2_patience)) {
             *abandoned = true;
             device_.set_lost();
         }
@@ -272,8 +568,6 @@ public:
         reconnect_every(look_again, deadline, stop);
     }
 
-    std::vector<std::string> remarks() const override { return remarks_; }
-
 private:
     void open(const std::string& node) {
         device_ = std::make_unique<V4l2Device>(system_, node, name_);
@@ -303,7 +597,7 @@ private:
         const double step_us = static_cast<double>(controls_->exposure_step().count());
         refuse_if(first_difference(wanted, actual, step_us));
         require_alive("configure");
-        remark_on_format();
+        remark_on_format(*image_format_.pixels, image_format_.pixels->v4l2);
         return actual;
     }
 
@@ -330,7 +624,7 @@ private:
         if (!wanted.format.empty() && std::none_of(offered.begin(), offered.end(), is_wanted))
             fail(request, "the device offers " + names_of(offered));
         const PixelFormat* format = wanted.format.empty() ? monochrome_format(offered, wanted.bits)
-                                                          : find_trimmed_v4l2_format(wanted.format);
+                                                          : find_v4l2_format(wanted.format);
         if (!format)
             fail(request,
                  wanted.format.empty()
@@ -366,8 +660,7 @@ private:
         actual.width = image_format_.width;
         actual.height = image_format_.height;
         actual.bits = wanted.bits ? wanted.bits : image_format_.pixels->bits;
-        actual.format = std::string(image_format_.pixels->v4l2.substr(
-            0, image_format_.pixels->v4l2.find_last_not_of(' ') + 1));
+        actual.format = image_format_.pixels->v4l2;
         actual.exposure = controls_->exposure().value_or(0us);
         actual.trigger = "none";
         if (wanted.black_level)
@@ -402,19 +695,6 @@ private:
         return std::max<Duration>(period, settings_->exposure);
     }
 
-    void remark_on_format() {
-        const PixelFormat& format = *image_format_.pixels;
-        if (format.lossy())
-            remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", format.v4l2));
-        if (format.luma_of_colours())
-            remark(fmt::format("of {} the luma is kept, which the camera made", format.v4l2));
-    }
-
-    void remark(const std::string& text) {
-        if (std::find(remarks_.begin(), remarks_.end(), text) == remarks_.end())
-            remarks_.push_back(text);
-    }
-
     // The first frame, good or bad, that is not older.
     Frame next_frame(Instant t, std::stop_token stop) override {
         wait_until_after(clock_, t, stop);
@@ -429,7 +709,7 @@ private:
                 std::optional<Frame> frame = judged(*buffer, t);
                 stream_->give_back(*buffer);
                 if (frame) {
-                    require_codes(*frame);
+                    require_codes(*frame, *image_format_.pixels);
                     return std::move(*frame);
                 }
                 ++too_old;
@@ -442,12 +722,9 @@ private:
                 clock_.wait_for(1ms, stop);
             announced = stream_->wait(look_around);
         } while (clock_.now() < deadline);
-        Frame frame;
-        frame.settings = *settings_;
-        frame.status_detail =
+        return nothing_came(
             fmt::format("no frame within {} ms{}", duration_cast<milliseconds>(limit).count(),
-                        too_old ? fmt::format(", but {} that were too old", too_old) : "");
-        return frame;
+                        too_old ? fmt::format(", but {} that were too old", too_old) : ""));
     }
 
     // Nothing for a frame that is too old.
@@ -460,11 +737,11 @@ private:
             return std::nullopt;
         frame.status = FrameStatus::corrupt;
         frame.status_detail = !buffer.fault.empty() ? buffer.fault : stamp_fault;
-        if (!frame.status_detail.empty())
-            return frame;
-        frame.status_detail = unpacked(buffer, frame.image);
-        frame.status =
-            frame.status_detail.empty() ? FrameStatus::complete : FrameStatus::short_frame;
+        if (frame.status_detail.empty())
+            unpack_into(frame, *image_format_.pixels,
+                        {buffer.data, image_format_.width, image_format_.height,
+                         image_format_.bytes_per_line},
+                        settings_->bits);
         return frame;
     }
 
@@ -473,25 +750,15 @@ private:
         if (start.source == TimeSource::request)
             remark(
                 "the driver's time stamps are of an unknown clock or lie ahead of the frames: "
-                "their "
-                "arrival is used");
+                "their arrival is used");
         Frame frame;
         frame.mosaic = image_format_.pixels->mosaic;
         frame.id = frame_id_;
-        frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
-        frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
+        date(frame, {start.earliest, start.latest});
         frame.time_source = start.source;
         frame.device_time_ns = static_cast<std::uint64_t>(buffer.stamp.count());
         frame.settings = *settings_;
         return frame;
-    }
-
-    void require_codes(const Frame& frame) const {
-        if (frame.status != FrameStatus::complete)
-            return;
-        const std::string fault = code_fault(frame.image, *image_format_.pixels);
-        if (!fault.empty())
-            fail("take a frame", fault);
     }
 
     // The driver's counter has 32 bits, and some stand still or begin anew; a frame's id only
@@ -509,21 +776,8 @@ private:
         last_sequence_ = sequence;
     }
 
-    // What is wrong with the pixels; empty if nothing.
-    std::string unpacked(const FilledBuffer& buffer, CodeImage& image) const {
-        const PixelFormat& format = *image_format_.pixels;
-        std::string fault = unpack(
-            format,
-            {buffer.data, image_format_.width, image_format_.height, image_format_.bytes_per_line},
-            image);
-        if (fault.empty())
-            image.bits = settings_->bits;
-        return fault;
-    }
-
     V4l2System& system_;
     V4l2Identity device_identity_;
-    std::vector<std::string> remarks_;
 
     // In this order, so that the stream ends before its device closes.
     std::unique_ptr<V4l2Device> device_;

@@ -18,11 +18,6 @@
 // by name in CaptureSettings::controls. So is the frame rate, as "frame_rate" (Hz).
 #pragma once
 
-#include <memory>
-#include <string>
-#include <vector>
-
-#include "capture/frame/camera.h"
 #include "capture/v4l2/v4l2_device.h"
 
 namespace etalon {

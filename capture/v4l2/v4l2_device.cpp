@@ -13,8 +13,8 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
-#include <future>
-#include <thread>
+
+#include "capture/frame/frame_checks.h"
 
 namespace etalon {
 namespace {
@@ -80,19 +80,9 @@ public:
     }
 };
 
-}  // namespace
-
-V4l2System& v4l2_system() {
-    static KernelSystem system;
-    return system;
-}
-
-namespace {
-
 constexpr std::uint32_t big_endian_bit = 1u << 31;
 constexpr double max_period_s = 3600.0;  // between frames; more is no answer
 constexpr double max_rate_hz = 1e5;
-constexpr std::chrono::milliseconds run_limit{1200};  // twice (stream, file) within 3 s
 
 // A field of fixed size that the driver need not end with a zero.
 template <std::size_t size>
@@ -101,22 +91,12 @@ std::string text(const __u8 (&field)[size]) {
     return {begin, strnlen(begin, size)};
 }
 
-std::string fourcc_characters(std::uint32_t fourcc) {
-    std::string characters(4, ' ');
-    for (unsigned i = 0; i < 4; ++i)
-        characters[i] = static_cast<char>((fourcc & ~big_endian_bit) >> 8 * i & 0xFF);
-    return characters + (fourcc & big_endian_bit ? "-BE" : "");
-}
-
 std::uint32_t fourcc_of(const PixelFormat& format) {
     std::uint32_t fourcc = format.v4l2.size() > 4 ? big_endian_bit : 0;
+    const std::string characters = fmt::format("{:<4}", format.v4l2);
     for (unsigned i = 0; i < 4; ++i)
-        fourcc |= std::uint32_t{static_cast<unsigned char>(format.v4l2[i])} << 8 * i;
+        fourcc |= std::uint32_t{static_cast<unsigned char>(characters[i])} << 8 * i;
     return fourcc;
-}
-
-std::string trimmed(std::string_view characters) {
-    return std::string(characters.substr(0, characters.find_last_not_of(' ') + 1));
 }
 
 // The members that single- and multi-planar formats share.
@@ -173,34 +153,23 @@ FrameSizes frame_sizes(const v4l2_frmsizeenum& answer) {
 
 }  // namespace
 
-std::string v4l2_format_name(std::uint32_t fourcc) {
-    return trimmed(fourcc_characters(fourcc));
+V4l2System& v4l2_system() {
+    static KernelSystem system;
+    return system;
 }
 
-const PixelFormat* find_trimmed_v4l2_format(const std::string& name) {
-    const auto formats = pixel_formats();
-    const auto found = std::find_if(formats.begin(), formats.end(), [&](const PixelFormat& f) {
-        return !f.v4l2.empty() && trimmed(f.v4l2) == trimmed(name);
-    });
-    return found == formats.end() ? nullptr : &*found;
+std::string v4l2_format_name(std::uint32_t fourcc) {
+    std::string name;
+    for (unsigned i = 0; i < 4; ++i)
+        name += static_cast<char>((fourcc & ~big_endian_bit) >> 8 * i & 0xFF);
+    name += fourcc & big_endian_bit ? "-BE" : "";
+    return name.substr(0, name.find_last_not_of(' ') + 1);
 }
 
 std::string describe_error(int error) {
     const char* name = strerrorname_np(error);
     return fmt::format("{} ({})", std::generic_category().message(error),
                        name ? name : std::to_string(error));
-}
-
-bool run_bounded(const std::function<void()>& task) noexcept {
-    try {
-        std::packaged_task<void()> packaged(task);
-        const std::future<void> done = packaged.get_future();
-        std::thread(std::move(packaged)).detach();
-        return done.wait_for(run_limit) == std::future_status::ready;
-    } catch (const std::system_error&) {  // no thread to be had
-        task();
-        return true;
-    }
 }
 
 V4l2Device::V4l2Device(V4l2System& system, const std::string& node, std::string name)
@@ -218,7 +187,7 @@ V4l2Device::V4l2Device(V4l2System& system, const std::string& node, std::string 
 }
 
 V4l2Device::~V4l2Device() {
-    run_bounded([&system = system_, file = file_] { system.close(file); });
+    run_bounded([&system = system_, file = file_] { system.close(file); }, v4l2_patience);
 }
 
 void V4l2Device::read_capability() {
@@ -282,7 +251,7 @@ std::vector<CameraFormat> V4l2Device::formats() {
         CameraFormat format;
         format.name = v4l2_format_name(answer.pixelformat);
         format.description = text(answer.description);
-        if (const PixelFormat* known = find_trimmed_v4l2_format(format.name))
+        if (const PixelFormat* known = find_v4l2_format(format.name))
             format.bits = known->bits;
         format.sizes = sizes(answer.pixelformat);
         found.push_back(std::move(format));

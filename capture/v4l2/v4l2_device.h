@@ -6,24 +6,14 @@
 
 #include <sys/types.h>
 
-#include <chrono>
-#include <cstddef>
-#include <functional>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "capture/frame/camera.h"
 #include "capture/frame/pixel_formats.h"
 
 namespace etalon {
 
-// The system calls that the V4L2 backend makes, in one place, so that tests can put a scripted
-// device in the kernel's stead (tests/fakes/fake_v4l2.h). No knowledge of video: see
-// v4l2_device.h.
-//
-// Results are the kernel's: 0 or more, or the negative error number. Nothing throws or retries.
-
+// The system calls that the V4L2 backend makes, so that tests can put a scripted device in the
+// kernel's stead. Results are the kernel's: 0 or more, or the negative error number. Nothing throws
+// or retries.
 class V4l2System {
 public:
     virtual ~V4l2System() = default;
@@ -125,15 +115,11 @@ private:
 
 constexpr const char* frame_rate_name = "frame_rate";  // in CaptureSettings::controls
 
-// A format's four characters without trailing blanks, as people write them: "Y10", "Y16 -BE".
+// How long a hanging driver is waited for: twice (stream, file) within 3 s.
+inline constexpr std::chrono::milliseconds v4l2_patience{1200};
+
+// As PixelFormat::v4l2 has it.
 std::string v4l2_format_name(std::uint32_t fourcc);
-
-// The table's format of that name; null where there is none.
-const PixelFormat* find_trimmed_v4l2_format(const std::string& name);
-
-// Runs what a hanging driver may never end. True when it is done; after 1.2 s false, and it goes on
-// in the background, so it must own all that it touches.
-bool run_bounded(const std::function<void()>& task) noexcept;
 
 // What is wrong, in words: "No such device (ENODEV)".
 std::string describe_error(int error);

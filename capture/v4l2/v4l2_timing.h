@@ -2,16 +2,12 @@
 // proves is in v4l2_camera.h.
 #pragma once
 
-#include <algorithm>
-#include <chrono>
-#include <cstdint>
+#include <fmt/format.h>
+
 #include <deque>
-#include <optional>
 #include <span>
-#include <string>
 
 #include "capture/frame/camera.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 
@@ -99,21 +95,76 @@ public:
     // For each frame once, in their order, with its number in the stream: what is wrong with its
     // stamp; empty if nothing. A stamp ahead of the frame's arrival by up to the longest hold is
     // none, but is not used either.
-    std::string check(const FilledBuffer& buffer, std::uint64_t number, Instant now);
+    std::string check(const FilledBuffer& buffer, std::uint64_t number, Instant now) {
+        if (buffer.meaning == StampMeaning::nothing)
+            return "";
+        const auto last = std::exchange(last_stamp_, buffer.stamp);
+        usb_delay_.came(number, buffer.stamp);
+        if (instant_of(buffer.stamp) > now + camera_.longest_hold + stamp_lead)
+            return fmt::format("its time stamp lies {:.3f} ms in the future",
+                               milliseconds_of(instant_of(buffer.stamp) - now));
+        if (last && buffer.stamp <= *last)
+            return fmt::format("its time stamp is {:.3f} ms before the last frame's",
+                               milliseconds_of(*last - buffer.stamp));
+        return "";
+    }
 
     // Of the frame that was checked last, taken from the queue at `now`. Where nothing is known of
     // the earliest start it is the beginning of time.
-    ExposureStart exposure_start(const FilledBuffer& buffer, Instant now) const;
+    ExposureStart exposure_start(const FilledBuffer& buffer, Instant now) const {
+        ExposureStart start = stamped(buffer, now);
+        if (!camera_.over_usb || buffer.meaning == StampMeaning::nothing)
+            return start;
+        const auto delay = usb_delay_.longest();
+        const Instant earliest = delay ? instant_of(buffer.stamp - *delay) : Instant();
+        const bool by_arrival = start.source == TimeSource::request;
+        start.earliest = by_arrival ? std::min(start.earliest, earliest) : earliest;
+        return start;
+    }
 
     // Until a frame comes that surely began later than now: it is stamped so much later, and is the
     // next after that.
     Duration longest_wait() const { return longest_delay() + camera_.longest_hold; }
 
 private:
+    // Of a stamp at the start of the exposure; of one before its frame's arrival, by rounding.
+    static constexpr Duration stamp_accuracy = std::chrono::microseconds(500);
+    static constexpr Duration stamp_lead = std::chrono::milliseconds(1);
+
+    static double milliseconds_of(Duration duration) {
+        return std::chrono::duration<double, std::milli>(duration).count();
+    }
+
+    // The kernel's monotonic clock is the one behind steady_clock.
+    static Instant instant_of(std::chrono::nanoseconds stamp) {
+        return Instant(std::chrono::duration_cast<Duration>(stamp));
+    }
+
     // From the earliest start of an exposure to the stamp of its frame.
     Duration longest_delay() const { return camera_.longest_exposure + camera_.longest_hold; }
-    ExposureStart stamped(const FilledBuffer& buffer, Instant now) const;
-    StampMeaning meaning_of(const FilledBuffer& buffer, Instant now) const;
+    ExposureStart stamped(const FilledBuffer& buffer, Instant now) const {
+        const Instant stamp = instant_of(buffer.stamp);
+        const Instant latest = stamp - camera_.shortest_exposure;
+        switch (meaning_of(buffer, now)) {
+            case StampMeaning::exposure_start:
+                if (!camera_.over_usb)
+                    return {stamp - stamp_accuracy, stamp + stamp_accuracy,
+                            TimeSource::driver_start};
+                return {stamp - longest_delay(), latest, TimeSource::driver_start};
+            case StampMeaning::frame_end:
+                return {stamp - longest_delay(), latest, TimeSource::driver_end};
+            case StampMeaning::nothing:
+                break;
+        }
+        return {seen_empty_ - longest_delay(), now - camera_.shortest_exposure,
+                TimeSource::request};
+    }
+    StampMeaning meaning_of(const FilledBuffer& buffer, Instant now) const {
+        // Some drivers stamp a frame with the moment at which it would have ended, and hand it out
+        // before.
+        const bool ahead = instant_of(buffer.stamp) > now + stamp_lead;
+        return ahead ? StampMeaning::nothing : buffer.meaning;
+    }
 
     Camera camera_;
     Instant seen_empty_;

@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <cmath>
-#include <limits>
 
 #include "compare/edges/edge_fit.h"
 #include "core/program/errors.h"
@@ -18,22 +15,11 @@ constexpr std::size_t min_edges_for_sigma = 4, min_edges_for_profile = 8;
 constexpr double profile_bin_px = 0.25;
 constexpr double profile_significance = 0.001;
 
-// Standard uncertainty of sqrt(v), the larger of its two sides: finite at v = 0 too.
-double root_uncertainty(double v, double u) {
-    return std::max(std::sqrt(v + u) - std::sqrt(v),
-                    std::sqrt(v) - std::sqrt(std::max(v - u, 0.0)));
-}
-
+// The uncertainty of the square root is the larger of its two sides: finite at 0 too.
 BlurWidth width_of(const EdgeFit& fit) {
-    BlurWidth width;
-    width.variance_px2 = fit.parameters[0];
-    width.variance_standard_uncertainty_px2 = std::sqrt(fit.covariance(0, 0));
-    width.sigma_px = std::sqrt(width.variance_px2);
-    width.standard_uncertainty_px =
-        root_uncertainty(width.variance_px2, width.variance_standard_uncertainty_px2);
-    width.residual_rms = fit.residual_rms;
-    width.edges = fit.used_edges;
-    return width;
+    const double v = fit.parameters[0], u = std::sqrt(fit.covariance(0, 0)), sigma = std::sqrt(v);
+    return {sigma, std::max(std::sqrt(v + u) - sigma, sigma - std::sqrt(std::max(v - u, 0.0))),
+            fit.residual_rms, fit.used_edges};
 }
 
 // The measured profile: what the fit says plus what it leaves, bin by bin.
@@ -147,15 +133,17 @@ std::vector<double> profile_radii(double sigma_px, double reach_px) {
 }
 
 MeasuredSpread measured_spread(std::span<const StraightEdge> edges, double sigma_px, EdgeFit& fit) {
-    const SlopingDisks disks(profile_radii(sigma_px, reach_px(edges)));
+    std::vector<double> radii = profile_radii(sigma_px, reach_px(edges));
+    const SlopingDisks disks(radii);
+    radii.insert(radii.begin(), 0.0);
     fit = fit_edges(edges, disks.model());
     const Eigen::MatrixXd by_part = disks.density_by_part();
     const Eigen::VectorXd density = by_part * fit.parameters;
     MeasuredSpread spread;
     spread.covariance = by_part * fit.covariance * by_part.transpose();
     for (Eigen::Index i = 0; i < density.size(); ++i)
-        spread.rows.push_back({i == 0 ? 0.0 : disks.radii_px()[static_cast<std::size_t>(i - 1)],
-                               density[i], std::sqrt(std::max(0.0, spread.covariance(i, i)))});
+        spread.rows.push_back({radii[static_cast<std::size_t>(i)], density[i],
+                               std::sqrt(std::max(0.0, spread.covariance(i, i)))});
     spread.residual_rms = fit.residual_rms;
     return spread;
 }
@@ -174,17 +162,7 @@ bool gaussian_suffices(std::span<const StraightEdge> edges, const EdgeFit& gauss
     return fisher_tail(statistic, more, measured.degrees_of_freedom) > profile_significance;
 }
 
-void estimate_zones(std::span<const StraightEdge> edges, const CameraModel& camera,
-                    const BlurModel& model, PointSpreadEstimate& estimate) {
-    std::array<std::vector<StraightEdge>, 9> by_zone;
-    for (const StraightEdge& edge : edges)
-        by_zone[image_zone(camera, edge.centre_px)].push_back(edge);
-    for (std::size_t zone = 0; zone < by_zone.size(); ++zone)
-        if (by_zone[zone].size() >= min_edges_for_sigma)
-            estimate.zones[zone] = width_of(fit_edges(by_zone[zone], model));
-}
-
-// Beside the blur of the camera's lens section.
+// With the blur of the camera's lens section.
 BlurModel gaussian_of_edges(std::span<const StraightEdge> edges, const CameraModel& camera) {
     if (edges.size() < min_edges_for_sigma)
         throw NumericalError(fmt::format("point spread: {} edges, at least {} are needed",
@@ -211,8 +189,7 @@ std::pair<double, double> MeasuredSpread::modulation(double cycles_per_px) const
     // The part k makes the density's fall from its inner to its outer radius.
     Eigen::VectorXd slope = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(rows.size()));
     for (Eigen::Index k = 0; k < by_part.cols(); ++k) {
-        const double each =
-            disks.transfer(static_cast<std::size_t>(k), cycles_per_px) / by_part(k, k);
+        const double each = disks.transfer(k, cycles_per_px) / by_part(k, k);
         slope[k] += each;
         slope[k + 1] -= each;
     }
@@ -237,7 +214,12 @@ PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
     const EdgeFit gaussian_fit = fit_edges(edges, gaussian);
     PointSpreadEstimate estimate;
     estimate.gaussian = width_of(gaussian_fit);
-    estimate_zones(edges, camera, gaussian, estimate);
+    std::array<std::vector<StraightEdge>, 9> by_zone;
+    for (const StraightEdge& edge : edges)
+        by_zone[image_zone(camera, edge.centre_px)].push_back(edge);
+    for (std::size_t zone = 0; zone < by_zone.size(); ++zone)
+        if (by_zone[zone].size() >= min_edges_for_sigma)
+            estimate.zones[zone] = width_of(fit_edges(by_zone[zone], gaussian));
     estimate.edge_spread = mean_profile(edges, gaussian_fit, gaussian);
     estimate.sharpening = sharpening_of(estimate.edge_spread);
     if (edges.size() >= min_edges_for_profile) {
@@ -282,29 +264,7 @@ double disk_radius_px(const StraightEdge& edge, const EdgeFit& fit, double depth
     return std::sqrt(disk_radius_squared(edge, fit.parameters[0], fit.parameters[1] * depth_unit));
 }
 
-void require_usable(std::span<const StraightEdge> edges, const CameraModel& camera) {
-    require_point_of_view(camera, "estimating a thin lens");
-    if (!camera.sensor || !(camera.sensor->pixel_pitch_um > 0.0))
-        throw NumericalError("defocus: the pixel pitch is needed");
-    if (edges.size() < min_edges_for_defocus)
-        throw NumericalError(fmt::format("defocus: {} edges, at least {} are needed", edges.size(),
-                                         min_edges_for_defocus));
-}
-
-// The part of an edge between two places along it.
-StraightEdge piece_of(const StraightEdge& edge, double first_px, double last_px) {
-    StraightEdge piece = edge;
-    std::erase_if(piece.pixels, [&](const EdgePixel& pixel) {
-        return pixel.along_px < first_px || pixel.along_px >= last_px;
-    });
-    piece.length_px = last_px - first_px;
-    piece.set_depth();
-    return piece;
-}
-
-// The blur changes along an edge that runs into the depth, and is no longer one disk: edges in
-// pieces of 10 px and more. (A board tilted by 46 degrees, edges of 20 px, 1.8 px of blur: whole
-// edges give z_f and N wrong by one standard uncertainty of one photograph.)
+// In pieces of 10 px and more: the blur changes along an edge that runs into the depth.
 std::vector<StraightEdge> in_pieces(std::span<const StraightEdge> edges) {
     std::vector<StraightEdge> pieces;
     for (const StraightEdge& edge : edges) {
@@ -316,7 +276,12 @@ std::vector<StraightEdge> in_pieces(std::span<const StraightEdge> edges) {
         const int count = std::max(1, static_cast<int>((last - first) / piece_length_px));
         const double length = (last - first) / count + 1e-9;
         for (int i = 0; i < count; ++i) {
-            StraightEdge piece = piece_of(edge, first + i * length, first + (i + 1) * length);
+            StraightEdge piece = edge;
+            const double from = first + i * length, to = first + (i + 1) * length;
+            std::erase_if(piece.pixels, [&](const EdgePixel& pixel) {
+                return pixel.along_px < from || pixel.along_px >= to;
+            });
+            piece.set_depth();
             if (piece.pixels.size() >= min_pixels_of_a_piece)
                 pieces.push_back(std::move(piece));
         }
@@ -324,8 +289,7 @@ std::vector<StraightEdge> in_pieces(std::span<const StraightEdge> edges) {
     return pieces;
 }
 
-// The edges' widths as a parabola over 1/z: aperture^2 scale^2 / 4 (D - focus)^2 + sigma^2. Nothing
-// when it does not open upwards. Relative errors of variances are alike: weights 1/variance^2.
+// The widths as a parabola over 1/z, weights 1/variance^2; nothing when it does not open upwards.
 std::optional<Eigen::Vector3d> start_of(std::span<const StraightEdge> edges, double depth_unit) {
     const auto n = static_cast<Eigen::Index>(edges.size());
     Eigen::MatrixXd design(n, 3);
@@ -368,11 +332,10 @@ void count_sides(std::span<const StraightEdge> edges, const EdgeFit& fit, double
     }
 }
 
-// An edge so blurred that the next one reaches into its pixels would bend the result: such are left
-// out and the others fitted again. Beyond disk, point spread and half a pixel lies less than 1 % of
-// the contrast.
+// Edges so blurred that the next one reaches into their pixels are left out and the others fitted
+// again. Less than 1 % of the contrast lies beyond disk, point spread and 0.5 px.
 EdgeFit fit_within_clearance(std::vector<StraightEdge>& edges, const BlurModel& model,
-                             double depth_unit, DefocusEstimate& estimate) {
+                             double depth_unit) {
     constexpr int max_rounds = 4;
     EdgeFit fit = fit_edges(edges, model);
     for (int round = 0; round < max_rounds; ++round) {
@@ -383,7 +346,6 @@ EdgeFit fit_within_clearance(std::vector<StraightEdge>& edges, const BlurModel& 
         });
         if (removed == 0)
             break;
-        estimate.too_blurred += static_cast<int>(removed);
         if (edges.size() < min_edges_for_defocus)
             throw NumericalError(fmt::format(
                 "no thin lens fits; the best one leaves {} edges clear of the next", edges.size()));
@@ -435,11 +397,13 @@ void set_values(const EdgeFit& fit, double image_distance_mm, double depth_unit,
 
 DefocusEstimate estimate_defocus(std::span<const StraightEdge> whole_edges,
                                  const CameraModel& camera) {
-    require_usable(whole_edges, camera);
+    require_point_of_view(camera, "estimating a thin lens");
+    if (!camera.sensor || !(camera.sensor->pixel_pitch_um > 0.0))
+        throw NumericalError("defocus: the pixel pitch is needed");
     std::vector<StraightEdge> edges = in_pieces(whole_edges);
-    if (edges.size() < min_edges_for_defocus)
-        throw NumericalError(fmt::format("defocus: {} pieces of edges, at least {} are needed",
-                                         edges.size(), min_edges_for_defocus));
+    if (std::min(edges.size(), whole_edges.size()) < min_edges_for_defocus)
+        throw NumericalError(fmt::format("defocus: {} edges in {} pieces, at least {} are needed",
+                                         whole_edges.size(), edges.size(), min_edges_for_defocus));
     double depth_unit = 0.0;
     for (const StraightEdge& edge : edges)
         depth_unit += edge.depth_term / static_cast<double>(edges.size());
@@ -451,7 +415,7 @@ DefocusEstimate estimate_defocus(std::span<const StraightEdge> whole_edges,
         return estimate;
     }
     const BlurModel model = thin_lens_blur(*start, depth_unit);
-    auto fit = attempted([&] { return fit_within_clearance(edges, model, depth_unit, estimate); });
+    auto fit = attempted([&] { return fit_within_clearance(edges, model, depth_unit); });
     if (!fit) {  // an aperture that vanishes: focus is then anywhere
         estimate.undetermined =
             fmt::format("focus distance and f-number: {} ({})", fit.cause, depths(whole_edges));

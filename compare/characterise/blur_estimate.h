@@ -15,22 +15,18 @@
 
 namespace etalon {
 
-// Point spread: what `lens: psf` of the camera file holds. Two shapes: a Gaussian in place of the
-// Airy pattern (psf: gaussian), or any round pattern whose density does not rise outwards (psf:
-// measured), as non-negative weights of disks with sloping rims. The Gaussian leaves out the
-// defocus that the camera's lens section tells; the measured pattern holds it.
+// Point spread: what `lens: psf` of the camera file holds. A Gaussian in place of the Airy pattern
+// (psf: gaussian), without the defocus that the camera's lens section states; or any round pattern
+// whose density does not rise outwards (psf: measured), which holds the defocus: non-negative
+// weights of disks with sloping rims.
 //
-// Sharpening in the camera: no pattern of light overshoots an edge in linear radiance. A
-// significant overshoot comes from the camera or from a wrong transfer curve. Then sigma and
-// profile describe no lens and are not to be written into a camera file.
+// No pattern of light overshoots an edge in linear radiance. A significant overshoot is sharpening
+// in the camera or a wrong transfer curve: sigma and profile then describe no lens and are not to
+// be written into a camera file.
 
-// A Gaussian's width, of the edges in one zone or of all. Standard uncertainty: the larger of the
-// formal one (from the noise, times the residuals' excess over it) and, from 8 edges, the one that
-// the scatter between edges gives (cluster-robust).
+// A Gaussian's width, of the edges in one zone or of all. Uncertainty: EdgeFit::covariance.
 struct BlurWidth {
     double sigma_px = 0.0, standard_uncertainty_px = 0.0;
-    // sigma^2 and its uncertainty: what is estimated; near sigma = 0 this one is still normal.
-    double variance_px2 = 0.0, variance_standard_uncertainty_px2 = 0.0;
     double residual_rms = 0.0;  // in parts of the edges' contrast
     int edges = 0;
 };
@@ -44,8 +40,8 @@ struct EdgeSpreadRow {
 inline constexpr double min_overshoot = 0.01;  // of the contrast: less is not called sharpening
 
 struct Sharpening {
-    // Largest mean of half a pixel of the profile above the light side's level (below the dark
-    // side's), in parts of the contrast, between 0.5 and 4 px from the edge; negative: none.
+    // Largest mean over 0.5 px of the profile above the light side's level (below the dark side's),
+    // in parts of the contrast, 0.5 to 4 px from the edge; negative: none.
     double overshoot = 0.0, overshoot_standard_uncertainty = 0.0;
     double undershoot = 0.0, undershoot_standard_uncertainty = 0.0;
     // One of them is above min_overshoot by more than 4 standard uncertainties.
@@ -96,13 +92,10 @@ PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
 // Focus distance and effective f-number from the blur along a tilted target.
 //
 // Thin lens (calib/camera/camera_model.h): a point at depth z (of a wide lens: its distance) has a
-// blur disk of the radius R = fx (d/2) |1/z - 1/z_f| px, so over 1/z two straight lines meet at
-// focus. Fitted are aperture, 1/z_f and the width of a Gaussian point spread at focus. With d =
-// f/N, 1/f = 1/z_f + 1/v and v = fx * pixel pitch the aperture gives the engraved f-number N.
-//
-// Both sides of focus must be seen: from one side alone z_f, N and the width are told apart only by
-// the assumed shapes of disk and point spread. Then the result says what is not determined; it is
-// never guessed.
+// blur disk of the radius R = fx (d/2) |1/z - 1/z_f| px. Fitted are aperture d, 1/z_f and the width
+// of a Gaussian point spread at focus. With d = f/N, 1/f = 1/z_f + 1/v and v = fx * pixel pitch the
+// aperture gives the engraved f-number N. Both sides of focus must be seen: one side alone does not
+// tell z_f, N and the width apart.
 struct DefocusEstimate {
     bool is_determined = false;
     std::string undetermined;  // when not: what and why, in words; then the values below are 0
@@ -111,19 +104,16 @@ struct DefocusEstimate {
     double sigma_px = 0.0, sigma_standard_uncertainty_px = 0.0;  // of the point spread at focus
     // Of (focus distance mm, f-number, sigma^2 px^2).
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-    // Pieces of edges nearer than focus and farther, whose blur disk is larger than 0.5 px.
-    int edges_nearer = 0, edges_farther = 0;
+    // Pieces of edges: nearer than focus and farther by a blur disk over 0.5 px; all that were
+    // used.
+    int edges_nearer = 0, edges_farther = 0, edges = 0;
     double largest_blur_px = 0.0;  // radius, over the pieces used
-    // Pieces that were left out because their blur reaches the next edge (EdgeSelection's
-    // clearance).
-    int too_blurred = 0;
-    int edges = 0, degrees_of_freedom = 0;  // edges: pieces of them
+    int degrees_of_freedom = 0;
 };
 
-// Of the camera only intrinsics and pixel pitch are used; its f-number, focus distance and point
-// spread are not. Photographs at different settings of the lens must not be mixed. Throws
-// NumericalError for a telecentric camera, without a pixel pitch, or with fewer than 12 edges.
-// About 0.5 ms an edge. Safe from every thread.
+// Of the camera only intrinsics and pixel pitch are used. All photographs at one setting of the
+// lens. Throws NumericalError for a telecentric camera, without a pixel pitch, or with fewer than
+// 12 edges. About 0.5 ms an edge. Safe from every thread.
 DefocusEstimate estimate_defocus(std::span<const StraightEdge> edges, const CameraModel& camera);
 
 }  // namespace etalon

@@ -1,7 +1,7 @@
 // What `etalon characterise` measures, in the order in which each step needs the one before: black
 // level, transfer curve, photon transfer, relative illumination, then blur along the target's
 // edges. Files and printing are in station/calibrate/characterise_command.cpp, the page in
-// station/calibrate/characterise_report.h; the methods in compare/ (docs/characterising.md).
+// station/calibrate/characterise_command.h; the methods in compare/ (docs/characterising.md).
 #pragma once
 
 #include <optional>
@@ -15,7 +15,6 @@
 #include "compare/characterise/slanted_edge.h"
 #include "compare/characterise/transfer_estimate.h"
 #include "compare/detect/board/calibration_target.h"
-#include "core/geometry/rigid.h"
 
 namespace etalon {
 
@@ -32,7 +31,7 @@ struct CharacteriseInput {
     std::vector<CodeImage> repeats, darks;
     std::vector<ExposedPhoto> exposures;
     // A JPEG file among repeats, darks and exposures, of which no noise is measured: at high
-    // quality its gain is a fifth too low and nothing in the pixels tells. Empty: none.
+    // quality its gain is a fifth too low and the pixels do not show it. Empty: none.
     std::string lossy_file;
 };
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <vector>
 
 #include "core/program/errors.h"
 
@@ -67,8 +66,7 @@ int saturation_code(std::span<const CodeImage> images) {
         --highest;
     const bool piled_up = counts[highest] > 1e-3 * pixels &&
                           counts[highest] > 5.0 * counts[static_cast<std::size_t>(highest) - 1];
-    // A picture of few tones piles up without noise; then nothing tells a limit from a tone, and
-    // the neighbouring codes are empty altogether.
+    // A picture of few tones piles up without noise: the neighbouring codes are then empty.
     const bool has_noise = counts[static_cast<std::size_t>(highest) - 1] > 0.0;
     return piled_up && has_noise ? highest : images.front().full_scale();
 }
@@ -98,19 +96,6 @@ void require_alike(std::span<const CodeImage> images, const std::string& what) {
     }
 }
 
-namespace {
-
-// Variance of a pixel from the differences of neighbours at distance `step`.
-double noise_variance(const cv::Mat& pixels, int step) {
-    const cv::Mat across =
-        pixels.colRange(step, pixels.cols) - pixels.colRange(0, pixels.cols - step);
-    const cv::Mat down =
-        pixels.rowRange(step, pixels.rows) - pixels.rowRange(0, pixels.rows - step);
-    return 0.25 * (cv::mean(across.mul(across))[0] + cv::mean(down.mul(down))[0]);
-}
-
-}  // namespace
-
 PatchStatistics patch_statistics(const CodeImage& image, const cv::Rect& block, int saturation,
                                  Mosaic mosaic) {
     cv::Mat pixels;
@@ -119,7 +104,12 @@ PatchStatistics patch_statistics(const CodeImage& image, const cv::Rect& block, 
     cv::meanStdDev(pixels, mean, deviation);
     double lowest, highest;
     cv::minMaxLoc(pixels, &lowest, &highest);
-    const double variance = noise_variance(pixels, mosaic == Mosaic::none ? 1 : 2);
+    const int step = mosaic == Mosaic::none ? 1 : 2;
+    const cv::Mat across =
+        pixels.colRange(step, pixels.cols) - pixels.colRange(0, pixels.cols - step);
+    const cv::Mat down =
+        pixels.rowRange(step, pixels.rows) - pixels.rowRange(0, pixels.rows - step);
+    const double variance = 0.25 * (cv::mean(across.mul(across))[0] + cv::mean(down.mul(down))[0]);
     const double rounding =
         rounding_uncertainty_of_mean(std::sqrt(std::max(variance - rounding_variance, 0.0)));
     PatchStatistics patch;

@@ -1,7 +1,4 @@
 // What code values do to statistics: rounding, and the ends of the scale.
-//
-// Not for pixel residuals: those are judged against the whole noise model
-// (compare/photometric/photo_match.h).
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -18,15 +15,15 @@ namespace etalon {
 inline constexpr double rounding_variance = 1.0 / 12.0;
 
 // Rounding a value with noise of standard deviation sigma (DN) leaves mean and variance (less
-// rounding_variance) right on average over all fractions of a code, but not at each: the standard
-// deviations of these errors over the fractions (Widrow and Kollár, "Quantization noise", 2008,
-// sums over the harmonics). 0.289 DN of the mean without noise, 0.04 at sigma 0.3, none above 1.
+// rounding_variance) right on average over all fractions of a code, not at each: the standard
+// deviations of these errors over the fractions (Widrow and Kollár, "Quantization noise", 2008). Of
+// the mean: 0.289 DN without noise, 0.04 at sigma 0.3, none above 1.
 double rounding_uncertainty_of_mean(double sigma);
 double rounding_uncertainty_of_variance(double sigma);
 
-// The code from which on values are cut off: full scale, or below it the highest code, where so
-// many pixels have it that the sensor or a limit in the camera ended the scale there (5 times as
-// many as the code below, and one pixel in a thousand). Throws NumericalError for no images.
+// The code from which on values are cut off: full scale, or the highest code where it piles up (5
+// times as many pixels as the code below, and one in a thousand). Throws NumericalError for no
+// images.
 int saturation_code(std::span<const CodeImage> images);
 
 // Proportion of pixels at code 0, and of those at `saturation` or above.
@@ -37,18 +34,13 @@ double share_at_saturation(const CodeImage& image, int saturation);
 // first one's size and bits.
 void require_alike(std::span<const CodeImage> images, const std::string& what);
 
-// Blocks of an image and what is in them: mean code and its uncertainty, how even they are.
-
 struct PatchStatistics {
     double mean = 0.0;  // code value
-    // Of the mean: pixel noise over the square root of the pixels, and rounding. The noise is read
-    // off differences of neighbours, so that a slope across the patch is none; a fixed pattern is
-    // counted as noise.
+    // Of the mean: pixel noise over the square root of the pixels, and rounding. The noise is that
+    // of neighbours' differences: a slope is none, a fixed pattern is.
     double standard_uncertainty = 0.0;
     double unevenness = 0.0;  // standard deviation of the pixels beyond that noise
-    // A pixel is at code 0 or at `saturation` or above, or would be with five times its noise: to
-    // keep those patches whose noise happened to stay below would make them darker than they are.
-    bool is_clipped = false;
+    bool is_clipped = false;  // a pixel is at either end of the scale, or 5 times its noise from it
 };
 
 // `block` must lie in the image and be at least 4 px wide and high. With a mosaic neighbours of the

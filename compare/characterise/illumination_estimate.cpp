@@ -5,9 +5,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <algorithm>
-#include <cmath>
-#include <map>
 
 #include "compare/characterise/code_statistics.h"
 #include "compare/photometric/compared_area.h"
@@ -41,38 +38,11 @@ WhitePatch linear_patch(const CameraModel& camera, double mean, double uncertain
     return patch;
 }
 
-void check_flat(const CodeImage& flat, const std::string& name, int saturation) {
-    const double high = share_at_saturation(flat, saturation), low = share_at_floor(flat);
-    if (high > max_clipped_of_a_patch)
-        throw NumericalError(
-            fmt::format("illumination: {}: {:.3g} % of the pixels are saturated: "
-                        "expose less",
-                        name, 100.0 * high));
-    if (low > max_clipped_of_a_patch)
-        throw NumericalError(
-            fmt::format("illumination: {}: {:.3g} % of the pixels are at code 0: "
-                        "expose more, or raise the black level",
-                        name, 100.0 * low));
-}
-
-void check_contrast(const std::vector<WhitePatch>& patches, const std::string& name) {
-    const auto [least, most] = std::ranges::minmax(patches, {}, &WhitePatch::radiance);
-    if (!(most.radiance < max_contrast * least.radiance))
-        throw NumericalError(
-            fmt::format("illumination: {}: is no photo of a uniform field: the light falls from "
-                        "{:.3g} to {:.3g} of full scale",
-                        name, most.radiance, least.radiance));
-}
-
-// The image's centre is where a photograph's plane is 0.
-Eigen::Vector2d in_half_diagonals(const CameraModel& camera, const Eigen::Vector2d& pixel) {
-    const Eigen::Vector2d middle(0.5 * (camera.width - 1), 0.5 * (camera.height - 1));
-    return 2.0 * (pixel - middle) / std::hypot(camera.width, camera.height);
-}
-
 // What the fits need of a patch.
 struct Row {
-    double squared_radius, x, y, cos4;
+    double squared_radius;
+    double x, y;  // from the image's centre, half diagonals
+    double cos4;
     int photo;
 };
 
@@ -80,8 +50,10 @@ class Falloff {
 public:
     Falloff(const std::vector<WhitePatch>& patches, const CameraModel& camera) : patches_(patches) {
         const Projector projector(camera);
+        const Eigen::Vector2d middle(0.5 * (camera.width - 1), 0.5 * (camera.height - 1));
+        const double diagonal = std::hypot(camera.width, camera.height);
         for (const WhitePatch& patch : patches) {
-            const Eigen::Vector2d place = in_half_diagonals(camera, patch.centre_px);
+            const Eigen::Vector2d place = 2.0 * (patch.centre_px - middle) / diagonal;
             const auto ray = projector.unproject(patch.centre_px);
             rows_.push_back({illumination_radius_squared(camera, patch.centre_px), place.x(),
                              place.y(), ray ? 1.0 / std::pow(1.0 + ray->squaredNorm(), 2) : 1.0,
@@ -100,8 +72,7 @@ public:
         double chi_square = 0.0;
     };
 
-    // Gauss and Newton on coefficients and planes together; the coefficients stay 0 for a fixed
-    // shape.
+    // Gauss and Newton's method; the coefficients stay 0 for a fixed shape.
     Fit fit(Illumination::Kind kind) const {
         const int shape = kind == Illumination::Kind::polynomial ? 3 : 0;
         const int size = shape + 3 * photos_;
@@ -194,25 +165,6 @@ std::vector<WhitePatch> usable(std::span<const WhitePatch> given) {
     return patches;
 }
 
-double farthest_corner(const CameraModel& camera) {
-    double farthest = 0.0;
-    for (const double x : {-0.5, camera.width - 0.5})
-        for (const double y : {-0.5, camera.height - 0.5})
-            farthest = std::max(farthest, illumination_radius_squared(camera, {x, y}));
-    return std::sqrt(farthest);
-}
-
-void check_reach(IlluminationEstimate& estimate, const Falloff& falloff) {
-    for (const Row& row : falloff.rows())
-        estimate.farthest_radius =
-            std::max(estimate.farthest_radius, std::sqrt(row.squared_radius));
-    if (estimate.farthest_radius < min_radius)
-        throw NumericalError(fmt::format(
-            "illumination: white parts reach {:.2f} of the way to the image's corners; {:.1f} are "
-            "needed",
-            estimate.farthest_radius, min_radius));
-}
-
 void take_residuals(const std::vector<WhitePatch>& patches, const Falloff& falloff,
                     const Falloff::Fit& fit, IlluminationEstimate& estimate) {
     double square = 0.0;
@@ -238,29 +190,25 @@ void take_residuals(const std::vector<WhitePatch>& patches, const Falloff& fallo
 void choose_kind(const Falloff& falloff, const Falloff::Fit& fit, Projection projection,
                  IlluminationEstimate& estimate) {
     const double excess = std::max(estimate.reduced_chi_square, 1.0);
-    const auto criterion = [&](double chi_square, int parameters) {
-        return chi_square / excess + parameters * std::log(estimate.patches);
+    std::vector<std::pair<double, Illumination::Kind>> by_criterion;
+    const auto add = [&](Illumination::Kind kind, double chi_square, int parameters) {
+        by_criterion.emplace_back(chi_square / excess + parameters * std::log(estimate.patches),
+                                  kind);
     };
     const int planes = 3 * estimate.photos;
-    std::vector<std::pair<double, Illumination::Kind>> by_criterion;
-    const auto add = [&](Illumination::Kind kind) {
-        by_criterion.emplace_back(criterion(falloff.fit(kind).chi_square, planes), kind);
-    };
-    add(Illumination::Kind::uniform);
+    using enum Illumination::Kind;
+    add(uniform, falloff.fit(uniform).chi_square, planes);
     if (projection == Projection::perspective)
-        add(Illumination::Kind::cos4);
-    by_criterion.emplace_back(criterion(fit.chi_square, planes + 3),
-                              Illumination::Kind::polynomial);
+        add(cos4, falloff.fit(cos4).chi_square, planes);
+    add(polynomial, fit.chi_square, planes + 3);
     estimate.illumination.kind = std::ranges::min(by_criterion).second;
 }
 
-void take_polynomial(const CameraModel& camera, IlluminationEstimate& estimate) {
-    estimate.illumination.polynomial = estimate.coefficients;
-    CameraModel lit = camera;
-    if (!lit.sensor)
-        lit.sensor.emplace();
-    lit.sensor->illumination = estimate.illumination;
-    if (const double least = least_polynomial_illumination(lit); !(least > 0.0))
+void require_positive(CameraModel camera, const Illumination& illumination) {
+    if (!camera.sensor)
+        camera.sensor.emplace();
+    camera.sensor->illumination = illumination;
+    if (const double least = least_polynomial_illumination(camera); !(least > 0.0))
         throw NumericalError(fmt::format(
             "illumination: the polynomial falls to {:.3g} where no white part was seen", least));
 }
@@ -270,7 +218,13 @@ void take_polynomial(const CameraModel& camera, IlluminationEstimate& estimate) 
 std::vector<WhitePatch> flat_patches(const CodeImage& flat, const CameraModel& camera, int photo,
                                      const std::string& name) {
     const int saturation = saturation_code({&flat, 1});
-    check_flat(flat, name, saturation);
+    const auto refuse = [&](double share, const char* why) {
+        if (share > max_clipped_of_a_patch)
+            throw NumericalError(fmt::format("illumination: {}: {:.3g} % of the pixels are {}",
+                                             name, 100.0 * share, why));
+    };
+    refuse(share_at_saturation(flat, saturation), "saturated: expose less");
+    refuse(share_at_floor(flat), "at code 0: expose more, or raise the black level");
     const Mosaic mosaic = camera.sensor ? camera.sensor->mosaic : Mosaic::none;
     std::vector<WhitePatch> patches;
     for (const cv::Rect& block : image_blocks(flat.pixels.size(), blocks_across)) {
@@ -280,7 +234,12 @@ std::vector<WhitePatch> flat_patches(const CodeImage& flat, const CameraModel& c
         patch.centre_px = {block.x + 0.5 * (block.width - 1), block.y + 0.5 * (block.height - 1)};
         patches.push_back(patch);
     }
-    check_contrast(patches, name);
+    const auto [least, most] = std::ranges::minmax(patches, {}, &WhitePatch::radiance);
+    if (!(most.radiance < max_contrast * least.radiance))
+        throw NumericalError(
+            fmt::format("illumination: {}: is no photo of a uniform field: the light falls from "
+                        "{:.3g} to {:.3g} of full scale",
+                        name, most.radiance, least.radiance));
     return patches;
 }
 
@@ -297,7 +256,14 @@ IlluminationEstimate estimate_illumination(std::span<const WhitePatch> given,
     IlluminationEstimate estimate;
     estimate.patches = static_cast<int>(patches.size());
     estimate.photos = falloff.photos();
-    check_reach(estimate, falloff);
+    for (const Row& row : falloff.rows())
+        estimate.farthest_radius =
+            std::max(estimate.farthest_radius, std::sqrt(row.squared_radius));
+    if (estimate.farthest_radius < min_radius)
+        throw NumericalError(fmt::format(
+            "illumination: white parts reach {:.2f} of the way to the image's corners; {:.1f} are "
+            "needed",
+            estimate.farthest_radius, min_radius));
     const Falloff::Fit fit = falloff.fit(Illumination::Kind::polynomial);
     estimate.degrees_of_freedom = estimate.patches - 3 - 3 * estimate.photos;
     estimate.reduced_chi_square = fit.chi_square / std::max(estimate.degrees_of_freedom, 1);
@@ -308,7 +274,11 @@ IlluminationEstimate estimate_illumination(std::span<const WhitePatch> given,
         estimate.standard_uncertainty[i] = std::sqrt(estimate.covariance(i, i));
     }
     take_residuals(patches, falloff, fit, estimate);
-    const double corner = farthest_corner(camera);
+    double farthest = 0.0;
+    for (const double x : {-0.5, camera.width - 0.5})
+        for (const double y : {-0.5, camera.height - 0.5})
+            farthest = std::max(farthest, illumination_radius_squared(camera, {x, y}));
+    const double corner = std::sqrt(farthest);
     estimate.at_corner = polynomial_illumination(estimate.coefficients, corner * corner);
     estimate.at_corner_standard_uncertainty = standard_uncertainty_at(estimate, corner);
 
@@ -320,8 +290,10 @@ IlluminationEstimate estimate_illumination(std::span<const WhitePatch> given,
             estimate.at_corner, 2.0 * estimate.at_corner_standard_uncertainty));
 
     choose_kind(falloff, fit, camera.projection.kind, estimate);
-    if (estimate.illumination.kind == Illumination::Kind::polynomial)
-        take_polynomial(camera, estimate);
+    if (estimate.illumination.kind == Illumination::Kind::polynomial) {
+        estimate.illumination.polynomial = estimate.coefficients;
+        require_positive(camera, estimate.illumination);
+    }
     return estimate;
 }
 
@@ -370,24 +342,6 @@ double px_per_mm(const Projector& projector, const Rigid& camera_from_marker,
     return std::min(j.col(0).norm(), j.col(1).norm());
 }
 
-cv::Rect bounding_box(const Projector& projector, const Marker& marker,
-                      const Rigid& camera_from_marker) {
-    Eigen::Vector2d low(1e9, 1e9), high(-1e9, -1e9);
-    for (int v = 0; v <= marker.grid.rows(); ++v)
-        for (int u = 0; u <= marker.grid.columns(); ++u)
-            if (const auto q = projector.project(camera_from_marker * marker.grid.point_mm(u, v))) {
-                low = low.cwiseMin(*q);
-                high = high.cwiseMax(*q);
-            }
-    const cv::Rect image(0, 0, projector.camera().width, projector.camera().height);
-    if (!(low.x() <= high.x()))
-        return {};
-    const auto whole = [](double value) { return static_cast<int>(std::clamp(value, -1e6, 1e6)); };
-    return cv::Rect(cv::Point(whole(low.x()), whole(low.y())),
-                    cv::Point(whole(high.x()) + 2, whole(high.y()) + 2)) &
-           image;
-}
-
 // Nothing of a cell that is clipped or hardly seen.
 std::optional<WhitePatch> patch_of(const CellSums& cell, int photo, double full_scale) {
     if (cell.is_clipped || cell.pixels < min_pixels_of_a_cell)
@@ -407,12 +361,16 @@ std::optional<WhitePatch> patch_of(const CellSums& cell, int photo, double full_
 }  // namespace
 
 std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Projector& projector,
-                                           const Marker& marker, const Rigid& camera_from_marker,
+                                           const CellGrid& grid, const Rigid& camera_from_marker,
                                            int photo) {
-    const CellGrid& grid = marker.grid;
     const Radiance radiance = SensorModel(projector.camera()).linear_radiance(image);
+    const cv::Mat clipped = image.pixels >= image.full_scale();
     std::map<std::pair<int, int>, CellSums> cells;
-    const cv::Rect box = bounding_box(projector, marker, camera_from_marker);
+    const Eigen::Vector2d size =
+        grid.cell_mm.cwiseProduct(Eigen::Vector2d(grid.columns(), grid.rows()));
+    const cv::Rect box =
+        candidate_pixels(projector, camera_from_marker,
+                         {grid.corner_mm, grid.corner_mm + size, grid.cell_mm, grid.corner_mm});
     for (int y = box.y; y < box.br().y; ++y)
         for (int x = box.x; x < box.br().x; ++x) {
             const auto point = on_target(projector, camera_from_marker, Eigen::Vector2d(x, y));
@@ -425,18 +383,15 @@ std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Project
             if (column < 1 || row < 1 || column + 1 >= grid.columns() || row + 1 >= grid.rows() ||
                 grid.cells.at<float>(row, column) < min_white)
                 continue;
-            const Eigen::Vector2d within(place.x() - column, place.y() - row);
-            const double border = within.cwiseMin(Eigen::Vector2d::Ones() - within).minCoeff();
+            const Eigen::Array2d within(place.x() - column, place.y() - row);
+            const double border = within.min(1.0 - within).minCoeff();
             const double border_px =
                 border * grid.cell_mm.minCoeff() * px_per_mm(projector, camera_from_marker, *point);
             if (border < inside_cell || border_px < inside_px)
                 continue;
             CellSums& cell = cells[{row, column}];
             const double value = radiance.at<float>(y, x);
-            const double code = image.pixels.depth() == CV_8U
-                                    ? image.pixels.at<std::uint8_t>(y, x)
-                                    : image.pixels.at<std::uint16_t>(y, x);
-            cell.is_clipped |= code >= image.full_scale();
+            cell.is_clipped |= clipped.at<uchar>(y, x) > 0;
             cell.pixels += 1.0;
             cell.radiance += value;
             cell.square += value * value;

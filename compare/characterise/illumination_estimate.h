@@ -5,10 +5,10 @@
 //     radiance = L_p (1 + a_p x + b_p y) P(r),   P = 1 + c1 r^2 + c2 r^4 + c3 r^6
 //
 // Every photograph p has its own level and its own plane (x, y from the image's centre in half
-// diagonals), which takes a field's or a lamp's unevenness of first order; what is symmetric about
-// the principal point cannot be told from the lens and is the field's own, so that the field's
-// unevenness limits the result. Candidates: uniform, cos^4 of the field angle, and the polynomial;
-// chosen by Schwarz's criterion with the polynomial's residuals as the scale of the scatter.
+// diagonals), which takes a field's unevenness of first order. Unevenness that is symmetric about
+// the principal point cannot be separated from the lens: it limits the result. Candidates: uniform,
+// cos^4 of the field angle, and the polynomial; chosen by Schwarz's criterion with the polynomial's
+// residuals as the scale of the scatter.
 #pragma once
 
 #include <Eigen/Core>
@@ -41,7 +41,7 @@ std::vector<WhitePatch> flat_patches(const CodeImage& flat, const CameraModel& c
 // The middles of a target's white cells: pixels at least 4 px and a quarter of a cell inside.
 // Saturated ones are left out, and cells with fewer than 9 pixels.
 std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Projector& projector,
-                                           const Marker& marker, const Rigid& camera_from_marker,
+                                           const CellGrid& grid, const Rigid& camera_from_marker,
                                            int photo);
 
 struct IlluminationEstimate {

@@ -4,9 +4,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Core>
 #include <Eigen/LU>
-#include <algorithm>
 #include <cmath>
 
 #include "compare/characterise/code_statistics.h"
@@ -32,8 +30,7 @@ Regressors regressors_of(const cv::Mat& mean, int step) {
     return {mean, derivative({step, 0}), derivative({0, step})};
 }
 
-// Least squares of `difference` on the regressors: relative brightness, and minus the shift in x
-// and y.
+// Least squares of `difference` on the regressors: relative brightness, minus the shift in x and y.
 Eigen::Vector3d change_of(const cv::Mat& difference, const Regressors& r, const cv::Mat& use) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
@@ -62,9 +59,9 @@ struct ViewNoise {
     double shift_px = 0.0;          // largest displacement of one from their mean
 };
 
-// `signals`: CV_32FC1, linear, 0 without light. Of each photograph brightness and shift against the
-// mean are fitted to all used pixels at once (one linear regression on the mean and its two
-// derivatives) and taken out. `step`: distance of neighbours of the same colour.
+// `signals`: CV_32FC1, linear, 0 without light. Each photograph's brightness and shift against the
+// mean are fitted to all used pixels (regression on the mean and its two derivatives) and taken
+// out. `step`: distance of neighbours of the same colour.
 ViewNoise view_noise(std::span<const cv::Mat> signals, const cv::Mat& use, int step) {
     if (cv::countNonZero(use) == 0)
         throw NumericalError("repeats: two photos with pixels that are not clipped are needed");
@@ -93,16 +90,14 @@ ViewNoise view_noise(std::span<const cv::Mat> signals, const cv::Mat& use, int s
 // Pixels whose mean differs from that of each of the four neighbours at distance `step` by less
 // than `most`. The image's border is never smooth.
 cv::Mat smooth_pixels(const cv::Mat& mean, const cv::Mat& most, int step) {
-    cv::Mat smooth(mean.size(), CV_8UC1, cv::Scalar(0));
-    for (int y = step; y < mean.rows - step; ++y)
-        for (int x = step; x < mean.cols - step; ++x) {
-            const auto is_near = [&](int dx, int dy) {
-                return std::abs(mean.at<float>(y + dy, x + dx) - mean.at<float>(y, x)) <
-                       most.at<float>(y, x);
-            };
-            if (is_near(-step, 0) && is_near(step, 0) && is_near(0, -step) && is_near(0, step))
-                smooth.at<uchar>(y, x) = 255;
-        }
+    cv::Mat smooth = cv::Mat::zeros(mean.size(), CV_8UC1);
+    if (std::min(mean.cols, mean.rows) <= 2 * step)
+        return smooth;
+    const cv::Rect inside(step, step, mean.cols - 2 * step, mean.rows - 2 * step);
+    smooth(inside) = 255;
+    for (const cv::Point& to :
+         {cv::Point(-step, 0), cv::Point(step, 0), cv::Point(0, -step), cv::Point(0, step)})
+        smooth(inside) &= cv::abs(mean(inside + to) - mean(inside)) < most(inside);
     return smooth;
 }
 
@@ -121,8 +116,7 @@ cv::Mat local_level(const cv::Mat& mean, const cv::Mat& use, int step) {
     return sum / cv::max(count, 1.0);
 }
 
-// Correlation of a residual between pixels (x, y) and (x + dx, y + dy), over pairs that are both
-// used: mean product over mean square. 0 without pairs.
+// Correlation of a residual between used pixels (x, y) and (x + dx, y + dy); 0 without pairs.
 double neighbour_correlation(std::span<const cv::Mat> residuals, const cv::Mat& use, int dx,
                              int dy) {
     double product = 0.0, square = 0.0;
@@ -138,64 +132,19 @@ double neighbour_correlation(std::span<const cv::Mat> residuals, const cv::Mat& 
     return square > 0.0 ? product / square : 0.0;
 }
 
-constexpr double max_at_floor = 1e-3;
-constexpr double max_fixed_pattern = 0.03;  // of full scale
-
-// Sums over the frames of each pixel's code and its square, less the first frame's (so that nothing
-// cancels).
-struct PixelSums {
-    cv::Mat difference, square;  // CV_64FC1
-};
-
-PixelSums pixel_sums(std::span<const CodeImage> frames) {
-    PixelSums sums{cv::Mat::zeros(frames.front().pixels.size(), CV_64FC1),
-                   cv::Mat::zeros(frames.front().pixels.size(), CV_64FC1)};
-    for (const CodeImage& frame : frames) {
-        cv::Mat difference;
-        cv::subtract(frame.pixels, frames.front().pixels, difference, cv::noArray(), CV_64F);
-        sums.difference += difference;
-        sums.square += difference.mul(difference);
-    }
-    return sums;
-}
-
-// Mean over the pixels of their sample variance over the frames.
-double temporal_variance(const PixelSums& sums, double frames) {
-    const cv::Mat deviation = sums.square - sums.difference.mul(sums.difference) / frames;
-    return std::max(cv::mean(deviation)[0] / (frames - 1.0), 0.0);
-}
-
-double fixed_pattern(std::span<const CodeImage> frames, const PixelSums& sums,
-                     double temporal_variance_dn2) {
-    const double n = static_cast<double>(frames.size());
-    cv::Mat first;
-    frames.front().pixels.convertTo(first, CV_64F);
-    const cv::Mat mean = first + sums.difference / n;
-    cv::Scalar level, deviation;
-    cv::meanStdDev(mean, level, deviation);
-    return std::sqrt(std::max(deviation[0] * deviation[0] - temporal_variance_dn2 / n, 0.0));
-}
-
-// Noise before rounding, of codes with this variance: rounding's own part and what it may have
-// added beyond are taken out.
+// Noise before rounding, of codes with this variance: at least.
 double least_noise(double code_variance) {
     const double square = std::max(code_variance - rounding_variance, 0.0);
     const double doubt = rounding_uncertainty_of_variance(std::sqrt(square));
     return std::sqrt(std::max(square - doubt, 0.0));
 }
 
-void refuse_floor(std::span<const CodeImage> frames) {
-    double share = 0.0;
-    for (const CodeImage& frame : frames)
-        share = std::max(share, share_at_floor(frame));
-    if (share > max_at_floor)
+void refuse_light_and_drift(const BlackLevel& black, double max_pattern_dn) {
+    if (black.fixed_pattern_dn > max_pattern_dn)
         throw NumericalError(fmt::format(
-            "black level: {:.3g} % of a dark photo's pixels are at code 0, where it is cut off: "
-            "raise the camera's black level",
-            100.0 * share));
-}
-
-void refuse_drift(const BlackLevel& black) {
+            "black level: the dark photos show a picture (pixels' means differ by {:.3g} "
+            "DN RMS): is the lens covered?",
+            black.fixed_pattern_dn));
     const double noise = std::sqrt(black.temporal_variance_dn2);
     if (black.drift_dn > 0.5 * std::max(noise, 1.0))
         throw NumericalError(
@@ -204,44 +153,51 @@ void refuse_drift(const BlackLevel& black) {
                         black.drift_dn, noise));
 }
 
-void refuse_light(const BlackLevel& black, int full_scale) {
-    if (black.fixed_pattern_dn > max_fixed_pattern * full_scale)
-        throw NumericalError(fmt::format(
-            "black level: the dark photos show a picture (pixels' means differ by {:.3g} "
-            "DN RMS): is the lens covered?",
-            black.fixed_pattern_dn));
-}
-
 }  // namespace
 
 BlackLevel measure_black_level(std::span<const CodeImage> frames) {
+    constexpr double max_at_floor = 1e-3, max_fixed_pattern = 0.03;  // of full scale
     if (frames.empty())
         throw NumericalError("black level: no dark photos");
     require_alike(frames, "black level");
-    refuse_floor(frames);
+    const CodeImage& first = frames.front();
     const double n = static_cast<double>(frames.size());
-    const double pixels = static_cast<double>(frames.front().pixels.total());
-    cv::Mat means(1, static_cast<int>(frames.size()), CV_64FC1);
-    for (std::size_t i = 0; i < frames.size(); ++i)
-        means.at<double>(static_cast<int>(i)) = cv::mean(frames[i].pixels)[0];
-    cv::Scalar mean, deviation;
+    const double pixels = static_cast<double>(first.pixels.total());
+    // Differences from the first frame, so that nothing cancels.
+    cv::Mat sum = cv::Mat::zeros(first.pixels.size(), CV_64FC1), squares = sum.clone(), difference;
+    cv::Mat means(1, static_cast<int>(n), CV_64FC1);
+    for (int i = 0; i < means.cols; ++i) {
+        const CodeImage& frame = frames[static_cast<std::size_t>(i)];
+        if (const double share = share_at_floor(frame); share > max_at_floor)
+            throw NumericalError(fmt::format(
+                "black level: {:.3g} % of a dark photo's pixels are at code 0, where it is cut "
+                "off: raise the camera's black level",
+                100.0 * share));
+        cv::subtract(frame.pixels, first.pixels, difference, cv::noArray(), CV_64F);
+        sum += difference;
+        squares += difference.mul(difference);
+        means.at<double>(i) = cv::mean(frame.pixels)[0];
+    }
+    cv::Scalar mean, deviation, level, pattern;
     cv::meanStdDev(means, mean, deviation);
-    double lowest, highest;
-    cv::minMaxLoc(means, &lowest, &highest);
+    const auto [lowest, highest] = std::minmax_element(means.begin<double>(), means.end<double>());
 
-    const PixelSums sums = pixel_sums(frames);
     BlackLevel black;
-    black.frames = static_cast<int>(n);
+    black.frames = means.cols;
     black.dn = mean[0];
-    black.drift_dn = highest - lowest;
+    black.drift_dn = *highest - *lowest;
     if (n > 1.0) {
-        black.temporal_variance_dn2 = temporal_variance(sums, n);
+        const cv::Mat deviations = squares - sum.mul(sum) / n;
+        black.temporal_variance_dn2 = std::max(cv::mean(deviations)[0] / (n - 1.0), 0.0);
         black.temporal_variance_standard_uncertainty =
             black.temporal_variance_dn2 * std::sqrt(2.0 / ((n - 1.0) * pixels));
     }
-    black.fixed_pattern_dn = fixed_pattern(frames, sums, black.temporal_variance_dn2);
-    refuse_light(black, frames.front().full_scale());
-    refuse_drift(black);
+    cv::Mat own;
+    first.pixels.convertTo(own, CV_64F);
+    cv::meanStdDev(cv::Mat(own + sum / n), level, pattern);
+    black.fixed_pattern_dn =
+        std::sqrt(std::max(pattern[0] * pattern[0] - black.temporal_variance_dn2 / n, 0.0));
+    refuse_light_and_drift(black, max_fixed_pattern * first.full_scale());
 
     // With one frame the noise is not told from the fixed pattern: their sum is an upper bound.
     const double variance =
@@ -256,7 +212,7 @@ BlackLevel measure_black_level(std::span<const CodeImage> frames) {
 namespace {
 
 constexpr int bins = 64;
-constexpr double min_pixels_of_a_level = 100.0;  // of a level
+constexpr double min_pixels_of_a_level = 100.0;
 constexpr double max_clipped_of_a_level = 1e-4;  // of a level's pixels
 constexpr double min_code_variance = 0.24;       // DN^2, EMVA 1288: below, rounding rules
 constexpr double max_drift_of_a_level = 0.02, max_shift_px = 0.25;
@@ -294,13 +250,6 @@ private:
     Transfer transfer_;
     double range_;
 };
-
-cv::Mat clipped_pixels(const RepeatedView& view, int saturation) {
-    cv::Mat clipped = cv::Mat::zeros(view.front().pixels.size(), CV_8UC1);
-    for (const CodeImage& image : view)
-        clipped |= (image.pixels == 0) | (image.pixels >= saturation);
-    return clipped;
-}
 
 // Variance by level as the median over its pixels: what outliers are told from.
 std::vector<double> median_variances(const ViewNoise& noise, const cv::Mat& use,
@@ -367,9 +316,12 @@ void refuse_change(const ViewNoise& noise) {
 void add_view(const RepeatedView& view, const SensorModel& sensor, const LevelScale& scale,
               const CameraModel& camera, PhotonTransfer& result, std::vector<Bin>& levels) {
     std::vector<cv::Mat> signals;
-    for (const CodeImage& image : view)
+    cv::Mat clipped = cv::Mat::zeros(view.front().pixels.size(), CV_8UC1);
+    for (const CodeImage& image : view) {
         signals.push_back(sensor.linear_radiance(image) * scale.range());
-    const cv::Mat clipped = clipped_pixels(view, result.saturation_code), use = ~clipped;
+        clipped |= (image.pixels == 0) | (image.pixels >= result.saturation_code);
+    }
+    const cv::Mat use = ~clipped;
     const int step = camera.sensor->mosaic == Mosaic::none ? 1 : 2;
     const double degrees_of_freedom = static_cast<double>(view.size()) - 1.0;
     const ViewNoise noise = view_noise(signals, use, step);
@@ -409,8 +361,7 @@ void add_view(const RepeatedView& view, const SensorModel& sensor, const LevelSc
         }
 }
 
-// A level before the fit: what the codes' variance was, and how well it is known apart from the
-// level of the noise itself.
+// A level before the fit, with what rounding did to it.
 struct Measured {
     NoiseLevel level;
     double rounding_dn2 = 0.0;          // variance that rounding added, taken out of the level's
@@ -464,18 +415,17 @@ std::vector<Measured> measured_levels(const std::vector<Bin>& levels, const Leve
 
 struct StraightLine {
     Eigen::Vector2d value = Eigen::Vector2d::Zero();  // at signal 0, and slope
-    Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
-    double chi_square = 0.0;
+    Eigen::Matrix2d covariance;
+    double chi_square;
 };
 
-// Weighted least squares; the weights come from the fitted line, not from the scattering values
-// themselves, which would favour those that came out low.
+// Weights from the fitted line: those of the scattering values would favour low ones.
 StraightLine fit_line(const std::vector<Measured>& levels) {
     StraightLine line;
     for (int round = 0; round < 6; ++round) {
         Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
         Eigen::Vector2d right = Eigen::Vector2d::Zero();
-        double chi_square = 0.0;
+        line.chi_square = 0.0;
         for (const Measured& m : levels) {
             if (!m.level.is_used)
                 continue;
@@ -485,18 +435,12 @@ StraightLine fit_line(const std::vector<Measured>& levels) {
             normal += weight * row * row.transpose();
             right += weight * m.level.variance_dn2 * row;
             const double residual = m.level.variance_dn2 - line.value.dot(row);
-            chi_square += weight * residual * residual;
+            line.chi_square += weight * residual * residual;
         }
         line.covariance = normal.inverse();
         line.value = line.covariance * right;
-        line.chi_square = chi_square;
     }
     return line;
-}
-
-int used(const std::vector<Measured>& levels) {
-    return static_cast<int>(std::count_if(levels.begin(), levels.end(),
-                                          [](const Measured& m) { return m.level.is_used; }));
 }
 
 void refuse_misfit(const std::vector<NoiseLevel>& levels) {
@@ -507,8 +451,7 @@ void refuse_misfit(const std::vector<NoiseLevel>& levels) {
             throw NumericalError(fmt::format(
                 "photon transfer: the noise at a signal of {:.4g} DN has the variance {:.4g} DN^2, "
                 "not the {:.4g} of read and photon noise: transfer curve or black level are not "
-                "what "
-                "the camera file says, or the camera filters its pictures",
+                "what the camera file says, or the camera filters its pictures",
                 level.signal_dn, level.variance_dn2, level.model_dn2));
     }
 }
@@ -568,17 +511,18 @@ PhotonTransfer measure_photon_transfer(std::span<const RepeatedView> views,
     if (std::abs(result.noise_correlation) > max_correlation)
         throw NumericalError(
             fmt::format("repeats: the noise of neighbouring pixels is correlated ({:.2f}): these "
-                        "are not raw pixels "
-                        "(JPEG, interpolated colours, denoising or sharpening)",
+                        "are not raw pixels (JPEG, interpolated colours, denoising or sharpening)",
                         result.noise_correlation));
 
     std::vector<Measured> levels = measured_levels(sums, scale, dark);
-    if (used(levels) < 4)
+    const auto used = static_cast<int>(
+        std::ranges::count_if(levels, [](const Measured& m) { return m.level.is_used; }));
+    if (used < 4)
         throw NumericalError(fmt::format(
             "photon transfer: {} levels are neither clipped nor lost in the rounding; 4 are needed",
-            used(levels)));
+            used));
     StraightLine line = fit_line(levels);
-    result.degrees_of_freedom = used(levels) - 2;
+    result.degrees_of_freedom = used - 2;
     result.reduced_chi_square = line.chi_square / result.degrees_of_freedom;
     line.covariance *= std::max(result.reduced_chi_square, 1.0);
     for (Measured& m : levels) {

@@ -1,9 +1,7 @@
-// Gain and read noise from photographs of the same still view: the photon transfer method,
-// EMVA 1288 release 4, linear (section 6.6: variance of the difference of images against their
-// mean). As a view has many levels at once, the pixels are sorted by their own mean instead of
-// exposing a uniform field at many times; the dark photographs are the point without light. Works
-// in the linear signal (black level and transfer curve undone), so that a curved transfer is no
-// obstacle.
+// Gain and read noise from photographs of the same still view: the photon transfer method, EMVA
+// 1288 release 4, linear (section 6.6: variance of the difference of images against their mean). A
+// view has many levels at once: the pixels are sorted by their own mean. The dark photographs are
+// the point without light. The signal is linear (black level and transfer curve undone).
 //
 //     variance = (read noise / gain)^2 + signal / gain + rounding      [DN^2], signal in DN
 //
@@ -22,22 +20,16 @@
 
 namespace etalon {
 
-// The black level: the mean code value of photographs that no light reached (lens cap on, same
-// exposure time, gain and temperature as the photographs that it is for). EMVA 1288 release 4,
-// section 7 (dark current and its temporal noise at one exposure time).
-//
-// Standard uncertainty: the larger of what the pixels' temporal noise leaves of a mean and the
-// scatter of the frames' means (which offset drift and row noise make larger), and the rounding
-// (compare/characterise/code_statistics.h).
-
+// The mean code value of photographs that no light reached (lens cap on; exposure time, gain and
+// temperature of the photographs that it is for). EMVA 1288 release 4, section 7. Standard
+// uncertainty: the larger of what the temporal noise leaves of a mean and the scatter of the
+// frames' means, and the rounding (compare/characterise/code_statistics.h).
 struct BlackLevel {
     double dn = 0.0, standard_uncertainty_dn = 0.0;
     // Of one pixel from frame to frame, rounding included; 0 with one frame.
     double temporal_variance_dn2 = 0.0, temporal_variance_standard_uncertainty = 0.0;
-    // Standard deviation of the pixels' own means, temporal noise taken out (dark signal
-    // non-uniformity, DSNU).
-    double fixed_pattern_dn = 0.0;
-    double drift_dn = 0.0;  // largest mean of a frame minus the smallest
+    double fixed_pattern_dn = 0.0;  // DSNU: of the pixels' own means, temporal noise taken out
+    double drift_dn = 0.0;          // largest mean of a frame minus the smallest
     int frames = 0;
 };
 
@@ -77,17 +69,15 @@ struct PhotonTransfer {
     std::vector<NoiseLevel> levels;  // ascending; the dark one first, if there is one
 };
 
-// The camera's sensor section gives bits, black level, transfer curve and mosaic; its gain and read
-// noise are not used. Without `dark` the read noise is not determined: nothing tells how much
-// signal a code is.
-// Throws NumericalError with the values for a view with fewer than 2 photographs, different sizes,
-// and when
+// The camera's sensor section gives bits, black level, transfer curve and mosaic. Without `dark`
+// the read noise is not determined. Throws NumericalError with the values for a view with fewer
+// than 2 photographs, different sizes, and when
 //  - repeats differ in brightness by over 2 %, are shifted by over 0.25 px, or over 0.1 % of the
 //    pixels differ by more than noise: they do not show the same view;
-//  - the noise of neighbouring pixels is correlated by over 0.05: not raw pixels (JPEG,
-//    interpolated colours, denoising, sharpening) have no photon transfer;
-//  - fewer than 4 levels of 100 pixels remain after what is clipped and what is lost in rounding
-//    (variance below 0.24 DN^2, as EMVA 1288 has it), or they do not determine the gain to 20 %;
+//  - the noise of neighbouring pixels is correlated by over 0.05 (JPEG, interpolated colours,
+//    denoising, sharpening);
+//  - fewer than 4 levels of 100 pixels are neither clipped nor lost in rounding (variance below
+//    0.24 DN^2, as EMVA 1288 has it), or they do not determine the gain to 20 %;
 //  - the variance does not follow the model to 10 %.
 // About 30 ns a pixel and photograph. Safe from every thread.
 PhotonTransfer measure_photon_transfer(std::span<const RepeatedView> views,

@@ -5,11 +5,8 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <complex>
 #include <numbers>
-#include <optional>
 
 #include "compare/edges/edge_fit.h"
 #include "core/program/errors.h"
@@ -37,7 +34,7 @@ struct Level {
     double level, noise;
 };
 
-Level level_beside(std::span<const EdgePixel> samples, double sign, double half_width) {
+Level side_level(std::span<const EdgePixel> samples, double sign, double half_width) {
     std::vector<const EdgePixel*> side;
     for (const EdgePixel& sample : samples)
         if (sign * sample.distance_px > 0.6 * half_width)
@@ -116,21 +113,10 @@ ArrayXd transposed_difference(const ArrayXd& row) {
     return result;
 }
 
-// What the two-sided difference and the average over a bin leave of this frequency.
-double processing_transfer(const Bins& bins, double frequency) {
-    const double q = 2.0 * pi * frequency * edge_bin_px;
-    const double slope = q < 1e-9 ? 1.0 : std::sin(q) / q;
-    std::complex<double> sum = 0.0;
-    for (const double offset : bins.offsets)
-        sum += std::polar(1.0, -2.0 * pi * frequency * offset);
-    return slope * std::abs(sum) / static_cast<double>(bins.offsets.size());
-}
-
 // The transform at each frequency and its derivative by the bins' means.
 class Transform {
 public:
-    // Each bin's mean is moved from its pixels' mean place to the bin's centre along the slope of
-    // its neighbours.
+    // Each bin's mean is moved to the bin's centre along the slope of its neighbours.
     Transform(const Bins& bins, const ArrayXd& variance) : bins_(bins), variance_(variance) {
         line_spread_ = difference(bins.mean - bins.offset * difference(bins.mean));
         window_.resize(line_spread_.size());
@@ -146,7 +132,7 @@ public:
             turn.push_back(std::polar(window_[i], -2.0 * pi * frequency * bins_.centre(i)));
             sum += turn.back() * line_spread_[i];
         }
-        const double size = std::abs(sum), loss = processing_transfer(bins_, frequency) * total_;
+        const double size = std::abs(sum), loss = processing_transfer(frequency) * total_;
         const std::complex<double> direction = size > 0.0 ? std::conj(sum) / size : 1.0;
         ArrayXd by_spread(window_.size());
         for (Eigen::Index i = 0; i < window_.size(); ++i)
@@ -159,17 +145,21 @@ public:
     }
 
 private:
+    // What the two-sided difference and the average over a bin leave of this frequency.
+    double processing_transfer(double frequency) const {
+        const double q = 2.0 * pi * frequency * edge_bin_px;
+        const double slope = q < 1e-9 ? 1.0 : std::sin(q) / q;
+        std::complex<double> sum = 0.0;
+        for (const double offset : bins_.offsets)
+            sum += std::polar(1.0, -2.0 * pi * frequency * offset);
+        return slope * std::abs(sum) / static_cast<double>(bins_.offsets.size());
+    }
+
     const Bins& bins_;
     const ArrayXd& variance_;
     ArrayXd line_spread_, window_;
     double total_;
 };
-
-// Variance of each bin's mean: linear in the signal between the two sides.
-ArrayXd variance_of(const Bins& bins, const Level& dark, const Level& light) {
-    const ArrayXd part = ((bins.mean - dark.level) / (light.level - dark.level)).max(0.0).min(1.0);
-    return (dark.noise * dark.noise * (1.0 - part) + light.noise * light.noise * part) / bins.count;
-}
 
 // Where the modulation first falls to one half, between two rows.
 void find_half(SlantedEdge& edge) {
@@ -186,15 +176,17 @@ void find_half(SlantedEdge& edge) {
 }
 
 void transform(std::span<const EdgePixel> samples, double half_width, SlantedEdge& edge) {
-    const Level dark = level_beside(samples, -1.0, half_width);
-    const Level light = level_beside(samples, 1.0, half_width);
+    const Level dark = side_level(samples, -1.0, half_width);
+    const Level light = side_level(samples, 1.0, half_width);
     constexpr double min_contrast_in_noise = 5.0;
     if (!(light.level - dark.level > min_contrast_in_noise * std::max(light.noise, dark.noise)))
         throw NumericalError(
             fmt::format("slanted edge: levels {:.4f} and {:.4f} with noise {:.4f} and {:.4f}",
                         dark.level, light.level, dark.noise, light.noise));
     const Bins bins = bins_of(samples, half_width);
-    const ArrayXd variance = variance_of(bins, dark, light);
+    const ArrayXd part = ((bins.mean - dark.level) / (light.level - dark.level)).max(0.0).min(1.0);
+    const ArrayXd variance =
+        (dark.noise * dark.noise * (1.0 - part) + light.noise * light.noise * part) / bins.count;
     const Transform at(bins, variance);
     edge.dark = dark.level;
     edge.light = light.level;
@@ -233,7 +225,7 @@ Eigen::MatrixXd upright(const LinearPhoto& photo, const cv::Rect& region) {
 }
 
 struct Line {  // x = at_middle + slope (y - middle)
-    double at_middle, slope, slope_standard_uncertainty;
+    double at_middle, slope;
 };
 
 // Centroid of a row's derivative under a window about `centre`.
@@ -248,39 +240,21 @@ double centroid(const Eigen::MatrixXd& pixels, Eigen::Index y, double centre, do
     return sum > 0.0 ? centre + std::clamp(moment / sum, -half_width, half_width) : centre;
 }
 
-Line fit_line(const Eigen::VectorXd& places) {
-    const auto n = static_cast<double>(places.size());
-    const ArrayXd y = ArrayXd::LinSpaced(places.size(), -0.5 * (n - 1.0), 0.5 * (n - 1.0));
-    const double squares = y.square().sum(), mean = places.mean();
-    const double slope = (y * places.array()).sum() / squares;
-    const double scatter = (places.array() - mean - slope * y).square().sum() / (n - 2.0);
-    return {mean, slope, std::sqrt(scatter / squares)};
-}
-
-// The standard's two rounds: windows about the middle of the region, then about the line found; a
-// third one, narrower, keeps the far pixels' noise out.
+// The standard's two rounds, and a third, narrower one against the far pixels' noise.
 Line find_line(const Eigen::MatrixXd& pixels) {
     const auto w = static_cast<double>(pixels.cols());
-    Line line{0.5 * (w - 1.0), 0.0, 0.0};
+    Line line{0.5 * (w - 1.0), 0.0};
     const double middle = 0.5 * (static_cast<double>(pixels.rows()) - 1.0);
+    const ArrayXd rows = ArrayXd::LinSpaced(pixels.rows(), -middle, middle);
     for (const double half_width : {0.75 * w, 0.5 * w, std::min(0.5 * w, 10.0)}) {
-        Eigen::VectorXd places(pixels.rows());
+        ArrayXd places(pixels.rows());
         for (Eigen::Index y = 0; y < pixels.rows(); ++y)
             places[y] =
                 centroid(pixels, y, line.at_middle + line.slope * (static_cast<double>(y) - middle),
                          half_width);
-        line = fit_line(places);
+        line = {places.mean(), (rows * places).sum() / rows.square().sum()};
     }
     return line;
-}
-
-// Rows for a whole number of pixels that the edge moves, so that every sub-pixel place of it counts
-// alike; all of them where it moves less than one.
-Eigen::Index whole_phases(Eigen::Index rows, double slope) {
-    const double moved = std::floor(static_cast<double>(rows) * std::abs(slope));
-    return moved < 1.0
-               ? rows
-               : std::min(rows, static_cast<Eigen::Index>(std::lround(moved / std::abs(slope))));
 }
 
 }  // namespace
@@ -289,17 +263,19 @@ SlantedEdge slanted_edge(const LinearPhoto& photo, const cv::Rect& region) {
     const Eigen::MatrixXd pixels = upright(photo, region);
     const Line line = find_line(pixels);
     const double cosine = 1.0 / std::hypot(1.0, line.slope);
-    const double degrees = 180.0 / pi;
     SlantedEdge edge;
-    edge.angle_deg = std::atan(std::abs(line.slope)) * degrees;
-    edge.angle_standard_uncertainty_deg =
-        line.slope_standard_uncertainty * cosine * cosine * degrees;
+    edge.angle_deg = std::atan(std::abs(line.slope)) * (180.0 / pi);
     if (!(edge.angle_deg >= 1.0 && edge.angle_deg <= 44.0))
         throw NumericalError(
             fmt::format("slanted edge: {:.2f} degrees from the pixels' axis, 1 "
                         "to 44 are needed",
                         edge.angle_deg));
-    const Eigen::Index rows = whole_phases(pixels.rows(), line.slope);
+    // Rows for a whole number of pixels that the edge moves: every sub-pixel place counts alike.
+    const double steepness = std::abs(line.slope);
+    const double moved = std::floor(static_cast<double>(pixels.rows()) * steepness);
+    const Eigen::Index rows =
+        moved < 1.0 ? pixels.rows()
+                    : std::min<Eigen::Index>(pixels.rows(), std::lround(moved / steepness));
     const double middle = 0.5 * (static_cast<double>(pixels.rows()) - 1.0);
     double half_width = 0.5 * static_cast<double>(pixels.cols());
     std::vector<EdgePixel> samples;
@@ -348,7 +324,7 @@ constexpr double min_angle_deg = 2.0, max_angle_deg = 15.0;
 constexpr double min_length_px = 24.0;
 
 struct Segment {
-    cv::Point2d from, to;
+    cv::Point2d from, to;  // px
 
     cv::Point2d along() const { return to - from; }
     double length() const { return cv::norm(along()); }
@@ -394,32 +370,24 @@ cv::Rect window_of(const Segment& segment, double to_both_sides_px) {
             cv::Point(cvRound(high.x + sides.x), cvRound(high.y + sides.y))};
 }
 
-// Another edge in the window would turn the line, or leave a spectrum that is mostly noise.
-bool is_this_edge(const SlantedEdge& edge, const Segment& segment) {
-    constexpr double max_turn_deg = 1.5, max_nyquist_deviation = 0.05;
-    return edge.mtf50_cycles_per_px > 0.0 &&
-           std::abs(edge.angle_deg - segment.angle_deg()) < max_turn_deg &&
-           edge.at_nyquist_standard_uncertainty < max_nyquist_deviation;
-}
-
-// In the width in which its MTF50 is most certain: what is beside the edge counts as noise.
+// In the width in which its MTF50 is most certain: other things in the window count as noise.
 std::optional<FoundSlantedEdge> measured(const LinearPhoto& photo, const Segment& segment,
                                          std::string& reason) {
+    // Another edge in the window would turn the line, or leave a spectrum that is mostly noise.
+    constexpr double max_turn_deg = 1.5, max_nyquist_deviation = 0.05;
     std::optional<FoundSlantedEdge> best;
     for (const double side : {10.0, 14.0, 20.0, 28.0, 40.0}) {
         const cv::Rect region = window_of(segment, side);
         auto edge = attempted([&] { return slanted_edge(photo, region); });
-        if (edge && is_this_edge(*edge, segment) &&
+        if (edge && edge->mtf50_cycles_per_px > 0.0 &&
+            std::abs(edge->angle_deg - segment.angle_deg()) < max_turn_deg &&
+            edge->at_nyquist_standard_uncertainty < max_nyquist_deviation &&
             (!best || edge->mtf50_standard_uncertainty < best->edge.mtf50_standard_uncertainty))
             best = FoundSlantedEdge{region, *edge};
         if (!best && reason.empty())
             reason = edge.cause;
     }
     return best;
-}
-
-cv::Point middle_of(const cv::Rect& region) {
-    return (region.tl() + region.br()) / 2;
 }
 
 }  // namespace
@@ -432,6 +400,7 @@ SlantedEdges find_slanted_edges(const LinearPhoto& photo, std::size_t most) {
             all.push_back(std::move(*edge));
     std::ranges::stable_sort(
         all, {}, [](const FoundSlantedEdge& each) { return each.edge.mtf50_standard_uncertainty; });
+    const auto middle_of = [](const cv::Rect& region) { return (region.tl() + region.br()) / 2; };
     for (FoundSlantedEdge& each : all) {
         const bool is_apart = std::ranges::none_of(found.edges, [&](const FoundSlantedEdge& other) {
             return other.region.contains(middle_of(each.region)) ||

@@ -1,22 +1,19 @@
 // Slanted-edge modulation transfer function: ISO 12233, edge-based spatial frequency response.
 //
-// The edge is located in each row by the centroid of its derivative, a straight line is fitted, and
-// the pixels' distances from it along its normal are sorted into bins of a quarter pixel. The mean
-// profile is differentiated, multiplied by a Tukey window (flat over the middle half) and Fourier
-// transformed. As the standard does, the loss of the two-sided difference is taken out; beyond it,
-// so is the loss of averaging over a bin, which the standard leaves in (2.6 % at half a cycle per
-// px). Frequencies are along the edge's normal, in cycles per px (fx = fy assumed there).
+// The centroid of the derivative locates the edge in each row; a straight line is fitted; the
+// pixels' distances along its normal are sorted into bins of 0.25 px. The mean profile is
+// differentiated, multiplied by a Tukey window (flat over the middle half) and Fourier transformed.
+// The loss of the two-sided difference is taken out as in the standard, and that of averaging over
+// a bin too (2.6 % at half a cycle per px). Frequencies are along the edge's normal, in cycles per
+// px (fx = fy assumed there). The result is that of lens, pixel and camera in linear radiance
+// (linear_photo()).
 //
-// The result is that of lens, pixel and whatever the camera did, in linear radiance: decode first
-// (compare/edges/edge_spread.h, linear_photo).
-//
-// The uncertainty is that of pixel noise, which is read off the two sides of the edge (linear in
-// the signal between them), propagated through every step.
+// The uncertainty is that of pixel noise, from both sides of the edge (linear in the signal between
+// them), propagated through every step.
 #pragma once
 
 #include <opencv2/core.hpp>
 
-#include <span>
 #include <string>
 #include <vector>
 
@@ -29,9 +26,8 @@ struct ModulationRow {
 };
 
 struct SlantedEdge {
-    double angle_deg = 0.0;  // of the edge from the nearer pixel axis, 0..45
-    double angle_standard_uncertainty_deg = 0.0;
-    double dark = 0.0, light = 0.0;  // levels beside the edge, radiance
+    double angle_deg = 0.0;          // of the edge from the nearer pixel axis, 0..45
+    double dark = 0.0, light = 0.0;  // levels at both sides of the edge, radiance
     int pixels = 0;
     std::vector<ModulationRow> modulation;  // 0 .. 1 cycle per px in steps of 1/width, 0 first
     // The frequency where the modulation falls to one half; 0 when it does not.
@@ -40,21 +36,19 @@ struct SlantedEdge {
     double at_nyquist = 0.0, at_nyquist_standard_uncertainty = 0.0;
 };
 
-// One edge across a rectangle of a linear photograph. At least 16 px along the edge and across it;
-// the edge crosses the two sides that it is steeper to and stays 8 px away from the others; its
-// angle to the pixels' rows or columns is 1..44 degrees (the standard's 5 degrees is best: 2..10).
-// Throws NumericalError with the values that tell why when a rectangle is not like that, holds
-// clipped pixels or no edge. Under a ms for 100 x 100 px. Safe from every thread.
+// One edge across a rectangle of a linear photograph, at least 16 px wide and high. The edge
+// crosses two opposite sides and stays 8 px away from the others, at 1..44 degrees to the pixels'
+// rows or columns (best: 2..10). Throws NumericalError with the values when a rectangle is not like
+// that, holds clipped pixels or no edge. Under a ms for 100 x 100 px. Safe from every thread.
 SlantedEdge slanted_edge(const LinearPhoto& photo, const cv::Rect& region);
 
-// The same from an edge of a target, whose distances are known (distortion taken out); its own
-// shift and turn are fitted. For edges whose band is at least 16 px wide and long.
+// The same of a target's edge with a band of at least 16 x 16 px, distortion taken out; its own
+// shift and turn are fitted.
 SlantedEdge slanted_edge(const StraightEdge& edge);
 
-// Slanted edges of any photograph, without knowing what it shows: every straight line segment
-// (Grompone von Gioi et al., "LSD: a Line Segment Detector", Image Processing On Line 2, 2012) that
-// runs 2 to 15 degrees off the pixels' rows or columns is measured in a window around it, as wide
-// as its surroundings are even.
+// Slanted edges of any photograph: every straight line segment (Grompone von Gioi et al., "LSD: a
+// Line Segment Detector", Image Processing On Line 2, 2012) that runs 2 to 15 degrees off the
+// pixels' rows or columns is measured in a window as wide as its surroundings are even.
 
 struct FoundSlantedEdge {
     cv::Rect region;

@@ -3,10 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
-#include <map>
-#include <optional>
 #include <set>
 
 #include "compare/characterise/code_statistics.h"
@@ -17,7 +14,7 @@ namespace etalon {
 namespace {
 
 constexpr int max_pieces = 12;
-constexpr int reweighting_rounds = 12;  // of reweighting; the weights settle to 1e-6 in five
+constexpr int reweighting_rounds = 12;  // the weights settle to 1e-6 in five
 
 // A patch of the scene in one photograph.
 struct ExposedPatch {
@@ -31,10 +28,8 @@ int patch_count(const std::vector<ExposedPatch>& observed) {
     return std::ranges::max(observed, {}, &ExposedPatch::patch).patch + 1;
 }
 
-// A sensor's inverse transfer curve, radiance from code, fitted to patches that were exposed for
-// known times: g(T) = E t with the patches' irradiances E unknown. Cubic B-spline g with g(0) = 0
-// and g = 1 at the highest code observed. It goes on straight below 0, and beyond the highest code
-// with the bend that it has there.
+// A sensor's inverse transfer curve: g(T) = E t for patches of unknown irradiance E. Cubic B-spline
+// with g(0) = 0 and g = 1 at the highest code observed, straight below 0, with its bend beyond.
 class InverseCurve {
 public:
     InverseCurve(int pieces, double end)
@@ -50,8 +45,7 @@ public:
         const double step = 1e-5 * end_;
         return (radiance(code + step) - radiance(code - step)) / (2.0 * step);
     }
-    // Standard uncertainty of radiance(code) / radiance(top). Beyond the highest code that was seen
-    // the whole effect of the bend is added.
+    // Of radiance(code) / radiance(top). Unseen codes: the whole effect of the bend is added.
     double relative_uncertainty(double code, double top) const;
     int parameters() const { return static_cast<int>(weights_.size()) - 2; }
 
@@ -120,8 +114,8 @@ double InverseCurve::relative_uncertainty(double code, double top) const {
     return std::sqrt(std::max(gradient.dot(covariance_ * gradient), 0.0) + bent * bent);
 }
 
-// Unknown are the inner weights and the irradiances; the equations are linear in both, and their
-// weights need the curve's slope, which the last round gave.
+// Linear in the inner weights and the irradiances; the equations' weights need the last round's
+// slope.
 void InverseCurve::fit(const std::vector<ExposedPatch>& observed) {
     const int inner = pieces_ + 1, patches = patch_count(observed);
     const double longest = std::ranges::max(observed, {}, &ExposedPatch::exposure).exposure;
@@ -173,8 +167,7 @@ bool InverseCurve::rises() const {
     return true;
 }
 
-// Weighted least squares in code, for 1, 2, 3 ... 12 pieces; the number that Schwarz's criterion
-// prefers among those where the curve rises.
+// Of 1, 2, 3 ... 12 pieces those that Schwarz's criterion prefers where the curve rises.
 InverseCurve fit_inverse_curve(const std::vector<ExposedPatch>& observed) {
     const double end = std::ranges::max(observed, {}, &ExposedPatch::code).code;
     std::vector<InverseCurve> curves;
@@ -191,32 +184,9 @@ InverseCurve fit_inverse_curve(const std::vector<ExposedPatch>& observed) {
     const double n = static_cast<double>(observed.size());
     const double freedom = n - patch_count(observed) - curves.back().parameters();
     const double excess = std::max(1.0, curves.back().chi_square / std::max(freedom, 1.0));
-    return *std::min_element(curves.begin(), curves.end(), [&](const auto& a, const auto& b) {
-        return a.chi_square / excess + a.parameters() * std::log(n) <
-               b.chi_square / excess + b.parameters() * std::log(n);
+    return *std::ranges::min_element(curves, {}, [&](const InverseCurve& curve) {
+        return curve.chi_square / excess + curve.parameters() * std::log(n);
     });
-}
-
-// Chi-square of a known inverse curve, with the irradiances that fit best.
-double irradiance_chi_square(const std::vector<ExposedPatch>& observed, const auto& inverse,
-                             const auto& slope) {
-    std::vector<double> product(static_cast<std::size_t>(patch_count(observed)), 0.0);
-    std::vector<double> square = product;
-    const auto weight = [&](const ExposedPatch& o) {
-        return 1.0 / std::pow(o.standard_uncertainty * std::max(slope(o.code), 1e-6), 2);
-    };
-    for (const ExposedPatch& o : observed) {
-        const auto p = static_cast<std::size_t>(o.patch);
-        product[p] += weight(o) * inverse(o.code) * o.exposure;
-        square[p] += weight(o) * o.exposure * o.exposure;
-    }
-    double chi_square = 0.0;
-    for (const ExposedPatch& o : observed) {
-        const auto p = static_cast<std::size_t>(o.patch);
-        const double residual = inverse(o.code) - product[p] / square[p] * o.exposure;
-        chi_square += weight(o) * residual * residual;
-    }
-    return chi_square;
 }
 
 constexpr int min_times = 4;
@@ -226,7 +196,7 @@ constexpr double max_drift = 0.01;
 constexpr double min_top = 0.5;  // of full scale, that must be seen
 constexpr int table_intervals = 128;
 
-void check_times(std::span<const ExposedPhoto> photos) {
+void require_times(std::span<const ExposedPhoto> photos) {
     std::set<double> times;
     for (const ExposedPhoto& photo : photos) {
         if (!(photo.exposure_us > 0.0 && std::isfinite(photo.exposure_us)))
@@ -278,31 +248,24 @@ std::vector<ExposedPatch> observations(std::span<const ExposedPhoto> photos,
     return result;
 }
 
-// Patches that are uniform in the brightest photograph in which they are not clipped, spread over
-// the levels.
+// Patches that are uniform where they are brightest and not clipped, spread over the levels.
 std::vector<cv::Rect> chosen_patches(std::span<const ExposedPhoto> photos, int saturation,
                                      const Sensor& sensor) {
-    std::vector<const ExposedPhoto*> brightest_first;
-    for (const ExposedPhoto& photo : photos)
-        brightest_first.push_back(&photo);
-    std::stable_sort(brightest_first.begin(), brightest_first.end(),
-                     [](auto* a, auto* b) { return a->exposure_us > b->exposure_us; });
-    std::vector<std::pair<double, cv::Rect>> by_irradiance;
+    std::vector<ExposedPhoto> brightest_first(photos.begin(), photos.end());
+    std::ranges::stable_sort(brightest_first, std::greater(), &ExposedPhoto::exposure_us);
+    std::vector<std::pair<double, cv::Rect>> by_irradiance;  // blocks of equal ones row by row
     for (const cv::Rect& block : image_blocks(photos.front().image.pixels.size(), 40))
-        for (const ExposedPhoto* photo : brightest_first) {
+        for (const ExposedPhoto& photo : brightest_first) {
             const PatchStatistics patch =
-                patch_statistics(photo->image, block, saturation, Mosaic::none);
+                patch_statistics(photo.image, block, saturation, Mosaic::none);
             if (patch.is_clipped)
                 continue;
             const double signal = patch.mean - sensor.black_dn;
             if (patch.unevenness < 0.03 * signal)
-                by_irradiance.emplace_back(signal / photo->exposure_us, block);
+                by_irradiance.emplace_back(signal / photo.exposure_us, block);
             break;
         }
-    std::sort(by_irradiance.begin(), by_irradiance.end(), [](const auto& a, const auto& b) {
-        return std::tie(a.first, a.second.y, a.second.x) <
-               std::tie(b.first, b.second.y, b.second.x);
-    });
+    std::ranges::stable_sort(by_irradiance, {}, &std::pair<double, cv::Rect>::first);
     std::vector<cv::Rect> patches;
     const std::size_t many = by_irradiance.size();
     const std::size_t wanted = std::min<std::size_t>(many, max_patches);
@@ -342,38 +305,43 @@ std::optional<double> light_drift(std::span<const ExposedPhoto> photos,
     return drift;
 }
 
-// A curve that has no parameters of its own: slope and value of its inverse.
+// A curve that has no parameters of its own, with the irradiances that fit best.
 TransferCandidate known_curve(Transfer::Kind kind, const std::vector<ExposedPatch>& observed) {
     const Transfer transfer{kind, {}};
     const auto inverse = [&](double code) { return decode(transfer, std::min(code, 1.0)); };
-    constexpr double step = 1e-5;
-    const auto slope = [&](double code) {
-        return (inverse(code + step) - inverse(code - step)) / (2.0 * step);
+    const auto weight = [&](const ExposedPatch& o) {
+        constexpr double step = 1e-5, least_slope = 1e-6;
+        const double slope = (inverse(o.code + step) - inverse(o.code - step)) / (2.0 * step);
+        return 1.0 / std::pow(o.standard_uncertainty * std::max(slope, least_slope), 2);
     };
-    TransferCandidate candidate{kind, irradiance_chi_square(observed, inverse, slope)};
+    TransferCandidate candidate{kind};
     candidate.parameters = patch_count(observed);
+    Eigen::VectorXd product = Eigen::VectorXd::Zero(candidate.parameters), square = product;
+    for (const ExposedPatch& o : observed) {
+        product[o.patch] += weight(o) * inverse(o.code) * o.exposure;
+        square[o.patch] += weight(o) * o.exposure * o.exposure;
+    }
+    for (const ExposedPatch& o : observed) {
+        const double residual = inverse(o.code) - product[o.patch] / square[o.patch] * o.exposure;
+        candidate.chi_square += weight(o) * residual * residual;
+    }
     return candidate;
-}
-
-void judge(std::vector<TransferCandidate>& candidates, std::size_t observations) {
-    const double n = static_cast<double>(observations);
-    for (TransferCandidate& candidate : candidates)
-        candidate.degrees_of_freedom = static_cast<int>(observations) - candidate.parameters;
-    // The richest model tells how much larger the scatter is than the stated noise.
-    const TransferCandidate& table = candidates.back();
-    const double excess = std::max(1.0, table.chi_square / table.degrees_of_freedom);
-    for (TransferCandidate& candidate : candidates)
-        candidate.information_criterion =
-            candidate.chi_square / excess + candidate.parameters * std::log(n);
 }
 
 // The known curves first: one of them is kept as long as its residuals are at most a fifth larger
 // than the table's, which follows anything.
-Transfer::Kind chosen(const std::vector<TransferCandidate>& candidates) {
+Transfer::Kind chosen(std::vector<TransferCandidate>& candidates, std::size_t observations) {
+    for (TransferCandidate& candidate : candidates)
+        candidate.degrees_of_freedom = static_cast<int>(observations) - candidate.parameters;
     const auto reduced = [](const TransferCandidate& c) {
         return c.chi_square / c.degrees_of_freedom;
     };
+    // The richest model tells how much larger the scatter is than the stated noise.
     const double scatter = std::max(1.0, reduced(candidates.back()));
+    for (TransferCandidate& candidate : candidates)
+        candidate.information_criterion =
+            candidate.chi_square / scatter +
+            candidate.parameters * std::log(static_cast<double>(observations));
     const auto best =
         std::ranges::min_element(candidates, {}, &TransferCandidate::information_criterion);
     for (const TransferCandidate& candidate : candidates)
@@ -382,12 +350,12 @@ Transfer::Kind chosen(const std::vector<TransferCandidate>& candidates) {
     return best->kind;
 }
 
-// The whole curve up to saturation as a table, radiance 1 there.
 struct Table {
     std::vector<std::pair<double, double>> knots;
     std::vector<double> uncertainties;
 };
 
+// The whole curve up to saturation, radiance 1 there.
 Table tabulated(const InverseCurve& curve, double top, double black_uncertainty) {
     const double end = curve.radiance(top);
     Table table;
@@ -405,14 +373,12 @@ Table tabulated(const InverseCurve& curve, double top, double black_uncertainty)
         if (!(table.knots[i].first > table.knots[i - 1].first))
             throw NumericalError(
                 fmt::format("exposures: the transfer curve does not rise at {:.3g} of full scale: "
-                            "more exposure "
-                            "times and patches are needed there",
+                            "more exposure times and patches are needed there",
                             table.knots[i].second));
     return table;
 }
 
-// Departure from the line through black with the least squares, where EMVA 1288 looks: from 5 to
-// 95 % of the range.
+// Departure from the least-squares line through black, from 5 to 95 % of the range (EMVA 1288).
 void take_nonlinearity(const Table& table, TransferEstimate& estimate) {
     const auto is_in_range = [&](double code) {
         return code >= 0.05 * estimate.highest_code && code <= 0.95 * estimate.highest_code;
@@ -437,7 +403,7 @@ void take_nonlinearity(const Table& table, TransferEstimate& estimate) {
 
 TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Sensor& sensor,
                                    double black_standard_uncertainty_dn) {
-    check_times(given);
+    require_times(given);
     std::vector<CodeImage> images;
     for (const ExposedPhoto& photo : given)
         images.push_back(photo.image);
@@ -466,7 +432,6 @@ TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Se
                            {Transfer::Kind::table, curve.chi_square}};
     estimate.candidates.back().parameters =
         estimate.candidates.front().parameters + curve.parameters();
-    judge(estimate.candidates, observed.size());
     const double range = (1 << sensor.bits) - 1 - sensor.black_dn;
     const double top =
         std::max((estimate.saturation_code - sensor.black_dn) / range, estimate.highest_code);
@@ -476,7 +441,7 @@ TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Se
         estimate.points.push_back({curve.irradiance[static_cast<std::size_t>(patch.patch)] *
                                        patch.exposure / curve.radiance(top),
                                    patch.code, patch.standard_uncertainty});
-    estimate.transfer.kind = chosen(estimate.candidates);
+    estimate.transfer.kind = chosen(estimate.candidates, observed.size());
     if (estimate.transfer.kind == Transfer::Kind::table) {
         estimate.transfer.table = table.knots;
         estimate.code_standard_uncertainty = table.uncertainties;

@@ -4,16 +4,15 @@
 //     code = black + (full scale - black) T(E t)      (sim/sensor/sensor_model.h)
 //
 // Uniform patches of the scene are followed through the series, each with its unknown irradiance E.
-// Three candidates: a straight line, Rec. 709, and a monotone curve (the inverse curve as a cubic
-// B-spline in T with the fewest pieces that pay); which one the photographs support tells Schwarz's
-// criterion (BIC); a known curve is kept while its residuals are at most a fifth larger than those
-// of the free one. As the scale of the light is unknown, radiance 1 is where the curve reaches
-// saturation; beyond the brightest code that was seen it is continued with the bend that it has
-// there, the whole effect of which is counted as uncertainty. The method is Debevec and Malik's
-// (SIGGRAPH 1997) with measured weights and a model choice.
+// Candidates: a straight line, Rec. 709, and a monotone curve (the inverse curve as a cubic
+// B-spline in T with the fewest pieces that pay), by Schwarz's criterion (BIC); a known curve is
+// kept while its residuals are at most a fifth larger than those of the free one. Radiance 1 is
+// where the curve reaches saturation. Beyond the brightest code seen it goes on with the bend that
+// it has there, whose whole effect is counted as uncertainty. After Debevec and Malik (SIGGRAPH
+// 1997), with measured weights and a model choice.
 //
-// What it relies on: exposure times as commanded (an offset or a jitter of the shutter is taken for
-// a property of the curve), steady light, which repeated exposure times prove.
+// Relies on exposure times as commanded (an offset or jitter of the shutter is taken for a property
+// of the curve) and on steady light, which repeated exposure times prove.
 #pragma once
 
 #include <optional>
@@ -48,9 +47,8 @@ struct TransferEstimate {
     // Of each knot's code, parts of full scale; empty unless it is a table.
     std::vector<double> code_standard_uncertainty;
     std::vector<TransferCandidate> candidates;  // linear, Rec. 709, table
-    // Largest departure of the measured curve from the straight line through black that fits it
-    // best, parts of full scale (EMVA 1288's linearity error is of this kind), and its standard
-    // uncertainty: of the table, whichever kind is chosen.
+    // Largest departure of the measured curve from the straight line through black that fits best,
+    // parts of full scale: of the table, whichever kind is chosen.
     double nonlinearity = 0.0, nonlinearity_standard_uncertainty = 0.0;
     double lowest_code = 0.0, highest_code = 0.0;  // seen, as T
     int saturation_code = 0;

@@ -1,8 +1,14 @@
-// From a measured value with its uncertainty to an outcome, and from outcomes to the verdict.
+// From a measured value with its uncertainty to an outcome and its risks, and from outcomes to the
+// verdict: ILAC-G8:09/2019 for the rules, JCGM 106:2012 for the risks. The default rule is that of
+// ISO 14253-1, guard bands of the expanded uncertainty (JCGM 106, 8.3.2).
 //
-// Decision rule, unless the limits say otherwise (compare/decision/decision_rule.h): ISO 14253-1
-// with guard bands of the expanded uncertainty (JCGM 106:2012, 8.3.2): what lies within U of the
-// limit is proven neither good nor bad.
+//     guarded       w = U      value + w <= limit is PASS, value - w > limit is FAIL, anything
+//     simple        w = 0      between is INCONCLUSIVE (with w = 0 nothing is)
+//     guard_band: r w = r U
+//
+// Consumer's risk: the value is truly above its limit and gets PASS. Producer's: it is truly at or
+// below the limit and gets FAIL. The measured value scatters about the true one as Student's t with
+// u = U / k and the budget's degrees of freedom.
 #pragma once
 
 #include <limits>
@@ -10,9 +16,32 @@
 #include <span>
 #include <string>
 
-#include "compare/decision/decision_rule.h"
-
 namespace etalon {
+
+struct DecisionRule {
+    double guard_factor = 1.0;  // r, 0 to 3
+
+    std::string name() const;      // "guarded", "simple", "guard band 0.5 U"
+    std::string sentence() const;  // what is PASS, FAIL and INCONCLUSIVE
+};
+
+// Of the values of the cameras that are judged: normal, cut off at 0.
+struct ValuePrior {
+    double mean = 0.0, deviation = 0.0;  // deviation > 0
+};
+
+struct DecisionRisk {
+    // That this value is truly at or below its limit, nothing else being known (JCGM 106, 7.2).
+    // Specific risks (8.1.1): the consumer's of a PASS is 1 less it, the producer's of a FAIL is
+    // it.
+    double conformance = 0.0;
+    // Global risks (9.5): with a prior the joint probabilities; without one the largest that they
+    // can be, whatever the prior.
+    double consumer = 0.0, producer = 0.0;
+    bool has_prior = false;
+    // Operating characteristic: true values that get PASS in 95, 50 and 5 % of runs. Nothing: none.
+    std::optional<double> passes_95, passes_50, passes_5;
+};
 
 enum class Outcome {
     pass,            // value + w <= limit; w is U, or what the decision rule makes of it
@@ -47,6 +76,14 @@ struct JudgedQuantity {
 // The decision rule. Throws NumericalError unless all three are finite, U >= 0 and limit > 0.
 Outcome decide(double value, double expanded_uncertainty, double limit,
                const DecisionRule& rule = {});
+
+// Of a quantity's value against its limit. Throws NumericalError for an uncertainty or a limit that
+// is not positive and finite.
+DecisionRisk decision_risk(const JudgedQuantity& measured, const DecisionRule& rule,
+                           const std::optional<ValuePrior>& prior = std::nullopt);
+
+// That a value whose true size is exactly its limit gets PASS, which is as probable as FAIL.
+double risk_at_limit(const DecisionRule& rule, double coverage_factor, double degrees_of_freedom);
 
 // FAIL when any is FAIL; PASS when there is at least one and all are PASS; INCONCLUSIVE otherwise.
 Outcome combine(std::span<const JudgedQuantity> quantities);

@@ -3,14 +3,11 @@
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
-#include <algorithm>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
 #include "compare/detect/detector_adaptors.h"
 #include "core/optimize/least_squares.h"
-#include "core/program/errors.h"
 #include "core/statistics/covariance.h"
 
 namespace etalon {
@@ -91,12 +88,6 @@ Eigen::Vector3d principal_spreads(const std::vector<Eigen::Vector3d>& points) {
     return solver.eigenvalues().reverse().cwiseMax(0.0).cwiseSqrt();
 }
 
-// Pose of a planar target: the two closed-form solutions (Collins and Bartoli, "Infinitesimal
-// plane-based pose estimation", IJCV 2014, through OpenCV) on undistorted points, each refined on
-// the pixels themselves by Levenberg and Marquardt's method with the projector's own Jacobian.
-//
-// solvePnPGeneric's IPPE takes any point order; IPPE_SQUARE would silently return Z = 0 for an
-// order that is not its own, and gains nothing over it.
 namespace {
 
 using Points = std::vector<Eigen::Vector3d>;
@@ -107,14 +98,10 @@ bool all_finite(const Vectors& vectors) {
     return std::ranges::all_of(vectors, [](const auto& v) { return v.allFinite(); });
 }
 
-// In a plane, and not on a line. Spreads come from squares, so rounding alone reaches 1e-8.
-bool span_a_plane(const Points& points) {
-    const Eigen::Vector3d spread = principal_spreads(points);
-    return spread[0] > 0 && spread[1] > 1e-4 * spread[0] && spread[2] < 1e-6 * spread[0];
-}
-
-// The closed-form solutions; empty when a pixel has no ray or the library gives up. Those of a wide
-// lens are of a camera that looks along the points' mean ray.
+// The closed-form solutions (Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV
+// 2014) on undistorted points; empty when a pixel has no ray or the library gives up. Those of a
+// wide lens are of a camera that looks along the points' mean ray. Not IPPE_SQUARE: it silently
+// returns Z = 0 for a point order that is not its own.
 std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& points,
                                      const Pixels& pixels) {
     Points rays;
@@ -144,11 +131,9 @@ std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& p
     }
     std::vector<Rigid> poses;
     for (std::size_t i = 0; i < rotations.size(); ++i) {
-        Vector6d pose;
-        for (int k = 0; k < 3; ++k) {
-            pose[k] = rotations[i].at<double>(k);
-            pose[3 + k] = translations[i].at<double>(k);
-        }
+        const Vector6d pose((Vector6d() << Eigen::Vector3d(rotations[i].ptr<double>()),
+                             Eigen::Vector3d(translations[i].ptr<double>()))
+                                .finished());
         if (pose.allFinite())
             poses.push_back(Rigid{turn.conjugate(), Eigen::Vector3d::Zero()} *
                             rigid_from_vector(pose));
@@ -202,8 +187,12 @@ std::optional<Refined> refine(const Projector& projector, const Points& points,
 
 bool usable(const Projector& projector, const Points& points_mm, const Pixels& pixels) {
     require_point_of_view(projector.camera(), "estimating a marker's pose");
-    return points_mm.size() >= 4 && pixels.size() == points_mm.size() && all_finite(points_mm) &&
-           all_finite(pixels) && span_a_plane(points_mm);
+    if (points_mm.size() < 4 || pixels.size() != points_mm.size() || !all_finite(points_mm) ||
+        !all_finite(pixels))
+        return false;
+    // In a plane, and not on a line. Spreads come from squares, so rounding alone reaches 1e-8.
+    const Eigen::Vector3d spread = principal_spreads(points_mm);
+    return spread[0] > 0 && spread[1] > 1e-4 * spread[0] && spread[2] < 1e-6 * spread[0];
 }
 
 double rms_px(const Refined& pose, const Points& points) {

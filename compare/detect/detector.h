@@ -27,7 +27,7 @@ struct DetectedCorners {
     bool is_whole() const { return points.empty(); }
 };
 
-// The points of the marker that these pixels show: what estimate_pose() needs beside them.
+// The points of the marker that these pixels show: what estimate_pose() needs with them.
 std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const DetectedCorners& corners);
 
 // What a detector finds in one image.
@@ -37,8 +37,7 @@ struct Detection {
     // All that look alike, where the marker is seen more than once; `corners` is empty then.
     std::vector<DetectedCorners> several = {};
     // The marker's name where a ChArUco board is seen in the other of its two layouts, or a
-    // chessboard that lies on its side: the corners are where they were looked for, the squares are
-    // not.
+    // chessboard lies on its side: the corners are where they were looked for, the squares not.
     std::string shown_as = {};
 };
 
@@ -58,13 +57,12 @@ public:
 
     const std::string& name() const { return name_; }  // "apriltag"
 
-    // Half a pixel where the library counts from the corner of the top-left pixel.
+    // 0.5 where the library counts from the corner of the top-left pixel.
     double library_offset_px() const { return library_offset_px_; }
 
-    // The marker's corners in the image. Tags with another id do not count. The marker's own id
-    // seen twice gives no corners, as nothing tells which of them is on the stage (of a ChArUco
-    // board, the tags that are; a chessboard has no id). The same image gives the same result. Not
-    // thread-safe: one detector per thread.
+    // The marker's corners in the image. Tags with another id do not count; the marker's own id
+    // seen twice gives no corners (of a ChArUco board, the tags that are). The same image gives the
+    // same result. Not thread-safe: one detector per thread.
     Detection detect(const CodeImage& image) { return detect_(image); }
 
 private:
@@ -84,19 +82,17 @@ struct PoseEstimate {
     Matrix6d covariance_per_px2 = Matrix6d::Zero();
 };
 
-// Least squares on the pixels, distortion included, from the planar closed-form solutions; of a
-// wide lens those of the plane across the points' mean ray. Throws NumericalError for a telecentric
-// one. Needs at least 4 coplanar points and as many pixels. Nothing when the points are degenerate
-// (collinear, not coplanar, not finite), a pixel has no ray, the pixels do not fix all six
-// components, or no solution has the marker in front of the camera. Safe from every thread; about
-// 0.1 ms for four points.
+// Least squares on the pixels, distortion included, from the planar closed-form solutions. At least
+// 4 coplanar points and as many pixels. Throws NumericalError for a telecentric lens. Nothing when
+// the points are degenerate (collinear, not coplanar, not finite), a pixel has no ray, the pixels
+// do not fix all six components, or no solution has the marker in front of the camera. Safe from
+// every thread; about 0.1 ms for four points.
 std::optional<PoseEstimate> estimate_pose(const Projector& projector,
                                           const std::vector<Eigen::Vector3d>& points_mm,
                                           const std::vector<Eigen::Vector2d>& pixels);
 
-// The same from `start`, a pose known well enough to tell the two planar solutions apart: the one
-// that least squares reach from there, without the other, in a fifth of the time. Nothing also when
-// a point cannot be seen from the start.
+// The one solution that least squares reach from `start`, in a fifth of the time. Nothing also when
+// a point cannot be seen from there.
 std::optional<PoseEstimate> estimate_pose_near(const Projector& projector,
                                                const std::vector<Eigen::Vector3d>& points_mm,
                                                const std::vector<Eigen::Vector2d>& pixels,

@@ -43,51 +43,30 @@ private:
 };
 
 // libapriltag for one tag. Throws ConfigError at `place` for another marker and for options out of
-// range. What the options do, in px on exact renderings of tags of 45 to 120 px, libapriltag 3.3.0
-// (tests/evidence/detector_options.cpp prints it, with smaller tags): mean offset in x and in y,
-// each; RMS distance of a corner; CPU time for 640x480 px.
-//
-//   quad_decimate   edges refined            not refined                CPU time
-//   1               0.00, RMS 0.08           -0.08, RMS 0.12 to 0.15    3 ms
-//   1.5             0.00, RMS 0.08           -0.11, RMS 0.17 to 0.22    2 ms
-//   2               0.00, RMS 0.08 to 0.09   -0.15, RMS 0.26 to 0.38    1 ms
-//   3               0.00, RMS 0.09           -0.22, RMS 0.44 to 0.64    0.5 ms; 28 of 40 of 30 px
-//
-// Refinement takes away what reduction does to corners, while it finds the edges: down to 30 px
-// with 2, not with 3. Releases before 3.4.3 place a reduced outline wrongly, which shows where
-// edges are not refined.
+// range. What the options do to corners: docs/study.md.
 std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std::string& place,
                                                  const ApriltagOptions& options = {});
 
-// How OpenCV's ArUco places the corners. Mean offset towards the tag's centre on exact renderings
-// of 120 px tags, OpenCV 4.6 (tests/compare/detect/tag_detectors_test.cpp measures it again). It is
-// left in: a comparison meets it in photograph and rendering.
+// How OpenCV's ArUco places the corners, with the mean offset towards the tag's centre on exact
+// renderings of 120 px tags, OpenCV 4.6 (tests/compare/detect/tag_detectors_test.cpp). It is left
+// in: a comparison meets it in photograph and rendering.
 enum class ArucoRefinement {
     none,      // the contour's own pixels: 0.55 px
     subpixel,  // cv::cornerSubPix in a 7x7 px window, the default: 0.14 px
     contour,   // lines through the contour's pixels: 0.64 px
-    apriltag,  // OpenCV's copy of the AprilTag 2 quads: 0.00 px once its half pixel is undone, but
-               // -0.08 px in x and in y
+    apriltag,  // OpenCV's copy of the AprilTag 2 quads, 0.5 px taken off: 0.00 px, but -0.08 px in
+               // x and in y
 };
 
 struct ArucoOptions {
     ArucoRefinement refinement = ArucoRefinement::subpixel;
-    // Of `subpixel` only: half the side of the window that cv::cornerSubPix sees around a corner,
-    // as OpenCV's cornerRefinementWinSize: 2 half + 1 pixels a side. 1 to 30; 3 when not given.
+    // Of `subpixel` only: cv::cornerSubPix sees 2 half + 1 pixels a side. 1 to 30; 3 when not
+    // given.
     std::optional<int> subpixel_half_window_px = {};
 };
 
 // OpenCV's ArUco for one tag, named "aruco", or "aruco-none" and so on. Throws as
-// make_apriltag_detector() does.
-//
-// Sub-pixel windows, by side of the tag, in px on the same renderings (OpenCV 4.6): mean offset
-// towards the tag's centre, RMS distance of a corner. The time does not depend on them: 2.5 ms.
-//
-//   half window     30 px         45 px         60 px         90 px         120 px
-//   2               0.17, 0.24    0.17, 0.24    0.17, 0.24    0.18, 0.24    0.17, 0.23
-//   3               0.13, 0.21    0.14, 0.20    0.14, 0.21    0.15, 0.21    0.14, 0.20
-//   5               0.12, 0.22    0.10, 0.20    0.11, 0.21    0.11, 0.22    0.11, 0.20
-//   8               0.54, 0.92    0.11, 0.28    0.10, 0.26    0.10, 0.27    0.09, 0.25
+// make_apriltag_detector() does. What the sub-pixel window does: docs/study.md.
 std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, const std::string& place,
                                               const ArucoOptions& options = {});
 
@@ -99,10 +78,9 @@ std::vector<DetectedCorners> find_aruco_tags(const cv::Mat& image, const std::st
 // For a marker of kind chessboard: compare/detect/board/chessboard_corners.h.
 std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker);
 
-// The points of a board that a calibration finds (compare/detect/board/calibration_target.h), which
-// may be seen in part: ChArUco, AprilTag grids, circles and squares. Tags whose id is seen twice
-// count as not seen, so that of two boards alike nothing is found. Of circles these are the
-// centroids of their images. ConfigError at `place` for a board too small to calibrate with.
+// The points of a board that a calibration finds (compare/detect/board/calibration_target.h). Tags
+// whose id is seen twice count as not seen. Of circles these are the centroids of their images.
+// ConfigError at `place` for a board too small to calibrate with.
 std::unique_ptr<Detector> make_board_detector(const std::string& name, const Marker& marker,
                                               const std::string& place);
 
@@ -124,6 +102,11 @@ std::optional<Eigen::Matrix3d> homography(const std::vector<Eigen::Vector2d>& fr
 // Where a homography takes a place, and the derivative there.
 Eigen::Vector2d seen_at(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place);
 Eigen::Matrix2d jacobian_at(const Eigen::Matrix3d& homography, const Eigen::Vector2d& place);
+
+// Above 0 where b is clockwise of a as seen, the image's y down.
+inline double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return a.x() * b.y() - a.y() * b.x();
+}
 
 // Spread of points along their principal axes, largest first, mm.
 Eigen::Vector3d principal_spreads(const std::vector<Eigen::Vector3d>& points_mm);

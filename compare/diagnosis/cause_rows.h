@@ -1,11 +1,8 @@
-// What a run observed, as the rows that explanations are held against: in units of their standard
-// deviations, and freed of what X and Y can absorb. For compare/diagnosis/causes.h, which has the
-// method.
+// What a run observed, as rows: in units of their standard deviations, and freed of what X and Y
+// can absorb (compare/diagnosis/causes.h has the method).
 #pragma once
 
 #include <Eigen/Cholesky>
-#include <Eigen/Core>
-#include <vector>
 
 #include "compare/diagnosis/causes.h"
 
@@ -71,8 +68,7 @@ private:
 Eigen::MatrixXd declared_columns(const DiagnosisInput& evidence, const NuisanceProjection& rows,
                                  const std::vector<ErrorCandidate>& error_candidates);
 
-// What was observed, freed of X and Y, and what an explanation of it is held against. `metric` must
-// outlive it.
+// What was observed, freed of X and Y. `metric` must outlive it.
 struct Observation {
     // `known`: how many candidates each is one of.
     Observation(const DiagnosisInput& evidence, const NuisanceProjection& rows,

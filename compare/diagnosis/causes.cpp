@@ -4,24 +4,167 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <cmath>
 #include <complex>
 #include <deque>
 #include <limits>
 #include <numbers>
 #include <numeric>
-#include <optional>
 
-#include "compare/diagnosis/hypothesis_set.h"
+#include "compare/diagnosis/cause_rows.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
 
-using Set = CandidateSet;
-using Scores = CandidateScores;
+using Set = std::vector<std::size_t>;  // of candidates: ascending indices
+using Scores = std::map<Set, double>;
 
-// -------------------------------------------------------------------------------- the ranking
+Set with(Set set, std::size_t member) {
+    set.insert(std::ranges::upper_bound(set, member), member);
+    return set;
+}
+
+Set without(Set set, std::size_t member) {
+    std::erase(set, member);
+    return set;
+}
+
+// Products of the columns of all candidates with each other and with what was observed. The
+// candidates must outlive it.
+class HypothesisSet {
+public:
+    explicit HypothesisSet(Observation of) : of_(std::move(of)) {}
+
+    // The same with these candidates alone.
+    HypothesisSet only(const Set& set) const {
+        HypothesisSet few(of_);
+        for (const std::size_t i : set)
+            few.add(candidate(i), columns_.middleCols(candidates_[i].first, candidates_[i].count));
+        return few;
+    }
+
+    // `freed`: its columns, freed of X and Y. Leaves out nothing: ask leaves_a_trace() before.
+    void add(const ErrorCandidate& candidate, const Eigen::MatrixXd& freed) {
+        const Eigen::Index before = columns_.cols(), count = freed.cols();
+        columns_.conservativeResize(of_.values.size(), before + count);
+        columns_.rightCols(count) = freed;
+        const Eigen::MatrixXd mixed = of_.metric->product(columns_, freed);
+        products_.conservativeResize(before + count, before + count);
+        products_.rightCols(count) = mixed;
+        products_.bottomRows(count) = mixed.transpose();
+        seen_.conservativeResize(before + count);
+        seen_.tail(count) = of_.metric->product(freed, of_.values);
+        candidates_.push_back({&candidate, before, count});
+    }
+
+    std::size_t size() const { return candidates_.size(); }
+    const ErrorCandidate& candidate(std::size_t i) const { return *candidates_[i].candidate; }
+
+    // Numbers of a set's columns, in units of the candidates' sizes; nothing where they cannot be
+    // told apart at all.
+    struct Fit {
+        Eigen::VectorXd numbers;
+        double rest = 0.0;  // sum of squares that is left
+    };
+    std::optional<Fit> fit(const Set& set) const {
+        const std::vector<Eigen::Index> at = columns_of(set);
+        const Eigen::MatrixXd plain = products_(at, at);
+        const Eigen::VectorXd unscale = plain.diagonal().cwiseSqrt().cwiseInverse();
+        const Eigen::LDLT<Eigen::MatrixXd> solver(
+            Eigen::MatrixXd(unscale.asDiagonal() * plain * unscale.asDiagonal()));
+        constexpr double apart = 1e-5;  // of the last column's square
+        if (!at.empty() && !(solver.vectorD().minCoeff() > apart))
+            return std::nullopt;
+        const Eigen::VectorXd seen = seen_(at);
+        Fit fit;
+        fit.numbers =
+            unscale.cwiseProduct(solver.solve(Eigen::VectorXd(unscale.cwiseProduct(seen))));
+        fit.rest = of_.square - seen.dot(fit.numbers);
+        return fit;
+    }
+
+    // Of the numbers of a set that can be told apart.
+    Eigen::MatrixXd covariance(const Set& set) const {
+        const std::vector<Eigen::Index> at = columns_of(set);
+        return products_(at, at).inverse();
+    }
+
+    // What a set leaves of the observed, weighted as the covariance says.
+    Eigen::VectorXd residual(const Set& set) const {
+        const std::vector<Eigen::Index> at = columns_of(set);
+        const Eigen::VectorXd explained = columns_(Eigen::all, at) * fit(set)->numbers;
+        return of_.metric->weighted(of_.values - explained);
+    }
+
+    // Of the corners that an explanation leaves, over what is stated; 1 at least.
+    double scatter(const Fit& fit) const {
+        return std::sqrt(
+            std::max(1.0, fit.rest / (of_.freedom - static_cast<double>(fit.numbers.size()))));
+    }
+
+    // Log of the posterior odds against everything else, up to a constant: the likelihood under the
+    // covariance, with the corners' scatter at its best value from 1 up, Schwarz's price of each
+    // number, and the prior.
+    double score(const Set& set) const {
+        const auto found = fit(set);
+        if (!found)
+            return -std::numeric_limits<double>::infinity();
+        const double enlarged = std::max(1.0, found->rest / of_.freedom);
+        double score = -0.5 * (of_.log_determinant + found->rest / enlarged +
+                               of_.freedom * std::log(enlarged)) -
+                       0.5 * static_cast<double>(found->numbers.size()) * std::log(of_.freedom);
+        for (const std::size_t i : set)
+            score -= std::log(of_.known * candidate(i).tried);
+        return score;
+    }
+
+private:
+    std::vector<Eigen::Index> columns_of(const Set& set) const {
+        std::vector<Eigen::Index> at;
+        for (const std::size_t i : set)
+            for (Eigen::Index k = 0; k < candidates_[i].count; ++k)
+                at.push_back(candidates_[i].first + k);
+        return at;
+    }
+
+    struct Place {
+        const ErrorCandidate* candidate;
+        Eigen::Index first, count;
+    };
+
+    Observation of_;
+    Eigen::MatrixXd columns_, products_;
+    Eigen::VectorXd seen_;
+    std::vector<Place> candidates_;
+};
+
+std::vector<Set> best_of(const Scores& scores, std::size_t members, std::size_t count) {
+    std::vector<std::pair<double, Set>> of_size;
+    for (const auto& [set, score] : scores)
+        if (set.size() == members)
+            of_size.emplace_back(-score, set);
+    std::ranges::sort(of_size);
+    std::vector<Set> best;
+    for (std::size_t i = 0; i < std::min(count, of_size.size()); ++i)
+        best.push_back(of_size[i].second);
+    return best;
+}
+
+// Nothing, every candidate, every pair, and the best larger sets grown from the best smaller ones.
+Scores all_scores(const HypothesisSet& comparison) {
+    constexpr std::size_t most_members = 4, grown_from = 40;
+    Scores scores{{{}, comparison.score({})}};
+    for (std::size_t members = 0; members < most_members; ++members) {
+        const std::size_t bases =
+            members < 2 ? std::numeric_limits<std::size_t>::max() : grown_from;
+        for (const Set& base : best_of(scores, members, bases))
+            for (std::size_t i = 0; i < comparison.size(); ++i)
+                if (!std::ranges::binary_search(base, i))
+                    if (const Set set = with(base, i); !scores.contains(set))
+                        scores[set] = comparison.score(set);
+    }
+    return scores;
+}
 
 double log_sum(const Scores& scores, double one_more) {
     double largest = one_more;
@@ -36,11 +179,9 @@ double log_sum(const Scores& scores, double one_more) {
 CausingError described(const HypothesisSet& comparison, const Set& set, std::size_t member) {
     const auto fit = comparison.fit(set);
     Eigen::Index first = 0;
-    for (const std::size_t i : set) {
-        if (i == member)
-            break;
-        first += comparison.candidate(i).corners_px.cols();
-    }
+    for (const std::size_t i : set)
+        if (i < member)
+            first += comparison.candidate(i).corners_px.cols();
     const ErrorCandidate& candidate = comparison.candidate(member);
     const Eigen::Index length = candidate.corners_px.cols();
     const Eigen::VectorXd numbers = fit->numbers.segment(first, length);
@@ -49,14 +190,13 @@ CausingError described(const HypothesisSet& comparison, const Set& set, std::siz
     const double size = length == 1 ? numbers[0] : numbers.norm();
     const Eigen::VectorXd along =
         length == 1 ? Eigen::VectorXd::Ones(1) : Eigen::VectorXd(numbers.normalized());
-    CausingError error;
-    error.names = {candidate.name};
-    error.size = size * candidate.size;
-    error.expanded_uncertainty =
-        2.0 * std::sqrt(along.dot(covariance * along)) * candidate.size * comparison.scatter(*fit);
-    error.unit = candidate.unit;
-    error.remedies = {candidate.remedy};
-    return error;
+    const double deviation =
+        std::sqrt(along.dot(covariance * along)) * candidate.size * comparison.scatter(*fit);
+    return {{candidate.name},
+            size * candidate.size,
+            2.0 * deviation,
+            candidate.unit,
+            {candidate.remedy}};
 }
 
 // Where a set explains no more than one of its subsets is worth, it is that subset with a member
@@ -65,34 +205,27 @@ std::map<Set, double> probabilities(const Scores& scores, double log_total) {
     std::map<Set, double> of_needed;
     for (const auto& [set, score] : scores) {
         Set needed = set;
-        for (bool is_smaller = true; is_smaller;) {
-            is_smaller = false;
-            for (const std::size_t member : Set(needed)) {
-                const auto subset = scores.find(without(needed, member));
-                if (subset != scores.end() && subset->second >= scores.at(needed)) {
-                    needed = subset->first;
-                    is_smaller = true;
-                    break;
-                }
-            }
+        for (std::size_t i = 0; i < needed.size();) {
+            const auto subset = scores.find(without(needed, needed[i]));
+            const bool is_enough = subset != scores.end() && subset->second >= scores.at(needed);
+            needed = is_enough ? subset->first : needed;
+            i = is_enough ? 0 : i + 1;
         }
         of_needed[needed] += std::exp(score - log_total);
     }
     return of_needed;
 }
 
-// Takes sets of as many members as these or more that are as good as the best, whatever their
-// members, but none that holds one of these: the best ones first.
+// Takes sets of as many members as these or more that are as good as the best and hold none of
+// these, the best ones first.
 void claim_instead(const HypothesisSet& comparison, const std::vector<Set>& these, double least,
                    std::map<Set, double>& left, Cause& cause) {
-    const auto has_all_of = [](const Set& set) {
-        return [&set](const Set& one) { return std::ranges::includes(set, one); };
-    };
     std::vector<std::pair<double, Set>> others;
-    for (const auto& [set, probability] : left)
-        if (set.size() >= these.front().size() && probability > least &&
-            std::ranges::none_of(these, has_all_of(set)))
-            others.emplace_back(-probability, set);
+    for (const auto& entry : left)
+        if (entry.first.size() >= these.front().size() && entry.second > least &&
+            std::ranges::none_of(
+                these, [&](const Set& one) { return std::ranges::includes(entry.first, one); }))
+            others.emplace_back(-entry.second, entry.first);
     std::ranges::sort(others);
     for (const auto& [negative, set] : others) {
         std::vector<std::string>& names = cause.instead.emplace_back();
@@ -103,13 +236,11 @@ void claim_instead(const HypothesisSet& comparison, const std::vector<Set>& thes
     }
 }
 
-// The best unclaimed set with every one that differs from it in a member that could be another, and
-// with those that differ in more.
+// The best unclaimed set with those that differ from it in one member, or in more.
 Cause claimed(const HypothesisSet& comparison, const Set& best, std::map<Set, double>& left) {
     constexpr double as_good = 0.01;
-    Cause cause;
     const double probability = left.at(best);
-    cause.probability = probability;
+    Cause cause{{}, probability};
     left.erase(best);
     std::vector<Set> these{best};
     for (const std::size_t member : best) {
@@ -135,32 +266,26 @@ Cause claimed(const HypothesisSet& comparison, const Set& best, std::map<Set, do
     return cause;
 }
 
-// What position and rotation of the marker could do smoothly over the volume, whoever does it:
-// constants are X's and Y's; linear and quadratic terms of the position, linear ones of the
-// rotation.
+// Any smooth change over the volume: linear and quadratic in the position, linear in the rotation;
+// constants are X's and Y's.
 ErrorCandidate smooth_change(const SignatureChain& chain) {
-    std::vector<Eigen::Vector3d> positions;
-    Eigen::Vector3d low, high;
-    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-        positions.push_back(chain.camera_from_marker(i).translation);
-        low = i == 0 ? positions[i] : Eigen::Vector3d(low.cwiseMin(positions[i]));
-        high = i == 0 ? positions[i] : Eigen::Vector3d(high.cwiseMax(positions[i]));
-    }
+    Eigen::Matrix3Xd positions(3, std::ssize(chain.poses));
+    for (std::size_t i = 0; i < chain.poses.size(); ++i)
+        positions.col(static_cast<Eigen::Index>(i)) = chain.camera_from_marker(i).translation;
+    const Eigen::Vector3d low = positions.rowwise().minCoeff(),
+                          high = positions.rowwise().maxCoeff();
     const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
     ErrorCandidate smooth{"none of these", "", "", 1.0, {}};
-    smooth.corners_px.resize(rows * std::ssize(positions), 36);
-    for (std::size_t i = 0; i < positions.size(); ++i) {
+    smooth.corners_px.resize(rows * positions.cols(), 36);
+    for (Eigen::Index i = 0; i < positions.cols(); ++i) {
         const Eigen::Vector3d p =
-            (2.0 * positions[i] - low - high).cwiseQuotient((high - low).cwiseMax(1e-9));
-        Eigen::VectorXd terms(9);
-        terms << p, p.cwiseProduct(p), p.x() * p.y(), p.y() * p.z(), p.z() * p.x();
-        const Eigen::MatrixXd jacobian = chain.pose_jacobian(i);
-        for (Eigen::Index k = 0; k < 9; ++k)
-            smooth.corners_px.block(static_cast<Eigen::Index>(i) * rows, 3 * k, rows, 3) =
-                terms[k] * jacobian.rightCols<3>();
-        for (Eigen::Index k = 0; k < 3; ++k)
-            smooth.corners_px.block(static_cast<Eigen::Index>(i) * rows, 27 + 3 * k, rows, 3) =
-                terms[k] * jacobian.leftCols<3>();
+            (2.0 * positions.col(i) - low - high).cwiseQuotient((high - low).cwiseMax(1e-9));
+        Eigen::VectorXd terms(12);
+        terms << p, p.cwiseProduct(p), p.x() * p.y(), p.y() * p.z(), p.z() * p.x(), p;
+        const Eigen::MatrixXd jacobian = chain.pose_jacobian(static_cast<std::size_t>(i));
+        for (Eigen::Index k = 0; k < 12; ++k)
+            smooth.corners_px.block(i * rows, 3 * k, rows, 3) =
+                terms[k] * jacobian.middleCols<3>(k < 9 ? 3 : 0);
     }
     return smooth;
 }
@@ -178,23 +303,19 @@ Eigen::MatrixXd spanned(const Eigen::MatrixXd& columns) {
 void require_usable(const DiagnosisInput& evidence) {
     const std::size_t poses = evidence.request.chain.poses.size();
     const auto rows = static_cast<Eigen::Index>(2 * evidence.request.chain.points_mm.size());
-    const bool is_usable =
+    const Eigen::Index pixels = evidence.pixels.size();
+    const Eigen::MatrixXd& covariance = evidence.pixel_covariance;
+    bool is_usable =
         poses > 2 && evidence.difference_px.size() == poses &&
         evidence.covariance_px2.size() == poses &&
-        std::ranges::all_of(evidence.difference_px,
-                            [&](const Eigen::VectorXd& difference) {
-                                return difference.size() == rows && difference.allFinite();
-                            }) &&
-        std::ranges::all_of(evidence.covariance_px2, [&](const Eigen::MatrixXd& covariance) {
-            return covariance.rows() == rows && covariance.cols() == rows;
-        });
-    const Eigen::Index pixels = evidence.pixels.size();
-    const bool has_pixels =
         pixels == std::ssize(evidence.request.pixel_errors) && evidence.pixels.allFinite() &&
-        evidence.pixel_covariance.rows() == pixels && evidence.pixel_covariance.cols() == pixels &&
-        (pixels == 0 ||
-         Eigen::LLT<Eigen::MatrixXd>(evidence.pixel_covariance).info() == Eigen::Success);
-    if (!is_usable || !has_pixels)
+        covariance.rows() == pixels && covariance.cols() == pixels &&
+        (pixels == 0 || Eigen::LLT<Eigen::MatrixXd>(covariance).info() == Eigen::Success);
+    for (const Eigen::VectorXd& difference : evidence.difference_px)
+        is_usable = is_usable && difference.size() == rows && difference.allFinite();
+    for (const Eigen::MatrixXd& each : evidence.covariance_px2)
+        is_usable = is_usable && each.rows() == rows && each.cols() == rows;
+    if (!is_usable)
         throw NumericalError("causes: poses, corners, pixels and covariances do not agree");
 }
 
@@ -219,8 +340,6 @@ const ErrorCandidate* best_member(const std::vector<ErrorCandidate>& family,
     return best;
 }
 
-// -------------------------------------------------------------------------------- repeating errors
-
 // Least-squares spectrum (N. R. Lomb, Astrophys. Space Sci. 39, 1976) of one axis' error over its
 // positions, beside what is explained already: each pose's corners tell of its axis by one number.
 class AxisSpectrum {
@@ -228,79 +347,66 @@ public:
     // All whitened (compare/diagnosis/cause_rows.h): what a step of the axis does to the corners of
     // every pose, what is left of the observed, and a basis of what X and Y absorb.
     AxisSpectrum(const StageAxisMotion& axis, const Eigen::VectorXd& white_advance,
-                 const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed);
+                 const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed)
+        : positions_(
+              Eigen::Map<const Eigen::VectorXd>(axis.position.data(), std::ssize(axis.position))),
+          told_(positions_.size()),
+          weight_(positions_.size()),
+          absorbed_(absorbed.cols(), positions_.size()) {
+        const Eigen::Index rows = white_advance.size() / positions_.size();
+        for (Eigen::Index i = 0; i < positions_.size(); ++i) {
+            const auto advance = white_advance.segment(i * rows, rows);
+            told_[i] = advance.dot(residual.segment(i * rows, rows));
+            weight_[i] = advance.squaredNorm();
+            absorbed_.col(i) = absorbed.middleRows(i * rows, rows).transpose() * advance;
+        }
+    }
 
     // The longest of the periods (mm or rad) that explain next to as much as the best, then the
     // others; nothing where the axis hardly moves. `tried`: how many could be told apart.
-    std::vector<double> periods(double shortest, int& tried) const;
+    std::vector<double> periods(double shortest, int& tried) const {
+        using namespace std::complex_literals;
+        constexpr int per_resolution = 8, most_periods = 4;
+        constexpr double as_good = 6.0, as_good_part = 0.03;
+        const double travel = positions_.maxCoeff() - positions_.minCoeff();
+        tried = static_cast<int>(2.0 * travel / shortest) - 1;
+        if (tried < 1)
+            return {};
+        const double step = 0.5 / travel / per_resolution;
+        const double first = (2 * per_resolution - 1) * step, last = 1.0 / shortest + step;
+        // From one frequency to the next every position's phase turns by its own constant.
+        const Eigen::ArrayXcd turns = 2.0i * std::numbers::pi * positions_.array();
+        Eigen::ArrayXcd phase = (first * turns).exp();
+        const Eigen::ArrayXcd next = (step * turns).exp();
+        std::vector<double> powers;
+        for (double frequency = first; frequency <= last; frequency += step, phase *= next)
+            powers.push_back(power(phase));
+        const double highest = *std::ranges::max_element(powers);
+        const double least = highest - std::max(as_good, as_good_part * highest);
+        std::vector<double> found;
+        for (std::size_t k = 1; k + 1 < powers.size() && found.size() < most_periods; ++k)
+            if (powers[k] >= least && powers[k] >= powers[k - 1] && powers[k] > powers[k + 1])
+                found.push_back(1.0 / (first + step * static_cast<double>(k)));
+        return found;
+    }
 
 private:
-    std::vector<double> powers(double first, double last, double step) const;
-    double power(const Eigen::ArrayXcd& phase) const;
+    // How much of the residual's square a sine and a cosine explain.
+    double power(const Eigen::ArrayXcd& phase) const {
+        Eigen::MatrixXd waves(phase.size(), 2);
+        waves << phase.imag(), phase.real();
+        const Eigen::Vector2d seen = waves.transpose() * told_;
+        const Eigen::MatrixXd lost = absorbed_ * waves;
+        const Eigen::Matrix2d information =
+            waves.transpose() * weight_.asDiagonal() * waves - lost.transpose() * lost;
+        if (!(information.determinant() > 1e-6 * std::pow(information.trace(), 2)))
+            return 0.0;  // one wave of the two is lost
+        return seen.dot(information.inverse() * seen);
+    }
 
     Eigen::VectorXd positions_, told_, weight_;
     Eigen::MatrixXd absorbed_;
 };
-
-AxisSpectrum::AxisSpectrum(const StageAxisMotion& axis, const Eigen::VectorXd& white_advance,
-                           const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed)
-    : positions_(
-          Eigen::Map<const Eigen::VectorXd>(axis.position.data(), std::ssize(axis.position))) {
-    const Eigen::Index poses = positions_.size(), rows = white_advance.size() / poses;
-    told_.resize(poses);
-    weight_.resize(poses);
-    absorbed_.resize(absorbed.cols(), poses);
-    for (Eigen::Index i = 0; i < poses; ++i) {
-        const auto advance = white_advance.segment(i * rows, rows);
-        told_[i] = advance.dot(residual.segment(i * rows, rows));
-        weight_[i] = advance.squaredNorm();
-        absorbed_.col(i) = absorbed.middleRows(i * rows, rows).transpose() * advance;
-    }
-}
-
-// How much of the residual's square sines and cosines explain, of each frequency from `first`
-// up to `last`: from one to the next every position's phase turns by its own constant.
-std::vector<double> AxisSpectrum::powers(double first, double last, double step) const {
-    using namespace std::complex_literals;
-    const Eigen::ArrayXcd turns = 2.0i * std::numbers::pi * positions_.array();
-    Eigen::ArrayXcd phase = (first * turns).exp();
-    const Eigen::ArrayXcd next = (step * turns).exp();
-    std::vector<double> all;
-    for (double frequency = first; frequency <= last; frequency += step, phase *= next)
-        all.push_back(power(phase));
-    return all;
-}
-
-std::vector<double> AxisSpectrum::periods(double shortest, int& tried) const {
-    constexpr int per_resolution = 8, most_periods = 4;
-    constexpr double as_good = 6.0, as_good_part = 0.03;
-    const double travel = positions_.maxCoeff() - positions_.minCoeff();
-    tried = static_cast<int>(2.0 * travel / shortest) - 1;
-    if (tried < 1)
-        return {};
-    const double step = 0.5 / travel / per_resolution;
-    const double first = (2 * per_resolution - 1) * step;
-    const std::vector<double> powers = this->powers(first, 1.0 / shortest + step, step);
-    const double highest = *std::ranges::max_element(powers);
-    const double least = highest - std::max(as_good, as_good_part * highest);
-    std::vector<double> found;
-    for (std::size_t k = 1; k + 1 < powers.size() && found.size() < most_periods; ++k)
-        if (powers[k] >= least && powers[k] >= powers[k - 1] && powers[k] > powers[k + 1])
-            found.push_back(1.0 / (first + step * static_cast<double>(k)));
-    return found;
-}
-
-double AxisSpectrum::power(const Eigen::ArrayXcd& phase) const {
-    Eigen::MatrixXd waves(phase.size(), 2);
-    waves << phase.imag(), phase.real();
-    const Eigen::Vector2d seen = waves.transpose() * told_;
-    const Eigen::MatrixXd lost = absorbed_ * waves;
-    const Eigen::Matrix2d information =
-        waves.transpose() * weight_.asDiagonal() * waves - lost.transpose() * lost;
-    if (!(information.determinant() > 1e-6 * std::pow(information.trace(), 2)))
-        return 0.0;  // one wave of the two is lost
-    return seen.dot(information.inverse() * seen);
-}
 
 // The best period of each axis that moves, beside what is explained already.
 std::vector<ErrorCandidate> best_periods(const DiagnosisInput& evidence,
@@ -407,8 +513,6 @@ Causes ranked(const Search& search, const ErrorCandidate& smooth) {
     return causes;
 }
 
-// -------------------------------------------------------------------------------- random errors
-
 // Of a random error as of every number that is fitted, and its prior odds.
 double price(const DiagnosisInput& evidence, std::size_t known) {
     return 0.5 * std::log(static_cast<double>(observed(evidence).size())) +
@@ -460,31 +564,30 @@ std::optional<Scattered> best_scatter(const DiagnosisInput& evidence,
     constexpr double rad_per_mm = 1e-2;
     std::optional<Scattered> best;
     const Eigen::MatrixXd xy = registration_columns(evidence);
-    const double without = score_with(evidence, NuisanceProjection(evidence, xy), beside, known);
+    const auto score = [&](const DiagnosisInput& of) {
+        return score_with(of, NuisanceProjection(of, xy), beside, known);
+    };
+    const double without = score(evidence);
     for (const RandomErrorCandidate& candidate : error_candidates)
         for (const double each : sizes) {
             const double size = each * (candidate.unit == "rad" ? rad_per_mm : 1.0);
             DiagnosisInput changed = with_scatter(evidence, candidate, size);
-            const double gained =
-                score_with(changed, NuisanceProjection(changed, xy), beside, known) - without -
-                price(evidence, known);
+            const double gained = score(changed) - without - price(evidence, known);
             if (!(gained > (best ? best->gained : 0.0)))
                 continue;
             const auto motions = static_cast<double>(candidate.corners_px.size()) *
                                  static_cast<double>(candidate.corners_px.front().cols());
-            best.emplace(Scattered{{{candidate.name},
-                                    size,
-                                    2.0 * size / std::sqrt(2.0 * motions),
-                                    candidate.unit,
-                                    {candidate.remedy}},
-                                   std::move(changed),
-                                   gained});
+            const double u = size / std::sqrt(2.0 * motions);
+            best.emplace(
+                Scattered{{{candidate.name}, size, 2.0 * u, candidate.unit, {candidate.remedy}},
+                          std::move(changed),
+                          gained});
         }
     return best;
 }
 
-// Where photograph and render lie apart by much of a pixel, the detector's biases in them differ:
-// corners scatter. Nothing where a random error of the stage explains it as well.
+// Corners scatter where the detector's biases in photograph and render differ. Nothing where a
+// random error of the stage explains it as well.
 std::optional<Scattered> corner_scatter(const DiagnosisInput& evidence,
                                         const std::vector<ErrorCandidate>& beside,
                                         std::size_t known) {
@@ -508,8 +611,7 @@ std::map<std::string, double> large_sizes(const Search& search) {
     return sizes;
 }
 
-// Where the search begins in earnest: with the corners' scatter beside the best explanation in
-// their covariance, and its large errors at their size.
+// Of the search: the covariance with the corners' scatter, and large errors at their size.
 struct Start {
     DiagnosisInput evidence;
     std::vector<ErrorCandidate> known;
@@ -559,10 +661,9 @@ std::string CausingError::text() const {
 }
 
 std::string Cause::text() const {
-    std::vector<std::string> together;
+    std::string all;
     for (const CausingError& error : errors)
-        together.push_back(error.text());
-    std::string all = fmt::format("{}", fmt::join(together, " and "));
+        all += (all.empty() ? "" : " and ") + error.text();
     for (const std::string& other : alternatives())
         all += ", or " + other;
     return all;
@@ -590,9 +691,9 @@ std::vector<std::string> Cause::remedies() const {
             same->of += ", " + one.of;
     }
     std::vector<std::string> texts;
-    for (const Remedy& each : all)
-        if (!each.action.empty())
-            texts.push_back(each.of.empty() ? each.action : each.action + ": " + each.of);
+    for (const auto& [action, of] : all)
+        if (!action.empty())
+            texts.push_back(of.empty() ? action : action + ": " + of);
     return texts;
 }
 

@@ -4,11 +4,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cmath>
 #include <numbers>
-#include <optional>
 
-#include "calib/camera/projector.h"
 #include "compare/diagnosis/pixel_evidence.h"
 #include "core/program/errors.h"
 
@@ -30,25 +27,10 @@ std::string remedy_of(const std::string& name) {
     return "calibrate the camera again: " + name;
 }
 
-// What it does at its own size, or that part of what it does when it is `at` so large.
-ErrorCandidate from_named(const NamedError& error, std::size_t poses,
-                          std::optional<double> at = std::nullopt) {
-    ErrorCandidate candidate{error.name, error.unit, remedy_of(error.name), error.size, {}};
-    Eigen::VectorXd column;
-    for (std::size_t i = 0; i < poses; ++i) {
-        const Eigen::VectorXd moved = at ? error.secant(i, *at) : error.displacement(i);
-        column.conservativeResize(column.size() + moved.size());
-        column.tail(moved.size()) = moved;
-    }
-    candidate.corners_px = column;
-    return candidate;
-}
-
 // The corners' motion with the carriage at other places than it reads, stacked.
-Eigen::VectorXd motion(const NamedErrors& named, const std::vector<Rigid>& places,
+Eigen::VectorXd motion(const SignatureChain& chain, const std::vector<Rigid>& places,
                        const StageAxisMotion& axis) {
-    return from_named(named.stage_error({axis.name, "", axis.step, places}), places.size())
-        .corners_px;
+    return named_error(chain, StageError{axis.name, "", axis.step, places}).motion(places.size());
 }
 
 // `per_pose` numbers multiply what one step does to each pose's corners.
@@ -90,7 +72,7 @@ void add_backlash(std::vector<ErrorCandidate>& all, const StageAxisMotion& axis,
 }
 
 // A bow of the guide: quadratic over the travel, two ways, as its height over the ends.
-void add_straightness(std::vector<ErrorCandidate>& all, const NamedErrors& named,
+void add_straightness(std::vector<ErrorCandidate>& all, const SignatureChain& chain,
                       const StageAxisMotion& axis) {
     if (axis.aside[0].empty())
         return;
@@ -98,7 +80,7 @@ void add_straightness(std::vector<ErrorCandidate>& all, const NamedErrors& named
     Eigen::MatrixXd columns(0, 2);
     for (int way = 0; way < 2; ++way) {
         const Eigen::VectorXd column =
-            scaled(motion(named, axis.aside[static_cast<std::size_t>(way)], axis), bow);
+            scaled(motion(chain, axis.aside[static_cast<std::size_t>(way)], axis), bow);
         columns.conservativeResize(column.size(), Eigen::NoChange);
         columns.col(way) = column;
     }
@@ -108,8 +90,7 @@ void add_straightness(std::vector<ErrorCandidate>& all, const NamedErrors& named
 }
 
 // The sum of the linear axes' scales.
-void add_common_scale(std::vector<ErrorCandidate>& all, const CandidateRequest& request,
-                      const NamedErrors& named) {
+void add_common_scale(std::vector<ErrorCandidate>& all, const CandidateRequest& request) {
     ErrorCandidate sum{"stage scale, all linear axes",
                        "1",
                        "look at the stage: scale of all linear axes",
@@ -120,8 +101,7 @@ void add_common_scale(std::vector<ErrorCandidate>& all, const CandidateRequest& 
         if (!axis.is_linear)
             continue;
         const Eigen::VectorXd column =
-            scaled(motion(named, axis.advanced, axis), mapped(axis.position)) *
-            (sum.size / axis.step);
+            scaled(sensitivity_px(request, axis), mapped(axis.position)) * (sum.size / axis.step);
         sum.corners_px =
             linear++ == 0 ? Eigen::MatrixXd(column) : Eigen::MatrixXd(sum.corners_px + column);
     }
@@ -166,16 +146,14 @@ constexpr PixelErrorCandidate pixel_error_candidates[] = {
 // sqrt(pi), as the integral of Phi (1 - Phi) is 1 / sqrt(pi).
 Eigen::VectorXd edges_by_tone(const CandidateRequest& request, const Eigen::VectorXd& shrunk,
                               double shrink_px, double size) {
-    const std::size_t poses = request.chain.poses.size();
     const CameraModel& camera = request.chain.projector.camera();
-    Eigen::VectorXd per_pose(std::ssize(request.chain.poses));
-    for (std::size_t i = 0; i < poses; ++i)
-        per_pose[static_cast<Eigen::Index>(i)] =
-            size / shrink_px *
-            blur_sigma_px(camera, depth_mm(camera.projection,
-                                           request.chain.camera_from_marker(i).translation)) /
-            std::sqrt(std::numbers::pi);
-    return scaled(shrunk, per_pose);
+    std::vector<double> per_pose;
+    for (std::size_t i = 0; i < request.chain.poses.size(); ++i) {
+        const Rigid pose = request.chain.camera_from_marker(i);
+        const double blur_px = blur_sigma_px(camera, depth_mm(camera.projection, pose.translation));
+        per_pose.push_back(size / shrink_px * blur_px / std::sqrt(std::numbers::pi));
+    }
+    return scaled(shrunk, mapped(per_pose));
 }
 
 // Pixels: the errors by name, and what they do to corners.
@@ -211,32 +189,28 @@ void add_pixel_candidates(std::vector<ErrorCandidate>& all, const CandidateReque
     }
 }
 
-std::string shown_period(const StageAxisMotion& axis, double period) {
-    return axis.is_linear ? fmt::format("{:.3g} mm", period)
-                          : fmt::format("{:.3g} deg", period * 180.0 / std::numbers::pi);
-}
-
 }  // namespace
 
 std::vector<ErrorCandidate> error_candidates(const CandidateRequest& request,
                                              const std::map<std::string, double>& sizes) {
-    const NamedErrors named(request.chain);
-    const std::size_t poses = request.chain.poses.size();
+    const SignatureChain& chain = request.chain;
+    const std::size_t poses = chain.poses.size();
     std::vector<ErrorCandidate> all;
-    for (const auto& errors : {named.with_signatures(request.stage_errors), named.further()})
+    for (const auto& errors : {named_errors(chain, request.stage_errors), further_errors(chain)})
         for (const NamedError& error : errors) {
             const auto size = sizes.find(error.name);
-            all.push_back(from_named(
-                error, poses, size == sizes.end() ? std::nullopt : std::optional(size->second)));
+            all.push_back({error.name, error.unit, remedy_of(error.name), error.size,
+                           error.motion(poses, size == sizes.end() ? std::nullopt
+                                                                   : std::optional(size->second))});
         }
-    add_common_scale(all, request, named);
+    add_common_scale(all, request);
     for (const StageAxisMotion& axis : request.axes) {
         if (axis.position.size() != poses)
             throw NumericalError(
                 fmt::format("error candidates: axis {} has {} positions for {} poses", axis.name,
                             axis.position.size(), poses));
-        add_backlash(all, axis, motion(named, axis.advanced, axis));
-        add_straightness(all, named, axis);
+        add_backlash(all, axis, sensitivity_px(request, axis));
+        add_straightness(all, chain, axis);
     }
     add_drift(all, request);
     add_pixel_candidates(all, request);
@@ -258,14 +232,11 @@ std::vector<ErrorCandidate> misplaced_poses(const CandidateRequest& request) {
     std::vector<ErrorCandidate> family;
     for (std::size_t i = 0; i < poses; ++i) {
         const int index = request.chain.poses[i].index;
-        family.push_back({misplaced_pose_name(index),
-                          "mm",
-                          misplaced_pose_remedy(fmt::format("pose {}", index)),
-                          1.0,
-                          request.chain.pose_jacobian(i).rightCols<3>(),
-                          {},
-                          static_cast<int>(poses),
-                          static_cast<int>(i)});
+        family.push_back({misplaced_pose_name(index), "mm",
+                          misplaced_pose_remedy(fmt::format("pose {}", index)), 1.0,
+                          request.chain.pose_jacobian(i).rightCols<3>()});
+        family.back().tried = static_cast<int>(poses);
+        family.back().only_pose = static_cast<int>(i);
     }
     return family;
 }
@@ -295,7 +266,7 @@ std::vector<RandomErrorCandidate> random_error_candidates(const CandidateRequest
 }
 
 Eigen::VectorXd sensitivity_px(const CandidateRequest& request, const StageAxisMotion& axis) {
-    return motion(NamedErrors(request.chain), axis.advanced, axis);
+    return motion(request.chain, axis.advanced, axis);
 }
 
 ErrorCandidate repeating_error(const StageAxisMotion& axis, const Eigen::VectorXd& sensitivity_px,
@@ -306,7 +277,9 @@ ErrorCandidate repeating_error(const StageAxisMotion& axis, const Eigen::VectorX
     columns << scaled(sensitivity_px, phase.sin()), scaled(sensitivity_px, phase.cos());
     std::vector<std::string> shown;
     for (const double period : periods)
-        shown.push_back(shown_period(axis, period));
+        shown.push_back(axis.is_linear
+                            ? fmt::format("{:.3g} mm", period)
+                            : fmt::format("{:.3g} deg", period * 180.0 / std::numbers::pi));
     const std::string every = fmt::format("{}", fmt::join(shown, " or "));
     return {fmt::format("{} repeats with a period of {}", axis.name, every),
             unit_of(axis),

@@ -3,19 +3,15 @@
 // cosine, the three components of a drift) is one candidate with several columns.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <map>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "compare/diagnosis/error_catalogue.h"
 
 namespace etalon {
 
-// One axis as it was at the poses of a chain, and where the carriage would be had it gone `step`
-// further than it read, or stood `step` aside.
+// One axis at the poses of a chain, and where the carriage would be with it `step` further than it
+// read, or `step` aside.
 struct StageAxisMotion {
     std::string name;
     bool is_linear = true;
@@ -44,11 +40,9 @@ struct ErrorCandidate {
 struct CandidateRequest {
     const SignatureChain& chain;  // the used poses
     std::vector<StageError> stage_errors;
-    std::vector<StageAxisMotion> axes;  // of the chain's poses; may be empty
-    std::vector<double> times_s;        // of the chain's poses; may be empty
-    // What photographs tell beside the corners (PixelEvidence in
-    // compare/diagnosis/image_agreement.h): each name is a candidate's.
-    std::vector<std::string> pixel_errors = {};
+    std::vector<StageAxisMotion> axes;           // of the chain's poses; may be empty
+    std::vector<double> times_s;                 // of the chain's poses; may be empty
+    std::vector<std::string> pixel_errors = {};  // PixelEvidence::errors (image_agreement.h)
 };
 
 // Camera, marker, detector, stage, drift; of those named in `sizes` what they do when they are so
@@ -62,8 +56,7 @@ std::vector<ErrorCandidate> misplaced_poses(const CandidateRequest& request);
 std::string misplaced_pose_name(int index);
 std::string misplaced_pose_remedy(const std::string& pose);  // "pose 7 along x by 96.1 mm"
 
-// Random errors: every pose moves on its own. What a motion of 1 mm (rad) does to a pose's corners,
-// one column for each way in which it can.
+// Random errors: every pose moves on its own, by columns of 1 mm (rad).
 struct RandomErrorCandidate {
     std::string name, unit, remedy;
     std::vector<Eigen::MatrixXd> corners_px;  // per pose

@@ -4,31 +4,23 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <cmath>
 
-#include "compare/pose/pose_bias.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
 
-using Points = std::vector<Eigen::Vector3d>;
-
-Eigen::VectorXd stacked_projections(const Projector& projector, const Points& points,
-                                    const Rigid& camera_from_marker) {
-    const auto pixels = projected(projector, points, camera_from_marker);
+Eigen::VectorXd stacked(const std::vector<Eigen::Vector2d>& pixels) {
     return Eigen::Map<const Eigen::VectorXd>(pixels.front().data(), 2 * std::ssize(pixels));
 }
 
-Eigen::VectorXd moved_inwards(const Eigen::VectorXd& square, double by_px) {
-    std::vector<Eigen::Vector2d> corners;
-    for (int k = 0; k < 4; ++k)
-        corners.push_back(square.segment<2>(2 * k));
-    Eigen::VectorXd moved(8);
-    Eigen::Index k = 0;
-    for (const Eigen::Vector2d& corner : edges_moved_inwards(corners, by_px))
-        moved.segment<2>(2 * k++) = corner;
-    return moved;
+template <class Shape>
+void bend(std::vector<Eigen::Vector3d>& points, double size_mm, const Shape& shape) {
+    double highest = 0.0;
+    for (const Eigen::Vector3d& point : points)
+        highest = std::max(highest, std::abs(shape(point)));
+    for (Eigen::Vector3d& point : points)
+        point.z() += highest > 0.0 ? size_mm * (shape(point) / highest) : 0.0;
 }
 
 // How far the image reaches on a wide lens's plane, at least 1: a coefficient of r^n does r^n times
@@ -132,123 +124,117 @@ std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector
     return moved;
 }
 
-Eigen::Vector3d pose_offset_direction() {
-    return Eigen::Vector3d(2, -3, 6) / 7.0;
+void TrueMarker::scale(double factor) {
+    for (Eigen::Vector3d& point : points_mm)
+        point *= factor;
 }
 
-Eigen::VectorXd NamedError::displacement(std::size_t pose) const {
-    return one_sided ? Eigen::VectorXd(pixels(pose, size) - pixels(pose, 0.0))
-                     : Eigen::VectorXd(0.5 * (pixels(pose, size) - pixels(pose, -size)));
+void TrueMarker::twist(double size_mm) {
+    bend(points_mm, size_mm, [](const Eigen::Vector3d& p) { return p.x() * p.y(); });
 }
 
-Eigen::VectorXd NamedError::secant(std::size_t pose, double at) const {
-    if (one_sided)
-        return displacement(pose);
-    return size / at * (pixels(pose, at) - pixels(pose, 0.0));
+void TrueMarker::bow(double size_mm) {
+    bend(points_mm, size_mm, [](const Eigen::Vector3d& p) { return p.head<2>().squaredNorm(); });
 }
 
-NamedErrors::NamedErrors(const SignatureChain& chain) : chain_(chain) {
-    for (std::size_t i = 0; i < chain.poses.size(); ++i)
-        truth_.push_back(chain.camera_from_marker(i));
+std::vector<Eigen::Vector2d> TrueMarker::seen(const Projector& projector,
+                                              Rigid camera_from_marker) const {
+    camera_from_marker.translation += offset_mm;
+    std::vector<Eigen::Vector2d> corners = projected(projector, points_mm, camera_from_marker);
+    for (Eigen::Vector2d& corner : corners)
+        corner += corner_shift_px;
+    return edges_inwards_px == 0.0 ? corners : edges_moved_inwards(corners, edges_inwards_px);
 }
 
-std::vector<NamedError> NamedErrors::with_signatures(
-    std::span<const StageError> stage_errors) const {
-    std::vector<NamedError> errors;
-    for (const CameraError& error : named_camera_errors(chain_.projector.camera()))
-        errors.push_back(camera_error(error));
-    for (NamedError& error : marker_errors())
-        errors.push_back(std::move(error));
-    for (const StageError& error : stage_errors)
-        errors.push_back(stage_error(error));
+std::vector<MarkerError> marker_errors(std::size_t points) {
+    using Marker = TrueMarker;
+    const bool is_single_tag = points == 4;
+    const Eigen::Vector3d offset = Eigen::Vector3d(2, -3, 6) / 7.0;  // along no axis
+    std::vector<MarkerError> errors = {
+        {"marker print size", "1", 1e-3, [](Marker& m, double by) { m.scale(1.0 + by); }},
+        {"half pixel", "px", 0.5, [](Marker& m, double by) { m.corner_shift_px.array() += by; }}};
+    if (is_single_tag)  // a chessboard's corners do not move with its edges
+        errors.push_back(
+            {"edge shrink", "px", 0.1, [](Marker& m, double by) { m.edges_inwards_px += by; }});
+    errors.push_back({"marker twist", "mm", 0.1, [](Marker& m, double by) { m.twist(by); }});
+    if (!is_single_tag)  // whose corners a bow lifts all alike
+        errors.push_back({"marker bow", "mm", 0.1, [](Marker& m, double by) { m.bow(by); }});
+    errors.push_back({"constant pose offset", "mm", 0.1,
+                      [offset](Marker& m, double by) { m.offset_mm += by * offset; }});
     return errors;
 }
 
-std::vector<NamedError> NamedErrors::further() const {
+Eigen::VectorXd NamedError::motion(std::size_t poses, std::optional<double> at) const {
+    Eigen::VectorXd all;
+    for (std::size_t i = 0; i < poses; ++i) {
+        Eigen::VectorXd moved;
+        if (one_sided)
+            moved = pixels(i, size) - pixels(i, 0.0);
+        else if (at)
+            moved = size / *at * (pixels(i, *at) - pixels(i, 0.0));
+        else
+            moved = 0.5 * (pixels(i, size) - pixels(i, -size));
+        all.conservativeResize(all.size() + moved.size());
+        all.tail(moved.size()) = moved;
+    }
+    return all;
+}
+
+NamedError named_error(const SignatureChain& chain, const CameraError& error) {
+    return {error.name, error.unit, error.size,
+            [&chain, change = error.change](std::size_t pose, double by) {
+                CameraModel camera = chain.projector.camera();
+                change(camera, by);
+                return stacked(projected(Projector(camera, chain.projector), chain.points_mm,
+                                         chain.camera_from_marker(pose)));
+            }};
+}
+
+NamedError named_error(const SignatureChain& chain, const StageError& error) {
+    if (error.base_from_carriage.size() != chain.poses.size() || !std::isfinite(error.size) ||
+        error.size == 0.0)
+        throw NumericalError(fmt::format(
+            "error signatures: '{}' needs a size and one transform per pose", error.name));
+    const auto moved = [&chain, transforms = error.base_from_carriage](std::size_t pose,
+                                                                       double by) {
+        const Rigid& carriage = by == 0.0 ? chain.poses[pose].base_from_carriage : transforms[pose];
+        return stacked(projected(chain.projector, chain.points_mm,
+                                 chain.camera_from_base * carriage * chain.carriage_from_marker));
+    };
+    return {error.name, error.unit, error.size, moved, true};
+}
+
+std::vector<NamedError> named_errors(const SignatureChain& chain,
+                                     std::span<const StageError> stage_errors) {
     std::vector<NamedError> errors;
-    for (const CameraError& error : further_camera_errors(chain_.projector.camera()))
-        errors.push_back(camera_error(error));
-    errors.push_back({"skew", "1", 1e-3, [this](std::size_t pose, double by) {
-                          const double middle = chain_.projector.camera().intrinsics.cy;
-                          Eigen::VectorXd pixels = nominal(pose);
+    for (const CameraError& error : named_camera_errors(chain.projector.camera()))
+        errors.push_back(named_error(chain, error));
+    for (const MarkerError& error : marker_errors(chain.points_mm.size()))
+        errors.push_back({error.name, error.unit, error.size,
+                          [&chain, change = error.change](std::size_t pose, double by) {
+                              TrueMarker marker{chain.points_mm};
+                              change(marker, by);
+                              return stacked(
+                                  marker.seen(chain.projector, chain.camera_from_marker(pose)));
+                          }});
+    for (const StageError& error : stage_errors)
+        errors.push_back(named_error(chain, error));
+    return errors;
+}
+
+std::vector<NamedError> further_errors(const SignatureChain& chain) {
+    std::vector<NamedError> errors;
+    for (const CameraError& error : further_camera_errors(chain.projector.camera()))
+        errors.push_back(named_error(chain, error));
+    errors.push_back({"skew", "1", 1e-3, [&chain](std::size_t pose, double by) {
+                          const double middle = chain.projector.camera().intrinsics.cy;
+                          Eigen::VectorXd pixels = stacked(projected(
+                              chain.projector, chain.points_mm, chain.camera_from_marker(pose)));
                           for (Eigen::Index k = 0; k < pixels.size(); k += 2)
                               pixels[k] += by * (pixels[k + 1] - middle);
                           return pixels;
                       }});
     return errors;
-}
-
-NamedError NamedErrors::camera_error(const CameraError& error) const {
-    return {error.name, error.unit, error.size,
-            [this, change = error.change](std::size_t pose, double by) {
-                CameraModel camera = chain_.projector.camera();
-                change(camera, by);
-                return stacked_projections(Projector(camera, chain_.projector), chain_.points_mm,
-                                           truth_[pose]);
-            }};
-}
-
-NamedError NamedErrors::stage_error(const StageError& error) const {
-    if (error.base_from_carriage.size() != truth_.size() || !std::isfinite(error.size) ||
-        error.size == 0.0)
-        throw NumericalError(fmt::format(
-            "error signatures: '{}' needs a size and one transform per pose", error.name));
-    const auto moved = [this, transforms = error.base_from_carriage](std::size_t pose, double by) {
-        return by == 0.0 ? nominal(pose)
-                         : stacked_projections(chain_.projector, chain_.points_mm,
-                                               chain_.camera_from_base * transforms[pose] *
-                                                   chain_.carriage_from_marker);
-    };
-    return {error.name, error.unit, error.size, moved, true};
-}
-
-std::vector<NamedError> NamedErrors::marker_errors() const {
-    std::vector<NamedError> errors;
-    errors.push_back({"marker print size", "1", 1e-3, [this](std::size_t pose, double by) {
-                          Points points = chain_.points_mm;
-                          for (Eigen::Vector3d& point : points)
-                              point *= 1.0 + by;
-                          return stacked_projections(chain_.projector, points, truth_[pose]);
-                      }});
-    errors.push_back({"half pixel", "px", 0.5, [this](std::size_t pose, double by) {
-                          return Eigen::VectorXd(nominal(pose).array() + by);
-                      }});
-    if (chain_.points_mm.size() == 4)  // the corners of a square; a chessboard's do not move
-        errors.push_back({"edge shrink", "px", 0.1, [this](std::size_t pose, double by) {
-                              return moved_inwards(nominal(pose), by);
-                          }});
-    errors.push_back(
-        out_of_plane("marker twist", [](const Eigen::Vector3d& p) { return p.x() * p.y(); }));
-    if (chain_.points_mm.size() != 4)  // a bow lifts the corners of a square all alike
-        errors.push_back(out_of_plane(
-            "marker bow", [](const Eigen::Vector3d& p) { return p.head<2>().squaredNorm(); }));
-    errors.push_back({"constant pose offset", "mm", 0.1, [this](std::size_t pose, double by) {
-                          Rigid moved = truth_[pose];
-                          moved.translation += by * pose_offset_direction();
-                          return stacked_projections(chain_.projector, chain_.points_mm, moved);
-                      }});
-    return errors;
-}
-
-// The marker's points stand out of its plane by `shape`, scaled to the size at the highest one.
-NamedError NamedErrors::out_of_plane(
-    std::string name, const std::function<double(const Eigen::Vector3d&)>& shape) const {
-    double highest = 0.0;
-    for (const Eigen::Vector3d& point : chain_.points_mm)
-        highest = std::max(highest, std::abs(shape(point)));
-    Points lifted;
-    for (const Eigen::Vector3d& point : chain_.points_mm)
-        lifted.emplace_back(0.0, 0.0, highest > 0.0 ? shape(point) / highest : 0.0);
-    return {std::move(name), "mm", 0.1, [this, lifted](std::size_t pose, double by) {
-                Points points = chain_.points_mm;
-                for (std::size_t k = 0; k < points.size(); ++k)
-                    points[k] += by * lifted[k];
-                return stacked_projections(chain_.projector, points, truth_[pose]);
-            }};
-}
-
-Eigen::VectorXd NamedErrors::nominal(std::size_t pose) const {
-    return stacked_projections(chain_.projector, chain_.points_mm, truth_[pose]);
 }
 
 }  // namespace etalon

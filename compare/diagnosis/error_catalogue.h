@@ -2,14 +2,9 @@
 // to first order: central differences of the projection, no pixels.
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
 #include <span>
-#include <string>
-#include <vector>
 
-#include "calib/camera/projector.h"
-#include "calib/registration/registration.h"
 #include "compare/pose/pose.h"
 
 namespace etalon {
@@ -36,65 +31,69 @@ struct StageError {
     std::string unit;  // "1" (relative), "rad", "mm", "px"; empty: a coefficient's own number
     double size = 0.0;
     std::vector<Rigid> base_from_carriage;  // per pose, at this size
+    bool is_linear_scale = false;           // the scale of a linear axis
 };
 
-// A camera error: the true camera differs from the calibration by it. What it does belongs to
-// `size`, small enough for first order.
-struct CameraError {
-    std::string name;  // "focal length", "c_x", "k1"...
+// An error as what it changes. What it does belongs to `size`, small enough for first order.
+template <class Changed>
+struct ChangingError {
+    std::string name;  // "focal length", "c_x", "marker twist"...
     std::string unit;
     double size = 0.0;
-    std::function<void(CameraModel&, double)> change;  // makes the camera wrong by this much
+    std::function<void(Changed&, double)> change;  // makes it wrong by this much
 };
+
+// The true camera differs from the calibration.
+using CameraError = ChangingError<CameraModel>;
 // Those that have a signature in every report, and those that only causes are looked for among:
 // aspect, rational, prism and tilt terms. A wide lens has no tilt; among the first are its k7 and
 // the projection's own parameters, unless one is at the end of its range.
 std::vector<CameraError> named_camera_errors(const CameraModel& camera);
 std::vector<CameraError> further_camera_errors(const CameraModel& camera);
 
+// The marker as it is printed and bent, and what moves its corners in photographs alone.
+struct TrueMarker {
+    std::vector<Eigen::Vector3d> points_mm;
+    Eigen::Vector3d offset_mm = Eigen::Vector3d::Zero();  // of every pose, camera frame
+    Eigen::Vector2d corner_shift_px = Eigen::Vector2d::Zero();
+    double edges_inwards_px = 0.0;  // of a single tag; 0: none
+
+    void scale(double factor);
+    // Out of its plane, by `size` at the highest point: opposite corners up, or all edges alike.
+    void twist(double size_mm);
+    void bow(double size_mm);
+    // The corners in an image. Throws NumericalError when one has no projection.
+    std::vector<Eigen::Vector2d> seen(const Projector& projector, Rigid camera_from_marker) const;
+};
+using MarkerError = ChangingError<TrueMarker>;
+// Of a marker of so many points: print size, half pixel, edge shrink (a single tag), twist, bow
+// (any other), constant pose offset.
+std::vector<MarkerError> marker_errors(std::size_t points);
+
 // The corners of a square, in order, when each of its edges is seen moved inwards by `by_px`: each
 // corner goes to where its two edges then meet.
 std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector2d>& corners,
                                                  double by_px);
 
-// The direction in which the error "constant pose offset" moves every pose, camera frame; unit.
-Eigen::Vector3d pose_offset_direction();
-
-// What a named error does to the corners: the pixels of pose i when the error has `size`.
+// What a named error does to the corners of a chain, which must outlive it: the pixels of pose i
+// when the error has `size`. Throws NumericalError when a corner has no projection.
 struct NamedError {
     std::string name, unit;
     double size;
     std::function<Eigen::VectorXd(std::size_t pose, double size)> pixels;
     bool one_sided = false;  // only `size` and 0 can be asked for (stage errors come at one size)
 
-    // At `size`, 2 numbers per point: from central differences there, or that part of what the
-    // error does when it is `at` so large (of stage errors the same).
-    Eigen::VectorXd displacement(std::size_t pose) const;
-    Eigen::VectorXd secant(std::size_t pose, double at) const;
+    // Of the corners of the first `poses`, stacked, at `size`: by central differences there, or
+    // that part of what the error does when it is `at` so large (of stage errors the same).
+    Eigen::VectorXd motion(std::size_t poses, std::optional<double> at = std::nullopt) const;
 };
+NamedError named_error(const SignatureChain& chain, const CameraError& error);
+NamedError named_error(const SignatureChain& chain, const StageError& error);
 
-// The chain must outlive this and its errors. All throw NumericalError when a corner has no
-// projection.
-class NamedErrors {
-public:
-    explicit NamedErrors(const SignatureChain& chain);
-
-    // The camera's and marker's own (compare/diagnosis/error_signatures.h), then the stage's.
-    std::vector<NamedError> with_signatures(std::span<const StageError> stage_errors) const;
-    // further_camera_errors(), and skew: x moves with y.
-    std::vector<NamedError> further() const;
-
-    NamedError camera_error(const CameraError& error) const;
-    NamedError stage_error(const StageError& error) const;
-
-private:
-    std::vector<NamedError> marker_errors() const;
-    NamedError out_of_plane(std::string name,
-                            const std::function<double(const Eigen::Vector3d&)>& shape) const;
-    Eigen::VectorXd nominal(std::size_t pose) const;
-
-    const SignatureChain& chain_;
-    std::vector<Rigid> truth_;  // camera_from_marker per pose, without any error
-};
+// The camera's and marker's own, then the stage's: those that have a signature.
+std::vector<NamedError> named_errors(const SignatureChain& chain,
+                                     std::span<const StageError> stage_errors);
+// further_camera_errors(), and skew: x moves with y.
+std::vector<NamedError> further_errors(const SignatureChain& chain);
 
 }  // namespace etalon

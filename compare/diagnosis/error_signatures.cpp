@@ -4,7 +4,6 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "calib/intrinsics/calibration_model.h"
@@ -25,8 +24,6 @@ constexpr double confounded_cosine = 0.95;
 constexpr double vanished = 1e-6;          // of the field before registration
 constexpr double detection_sigmas = 3.29;  // 1.645 (5 % test) + 1.645 (95 % power)
 
-// --------------------------------------------------------------------- poses and registration
-
 // The chain to first order: from corner displacements to pose errors and to X, Y.
 class LinearChain {
 public:
@@ -34,13 +31,16 @@ public:
         const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
         Eigen::MatrixXd training(0, 12);
         for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-            pose_solvers_.emplace_back(chain.pose_jacobian(i));
-            if (chain.poses[i].hold_out)
+            if (chain.poses[i].hold_out) {
+                hold_out_.emplace_back(i, PoseSolver(chain.pose_jacobian(i)));
                 continue;
+            }
             training.conservativeResize(training.rows() + rows, 12);
             training.bottomRows(rows) = registration_jacobian(
                 chain.projector, chain.points_mm, chain.camera_from_base,
                 chain.poses[i].base_from_carriage, chain.carriage_from_marker);
+            for (Eigen::Index row = 0; row < rows; ++row)
+                training_rows_.push_back(static_cast<Eigen::Index>(i) * rows + row);
         }
         unscale_ = training.colwise().norm().cwiseInverse();
         // The predicted poses do not depend on the freedoms: the shortest solution will do.
@@ -48,64 +48,48 @@ public:
         registration_.compute(training * unscale_.asDiagonal());
     }
 
-    // Position errors of the hold-out poses before and after registration.
-    void propagate(const std::vector<Eigen::VectorXd>& displacement,
-                   ErrorSignature& signature) const {
-        std::vector<double> training;
-        for (std::size_t i = 0; i < displacement.size(); ++i)
-            if (!chain_.poses[i].hold_out)
-                training.insert(training.end(), displacement[i].begin(), displacement[i].end());
-        const Eigen::VectorXd solution = registration_.solve(stacked(training));
+    // Position errors of the hold-out poses before and after registration, from the motion of all
+    // corners.
+    void propagate(const Eigen::VectorXd& motion, ErrorSignature& signature) const {
+        const Eigen::VectorXd solution =
+            registration_.solve(Eigen::VectorXd(motion(training_rows_)));
         const Vector12d xy = unscale_.cwiseProduct(solution);
-        std::vector<double> before, after, rotation;
-        for (std::size_t i = 0; i < displacement.size(); ++i) {
-            if (!chain_.poses[i].hold_out)
-                continue;
-            const Vector6d seen = pose_solvers_[i].solve(displacement[i]);
-            const Eigen::Vector3d shift = seen.tail<3>();
-            const Eigen::Vector3d left = shift - predicted_shift(i, xy);
-            const Eigen::Vector3d turned = seen.head<3>() - predicted_turn(i, xy);
-            before.insert(before.end(), shift.begin(), shift.end());
-            after.insert(after.end(), left.begin(), left.end());
-            rotation.insert(rotation.end(), turned.begin(), turned.end());
+        const auto rows = static_cast<Eigen::Index>(2 * chain_.points_mm.size());
+        signature.before.resize(3 * std::ssize(hold_out_));
+        signature.after = signature.rotation_after = signature.before;
+        for (Eigen::Index k = 0; k < std::ssize(hold_out_); ++k) {
+            const auto& [pose, solver] = hold_out_[static_cast<std::size_t>(k)];
+            const Vector6d seen = solver.solve(
+                Eigen::VectorXd(motion.segment(static_cast<Eigen::Index>(pose) * rows, rows)));
+            const auto [shift, turn] = predicted(pose, xy);
+            signature.before.segment<3>(3 * k) = seen.tail<3>();
+            signature.after.segment<3>(3 * k) = seen.tail<3>() - shift;
+            signature.rotation_after.segment<3>(3 * k) = seen.head<3>() - turn;
         }
-        signature.before = stacked(before);
-        signature.after = stacked(after);
-        signature.rotation_after = stacked(rotation);
     }
 
 private:
-    static Eigen::VectorXd stacked(const std::vector<double>& values) {
-        return Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values));
-    }
-
-    // What X and Y moved by `xy` do to the marker's origin, camera frame.
-    Eigen::Vector3d predicted_shift(std::size_t i, const Vector12d& xy) const {
-        const Rigid& base_from_carriage = chain_.poses[i].base_from_carriage;
-        const Eigen::Vector3d from_base =
-            chain_.camera_from_base.rotation *
-            (base_from_carriage * chain_.carriage_from_marker.translation);
-        return Eigen::Vector3d(xy.head<3>()).cross(from_base) + xy.segment<3>(3) +
-               chain_.camera_from_base.rotation *
-                   (base_from_carriage.rotation * Eigen::Vector3d(xy.tail<3>()));
-    }
-
-    // And to the marker's rotation.
-    Eigen::Vector3d predicted_turn(std::size_t i, const Vector12d& xy) const {
-        return xy.head<3>() +
-               chain_.camera_from_base.rotation * (chain_.poses[i].base_from_carriage.rotation *
-                                                   Eigen::Vector3d(xy.segment<3>(6)));
-    }
-
     using PoseSolver = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
 
+    // What X and Y moved by `xy` do to the marker: shift of its origin and turn, camera frame.
+    std::pair<Eigen::Vector3d, Eigen::Vector3d> predicted(std::size_t pose,
+                                                          const Vector12d& xy) const {
+        const Rigid& base_from_carriage = chain_.poses[pose].base_from_carriage;
+        const Eigen::Quaterniond& turn = chain_.camera_from_base.rotation;
+        const Eigen::Vector3d from_base =
+            turn * (base_from_carriage * chain_.carriage_from_marker.translation);
+        return {Eigen::Vector3d(xy.head<3>()).cross(from_base) + xy.segment<3>(3) +
+                    turn * (base_from_carriage.rotation * Eigen::Vector3d(xy.tail<3>())),
+                xy.head<3>() +
+                    turn * (base_from_carriage.rotation * Eigen::Vector3d(xy.segment<3>(6)))};
+    }
+
     const SignatureChain& chain_;
-    std::vector<PoseSolver> pose_solvers_;
+    std::vector<std::pair<std::size_t, PoseSolver>> hold_out_;
+    std::vector<Eigen::Index> training_rows_;
     Vector12d unscale_;
     Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> registration_;
 };
-
-// ------------------------------------------------------------------------------------- figures
 
 // Information about the error's amplitude (in units of `size`) that the hold-out poses carry.
 double information(const SignatureChain& chain, const Eigen::VectorXd& field,
@@ -167,33 +151,31 @@ void find_confounded(std::vector<ErrorSignature>& signatures) {
                 one.confounded_with.push_back(two.name);
 }
 
-ErrorSignature isotropic_scale(std::span<const ErrorSignature> stage,
-                               std::span<const std::size_t> linear_scale) {
-    ErrorSignature sum;
-    sum.name = "stage scale, all linear axes";
-    sum.unit = "1";
-    sum.size = 1e-3;
-    for (const std::size_t index : linear_scale) {
-        const ErrorSignature& one = stage[index];
+// Nothing of less than two linear axes.
+std::optional<ErrorSignature> isotropic_scale(std::span<const ErrorSignature> stage,
+                                              std::span<const StageError> stage_errors) {
+    ErrorSignature sum{"stage scale, all linear axes", "1", 1e-3};
+    int axes = 0;
+    for (std::size_t i = 0; i < stage.size(); ++i) {
+        if (!stage_errors[i].is_linear_scale)
+            continue;
+        const ErrorSignature& one = stage[i];
         const double ratio = sum.size / one.size;
-        if (sum.after.size() == 0)
+        if (axes++ == 0)
             sum.before = sum.after = sum.rotation_after = Eigen::VectorXd::Zero(one.after.size());
         sum.before += ratio * one.before;
         sum.after += ratio * one.after;
         sum.rotation_after += ratio * one.rotation_after;
     }
-    return sum;
+    return axes < 2 ? std::nullopt : std::optional(sum);
 }
 
-void require_usable(const SignatureChain& chain, std::span<const StageError> stage_errors,
-                    std::span<const std::size_t> linear_scale, const HoldOutNoise& noise) {
+void require_usable(const SignatureChain& chain, const HoldOutNoise& noise) {
     const auto hold_out =
         static_cast<std::size_t>(std::ranges::count(chain.poses, true, &AnalysedPose::hold_out));
     bool usable = hold_out > 0 && hold_out < chain.poses.size() &&
                   noise.along_mm.size() == hold_out && noise.across_mm.size() == hold_out &&
                   chain.points_mm.size() >= 3;
-    for (const std::size_t index : linear_scale)
-        usable = usable && index < stage_errors.size();
     for (const auto* levels : {&noise.along_mm, &noise.across_mm})
         for (const double level : *levels)
             usable = usable && std::isfinite(level) && level > 0.0;
@@ -202,14 +184,8 @@ void require_usable(const SignatureChain& chain, std::span<const StageError> sta
 }
 
 ErrorSignature signature_of(const NamedError& error, const LinearChain& linear, std::size_t poses) {
-    ErrorSignature signature;
-    signature.name = error.name;
-    signature.unit = error.unit;
-    signature.size = error.size;
-    std::vector<Eigen::VectorXd> displacement;
-    for (std::size_t i = 0; i < poses; ++i)
-        displacement.push_back(error.displacement(i));
-    linear.propagate(displacement, signature);
+    ErrorSignature signature{error.name, error.unit, error.size};
+    linear.propagate(error.motion(poses), signature);
     return signature;
 }
 
@@ -217,18 +193,15 @@ ErrorSignature signature_of(const NamedError& error, const LinearChain& linear, 
 
 std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
                                              std::span<const StageError> stage_errors,
-                                             std::span<const std::size_t> linear_scale,
                                              const HoldOutNoise& noise, double limit_rms_mm) {
-    require_usable(chain, stage_errors, linear_scale, noise);
+    require_usable(chain, noise);
     const LinearChain linear(chain);
-    const NamedErrors named(chain);
     std::vector<ErrorSignature> signatures;
-    for (const NamedError& error : named.with_signatures(stage_errors))
+    for (const NamedError& error : named_errors(chain, stage_errors))
         signatures.push_back(signature_of(error, linear, chain.poses.size()));
-    if (linear_scale.size() >= 2) {
-        const auto stage = std::span(signatures).last(stage_errors.size());
-        signatures.push_back(isotropic_scale(stage, linear_scale));
-    }
+    const auto stage = std::span(signatures).last(stage_errors.size());
+    if (auto all_axes = isotropic_scale(stage, stage_errors))
+        signatures.push_back(*std::move(all_axes));
     for (ErrorSignature& signature : signatures)
         judge_observability(chain, noise, limit_rms_mm, signature);
     find_confounded(signatures);
@@ -238,14 +211,10 @@ std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
 Eigen::MatrixXd fields_after_registration(const SignatureChain& chain,
                                           const Eigen::MatrixXd& corners_px) {
     const LinearChain linear(chain);
-    const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
     Eigen::MatrixXd fields;
     for (const auto& column : corners_px.colwise()) {
-        std::vector<Eigen::VectorXd> displacement;
-        for (Eigen::Index row = 0; row < column.size(); row += rows)
-            displacement.emplace_back(column.segment(row, rows));
         ErrorSignature signature;
-        linear.propagate(displacement, signature);
+        linear.propagate(column, signature);
         fields.conservativeResize(signature.after.size(), fields.cols() + 1);
         fields.rightCols<1>() = signature.after;
     }
@@ -266,7 +235,6 @@ std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain) 
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
         Eigen::MatrixXd(unscale.asDiagonal() * camera.covariance->matrix * unscale.asDiagonal()));
     const LinearChain linear(chain);
-    const NamedErrors named(chain);
     std::vector<ErrorSignature> signatures;
     for (Eigen::Index i = deviation.size() - 1; i >= 0; --i) {
         const Eigen::VectorXd step = std::sqrt(std::max(0.0, eigen.eigenvalues()[i])) *
@@ -274,11 +242,12 @@ std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain) 
         if (step.isZero(0.0))
             continue;
         ErrorSignature signature = signature_of(
-            named.camera_error({fmt::format("calibration, direction {}", deviation.size() - i), "1",
-                                small,
-                                [&](CameraModel& c, double by) {
-                                    set_parameters(c, stated, values + by * step);
-                                }}),
+            named_error(chain,
+                        CameraError{fmt::format("calibration, direction {}", deviation.size() - i),
+                                    "1", small,
+                                    [&](CameraModel& c, double by) {
+                                        set_parameters(c, stated, values + by * step);
+                                    }}),
             linear, chain.poses.size());
         for (Eigen::VectorXd* field :
              {&signature.before, &signature.after, &signature.rotation_after})

@@ -1,17 +1,9 @@
-// What this run could have seen: each named error of camera, marker or stage is pushed through the
-// run's own chain (corners at the run's poses, poses solved with the nominal camera, X and Y
-// registered again) and what remains on the hold-out poses is its signature.
-//
-// First order: one Gauss-Newton step of pose and registration from central differences, no pixels.
-// From it: the smallest size the run detects, errors that leave nothing (not observable), and
-// groups of errors whose signatures are so alike that the run cannot tell them apart.
+// What this run could have seen. The signature of a named error of camera, marker or stage is what
+// remains of it on the hold-out poses: corners at the run's poses, poses solved with the nominal
+// camera, X and Y registered again. First order: one Gauss-Newton step of pose and registration
+// from central differences. From it: the smallest size the run detects, errors that leave nothing
+// (not observable), and errors that the run cannot tell apart.
 #pragma once
-
-#include <Eigen/Core>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
 
 #include "compare/diagnosis/error_catalogue.h"
 
@@ -38,27 +30,21 @@ struct ErrorSignature {
     std::vector<std::string> confounded_with;  // |cosine| > 0.95 with their signatures
 };
 
-// Standard deviation of one hold-out position error along the line of sight and across it, mm, per
-// hold-out pose: what the detectable size is computed from.
+// Standard deviations of position errors along the line of sight and across it, per hold-out pose.
 struct HoldOutNoise {
     std::vector<double> along_mm, across_mm;
 };
 
-// The camera's and marker's own errors (focal length, c_x, c_y, k1, k2, k3, p1, p2, half pixel,
-// edge shrink, marker print size, marker twist, marker bow, constant pose offset), then the given
-// stage errors, then the isotropic stage scale when the stage errors hold two or more "stage scale"
-// of linear axes
-// (`linear_scale`: their indices). `limit_rms_mm` is the limit of the RMS field.
+// Of the named_errors() of camera, marker and stage, then of the isotropic stage scale when two or
+// more of the stage errors are scales of linear axes. `limit_rms_mm` is the limit of the RMS field.
 // Throws NumericalError when a corner has no projection. Milliseconds per error.
 std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
                                              std::span<const StageError> stage_errors,
-                                             std::span<const std::size_t> linear_scale,
                                              const HoldOutNoise& noise, double limit_rms_mm);
 
 // What one standard deviation of the calibration's own covariance does, along each of its principal
-// directions ("calibration, direction 1"...): errors that are independent of each other. Nothing
-// when the calibration states no covariance. Position and rotation fields only; what makes errors
-// detectable or alike is left out. Throws as above.
+// directions ("calibration, direction 1"...), which are independent. Position and rotation fields
+// only. Nothing when the calibration states no covariance. Throws as above.
 std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain);
 
 // What is left on the hold-out poses, as ErrorSignature::after, of motions of all corners (2 rows

@@ -4,9 +4,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <cmath>
 #include <map>
-#include <set>
 
 #include "core/statistics/covariance.h"
 
@@ -15,8 +13,6 @@ namespace {
 
 constexpr double k = pixel_coverage_factor;
 constexpr double render_tolerance_gray = 0.1;  // compare/photometric/photometric_equations.h
-
-// ------------------------------------------------------------------------- figures of the pixels
 
 struct PixelEstimate {
     PixelDeviation value = PixelDeviation::Zero();
@@ -73,13 +69,12 @@ PixelDeviation score_of_leaning_curve(const RunEvidence& pixels, const CameraMod
     return score;
 }
 
-// One step of Newton's from where the photographs were compared. A step that is a good part of the
-// way is as uncertain as a straight line for a curve: 2 % of it. Mean codes follow the stated
-// noise, which may be 10 % off.
+// One step of Newton's from where the photographs were compared: linear to 2 % of a step, and mean
+// codes follow the stated noise, which may be 10 % off.
 PixelEstimate estimate_of(const RunEvidence& pixels, const CameraModel& camera) {
     constexpr double curved = 0.02, noise_known = 0.1;
     PixelEstimate estimate;
-    PixelInformation information = known_beforehand();
+    PixelInformation information = deviation_prior();
     PixelDeviation score = -information * pixels.at, step = PixelDeviation::Zero(),
                    by_log_noise = PixelDeviation::Zero();
     for (const PhotoEvidence& photo : pixels.photos) {
@@ -188,8 +183,6 @@ std::optional<PixelFigure> residual_of(const RunEvidence& pixels) {
                        k * noise * ratio / std::sqrt(2.0 * count) + of_render};
 }
 
-// -------------------------------------------------------------------- figures of one photograph
-
 // Mean over those that have one, with the uncertainty that their scatter gives it, and `floor`
 // (standard) besides.
 template <class Of>
@@ -238,18 +231,12 @@ PixelFigure shading_of(const std::vector<PhotoEvidence>& photos) {
     return {std::hypot(x.value, y.value), std::max(x.expanded_uncertainty, y.expanded_uncertainty)};
 }
 
-// ------------------------------------------------------------------------------------- in words
-
 // With two digits of the uncertainty.
 std::string plus_minus(double value, double u, const std::string& unit) {
     const int decimals =
         u > 0.0 ? std::clamp(1 - static_cast<int>(std::floor(std::log10(u))), 0, 6) : 3;
     return fmt::format("{:.{}f} +- {:.{}f}{}", value, decimals, u, decimals,
                        unit.empty() ? "" : " " + unit);
-}
-
-std::string words(const PixelFigure& figure, const std::string& unit) {
-    return plus_minus(std::abs(figure.value), figure.expanded_uncertainty, unit);
 }
 
 std::string distance_words(double inverse, double u) {
@@ -293,8 +280,10 @@ void add_findings(const PixelEstimate& shown, const CameraModel& camera, ImageAg
     const auto add = [&](const std::optional<PixelFigure>& figure, const char* more,
                          const char* less, const std::string& unit, const char* what_else) {
         if (figure && figure->is_shown())
-            match.findings.push_back(fmt::format("{} by {}{}", figure->value > 0 ? more : less,
-                                                 words(*figure, unit), what_else));
+            match.findings.push_back(
+                fmt::format("{} by {}{}", figure->value > 0 ? more : less,
+                            plus_minus(std::abs(figure->value), figure->expanded_uncertainty, unit),
+                            what_else));
     };
     const auto is_in = [&](int i) {
         return std::ranges::find(shown.asked, i) != shown.asked.end();
@@ -305,10 +294,8 @@ void add_findings(const PixelEstimate& shown, const CameraModel& camera, ImageAg
     };
     if (is_tone_far(shown))
         return add_tone();
-    if (match.blur_px && match.blur_px->is_shown())
-        match.findings.push_back(fmt::format(
-            "the photographs are {} than the calibration says, edges by {} (RMS)",
-            match.blur_px->value > 0 ? "blurrier" : "sharper", words(*match.blur_px, "px")));
+    add(match.blur_px, "the photographs are blurrier than the calibration says, edges",
+        "the photographs are sharper than the calibration says, edges", "px", " (RMS)");
     add_lens_findings(shown, camera, match.findings);
     if (is_in(deviation::tone))
         add_tone();
@@ -334,57 +321,43 @@ void add_findings(const PixelEstimate& shown, const CameraModel& camera, ImageAg
 
 // What single photographs show, where more than 1 in 20 of them do.
 void add_common_findings(const RunEvidence& pixels, ImageAgreement& match) {
-    static const std::set<std::string> by_figures{"blur_differs", "unexplained"};
-    struct Seen {
-        int count = 0;
-        std::string sentence;
-    };
-    std::map<std::string, Seen> all;
+    std::map<std::string, std::pair<int, std::string>> all;  // count and sentence
     for (const auto& of_photo : pixels.findings)
-        for (const PhotoFinding& finding : of_photo) {
-            ++all[finding.name].count;
-            all[finding.name].sentence = finding.sentence;
-        }
+        for (const PhotoFinding& finding : of_photo)
+            all[finding.name] = {all[finding.name].first + 1, finding.sentence};
     for (const auto& [name, seen] : all) {
-        if (by_figures.contains(name) || !is_common(seen.count, pixels.findings))
-            continue;
-        match.findings.push_back(fmt::format("{} of {} photographs: {}", seen.count,
-                                             pixels.findings.size(), seen.sentence));
+        const auto& [count, sentence] = seen;
+        const bool is_a_figure = name == "blur_differs" || name == "unexplained";
+        if (!is_a_figure && is_common(count, pixels.findings))
+            match.findings.push_back(
+                fmt::format("{} of {} photographs: {}", count, pixels.findings.size(), sentence));
     }
     match.is_overexposed = is_overexposed(pixels.findings);
 }
 
-// ------------------------------------------------------------------------------------- evidence
-
 PixelEvidence evidence_of(const PixelEstimate& estimate, const ImageAgreement& match) {
     constexpr const char* names[] = {"f-number", "focus distance", "blur", "tone curve",
                                      "edge shrink"};
-    PixelEvidence evidence;
-    const Eigen::Index n = std::ssize(estimate.asked);
-    std::vector<std::pair<const char*, PixelFigure>> single;
-    if (!is_tone_far(estimate))
-        for (const auto& [name, figure] :
-             {std::pair("noise", match.noise_ratio), std::pair("background", match.background_gray),
-              std::pair("black level", match.black_gray)})
-            if (figure)
-                single.emplace_back(name, *figure);
-    evidence.observed.resize(n + std::ssize(single));
-    evidence.covariance.setZero(evidence.observed.size(), evidence.observed.size());
     PixelDeviation sign = PixelDeviation::Ones();
     sign[deviation::growth] = -1.0;  // dark parts shrink
-    for (Eigen::Index i = 0; i < n; ++i) {
-        const int at = estimate.asked[static_cast<std::size_t>(i)];
-        evidence.errors.emplace_back(names[at]);
-        evidence.observed[i] = sign[at] * estimate.value[at];
-    }
-    evidence.covariance.topLeftCorner(n, n) =
-        (sign.asDiagonal() * estimate.covariance * sign.asDiagonal())
-            .eval()(estimate.asked, estimate.asked);
-    for (std::size_t i = 0; i < single.size(); ++i) {
-        const auto at = n + static_cast<Eigen::Index>(i);
-        evidence.errors.emplace_back(single[i].first);
-        evidence.observed[at] = single[i].second.value;
-        evidence.covariance(at, at) = std::pow(single[i].second.expanded_uncertainty / k, 2);
+    const PixelDeviation value = sign.cwiseProduct(estimate.value);
+    const PixelInformation covariance = sign.asDiagonal() * estimate.covariance * sign.asDiagonal();
+    PixelEvidence evidence;
+    for (const int i : estimate.asked)
+        evidence.errors.emplace_back(names[i]);
+    evidence.observed = value(estimate.asked);
+    evidence.covariance = covariance(estimate.asked, estimate.asked);
+    for (const auto& [name, figure] :
+         {std::pair("noise", match.noise_ratio), std::pair("background", match.background_gray),
+          std::pair("black level", match.black_gray)}) {
+        if (!figure || is_tone_far(estimate))
+            continue;
+        const Eigen::Index at = evidence.observed.size();
+        evidence.errors.emplace_back(name);
+        evidence.observed.conservativeResize(at + 1);
+        evidence.observed[at] = figure->value;
+        evidence.covariance.conservativeResizeLike(Eigen::MatrixXd::Zero(at + 1, at + 1));
+        evidence.covariance(at, at) = std::pow(figure->expanded_uncertainty / k, 2);
     }
     return evidence;
 }

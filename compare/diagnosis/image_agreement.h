@@ -1,17 +1,11 @@
 // Do the photographs of a run match their renders, pixel by pixel? From what was measured on each
 // (compare/diagnosis/pixel_evidence.h) to quantities, findings in words, and evidence for causes.
 //
-// One photograph hardly shows a tenth of a gray or of a pixel, all of a run together do. Figures
-// that come from least squares on all pixels have the covariance of that, widened by what the
-// photographs scatter more among each other, and by a render that is off by its tolerance within a
-// photograph in whatever way hurts most. Figures of one photograph each are averaged, their
-// uncertainty is that of the mean. U has k = 3 here: eight quantities are looked at, and one that
-// is larger than its U becomes a finding though nobody set it a limit.
+// Figures from least squares on all pixels have its covariance, widened by the photographs' excess
+// scatter and by a render that is off by its tolerance in the worst way. Figures of single
+// photographs are averaged, with the uncertainty of the mean. k = 3: there are eight quantities,
+// and one larger than its U becomes a finding without any limit.
 #pragma once
-
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "compare/diagnosis/pixel_evidence.h"
 

@@ -1,6 +1,5 @@
-// Whether what a fit leaves of the corners depends on where in the image they lie: a distortion
-// that no term of the camera's model follows moves the corners of different poses alike where they
-// share a place in the image; noise and an axis that scatters do not.
+// Whether a fit's residuals depend on the place in the image: an unmodelled distortion moves the
+// corners of different poses alike at the same place, noise and an axis that scatters do not.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,10 +22,10 @@ struct ImageCoherence {
     double bin_px = 0.0;  // side of these bins
 };
 
-// The image is binned three times, in squares of 1/24, 1/12 and 1/6 of its diagonal. The standard
-// deviation is that of the sum when the residuals of each pose are as probable as with their signs
-// turned: it needs no stated noise, and corners of a pose may depend on each other. Milliseconds
-// for 70 poses. Throws NumericalError where places and residuals do not agree.
+// Bins are squares of 1/24, 1/12 and 1/6 of the image's diagonal. The standard deviation is that of
+// the sum under random signs of each pose's residuals: it needs no stated noise, and corners of a
+// pose may be correlated. Milliseconds for 70 poses. Throws NumericalError where places and
+// residuals do not agree.
 ImageCoherence image_coherence(std::span<const PoseResiduals> poses, int width, int height);
 
 // A PASS bears so many: 99.9 % over the three sizes.

@@ -3,11 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
-#include <optional>
 
-#include "compare/detect/detector.h"
 #include "core/statistics/distributions.h"
 
 namespace etalon {
@@ -43,29 +40,6 @@ std::optional<std::size_t> farthest(std::span<const FieldSample> samples, const 
     return is_outlying ? std::optional(index) : std::nullopt;
 }
 
-BiasField field_of(std::span<const FieldSample> samples, const Indices& left, FieldBasis basis) {
-    std::vector<FieldSample> fitted;
-    for (const std::size_t i : left)
-        fitted.push_back(samples[i]);
-    return fit_smooth_field(fitted, basis);
-}
-
-// How far the corners of each registered pose lie from the predicted ones, px.
-std::vector<double> corner_distances(const Projector& projector,
-                                     const std::vector<Eigen::Vector3d>& points_mm,
-                                     const BiasCorrectedRegistration& registration,
-                                     std::span<const Rigid> predicted) {
-    std::vector<double> lengths;
-    for (std::size_t i = 0; i < predicted.size(); ++i) {
-        double squares = 0.0;
-        for (const Eigen::Vector2d& off : differences(
-                 registration.corrected_px[i], projected(projector, points_mm, predicted[i])))
-            squares += off.squaredNorm();
-        lengths.push_back(std::sqrt(squares));
-    }
-    return lengths;
-}
-
 }  // namespace
 
 std::size_t max_outlying(std::size_t poses) {
@@ -82,7 +56,10 @@ std::vector<OutlierPose> outlying_samples(std::span<const FieldSample> samples,
             return {};
         std::erase(left, *found);
         taken.push_back(*found);
-        of_left = field_of(samples, left, field.basis);
+        std::vector<FieldSample> fitted;
+        for (const std::size_t i : left)
+            fitted.push_back(samples[i]);
+        of_left = fit_smooth_field(fitted, field.basis);
     }
     std::vector<OutlierPose> outlying;
     for (const std::size_t i : taken)
@@ -96,10 +73,17 @@ std::vector<OutlierPose> outlying_registered(const Projector& projector,
                                              std::span<const RegistrationPose> poses,
                                              double least_mm) {
     std::vector<Rigid> predicted;
-    for (const std::size_t i : registration.used)
+    std::vector<double> lengths;  // of the corners from the predicted ones, px
+    for (const std::size_t i : registration.used) {
         predicted.push_back(
             registration.registration.camera_from_marker(poses[i].base_from_carriage));
-    const auto lengths = corner_distances(projector, points_mm, registration, predicted);
+        double squares = 0.0;
+        for (const Eigen::Vector2d& off :
+             differences(registration.corrected_px[lengths.size()],
+                         projected(projector, points_mm, predicted.back())))
+            squares += off.squaredNorm();
+        lengths.push_back(std::sqrt(squares));
+    }
     const double far_px = far_deviations * median(lengths);
     std::vector<OutlierPose> outlying;
     for (std::size_t i = 0; i < lengths.size(); ++i) {

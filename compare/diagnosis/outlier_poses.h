@@ -1,15 +1,9 @@
-// Poses that no field explains: the stage was not where it said, the camera showed an old frame, or
-// the detector took something else for the marker. They are left out of registration and field, and
-// PASS is withheld.
+// Outlier poses: the stage was not where it said, the camera showed an old frame, or the detector
+// took something else for the marker. They are left out of registration and field; PASS is
+// withheld.
 #pragma once
 
-#include <Eigen/Core>
-#include <span>
-#include <string>
-#include <vector>
-
 #include "compare/diagnosis/error_candidates.h"
-#include "compare/pose/pose_bias.h"
 #include "compare/uncertainty/bias_field.h"
 
 namespace etalon {
@@ -20,20 +14,19 @@ struct OutlierPose {
     Eigen::Vector3d off_mm = Eigen::Vector3d::Zero();
 };
 
-// Of so many poses at most so many may be outlying: 1 in 20, one at least. Where more are, they are
-// no outliers but what the run shows, and the functions below give none.
+// How many of so many poses may be outliers: 1 in 20, one at least. Where more are, the functions
+// below give none.
 std::size_t max_outlying(std::size_t poses);
 
-// Samples that lie off the smooth field of the others by more than 8 robust standard deviations
-// (from the median of all residuals, in units of the samples' sigmas) and by more than `least_mm`.
-// Found one by one, the farthest first. `field` is that of all samples; each that is found costs
-// another fit. Throws what fit_smooth_field throws.
+// Samples off the smooth field of the others by more than 8 robust standard deviations (from the
+// median of all residuals, in units of the samples' sigmas) and by more than `least_mm`, the
+// farthest first. `field` is that of all samples; each that is found costs another fit. Throws what
+// fit_smooth_field throws.
 std::vector<OutlierPose> outlying_samples(std::span<const FieldSample> samples,
                                           const BiasField& field, double least_mm);
 
-// Poses that X and Y were registered on whose corners lie more than 8 times as far from the
-// predicted ones as the median pose's, and the marker by more than `least_mm`. `poses` are those
-// that were given to the registration.
+// Of the `poses` given to the registration those whose corners lie more than 8 times as far from
+// the predicted ones as the median pose's, and the marker by more than `least_mm`.
 std::vector<OutlierPose> outlying_registered(const Projector& projector,
                                              const std::vector<Eigen::Vector3d>& points_mm,
                                              const BiasCorrectedRegistration& registration,

@@ -5,7 +5,7 @@
 
 namespace etalon {
 
-PixelInformation known_beforehand() {
+PixelInformation deviation_prior() {
     const PixelDeviation deviations{1.0, 0.01, 4.0, 1.0, 1.0};
     return deviations.cwiseAbs2().cwiseInverse().asDiagonal();
 }

@@ -2,11 +2,7 @@
 // compare/match/pixel_measurement.h measures it, compare/diagnosis/image_agreement.h judges it.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "calib/camera/camera_model.h"
 
@@ -25,9 +21,9 @@ inline constexpr int count = 5;
 using PixelDeviation = Eigen::Matrix<double, deviation::count, 1>;
 using PixelInformation = Eigen::Matrix<double, deviation::count, deviation::count>;
 
-// What is known beforehand: hardly any camera is off by more than e in f-number, 0.01 / mm in
-// focus, 4 px^2 of blur, 1 in tone, 1 px in growth. It matters only where photographs tell nothing.
-PixelInformation known_beforehand();
+// Prior, for deviations that photographs do not show: hardly any camera is off by more than e in
+// f-number, 0.01 / mm in focus, 4 px^2 of blur, 1 in tone, 1 px in growth.
+PixelInformation deviation_prior();
 
 // One photograph against its render at its photometric pose, with a deviation put into the camera.
 struct PhotoEvidence {

@@ -4,9 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <numbers>
 
 #include "compare/detect/board/calibration_target.h"
@@ -108,7 +106,7 @@ TargetFinder make_target_finder(const std::string& spec, const std::string& plac
 
 namespace {
 
-// The least-squares line of one or more quantities over time.
+// The least-squares line of each quantity over time.
 struct Lines {
     Eigen::Matrix4Xd residuals;
     Movement slope;
@@ -116,21 +114,17 @@ struct Lines {
 };
 
 Lines fit_lines(std::span<const DriftBlock> blocks) {
-    const auto n = static_cast<Eigen::Index>(blocks.size());
-    Eigen::VectorXd times(n);
-    Eigen::Matrix4Xd values(4, n);
-    for (Eigen::Index i = 0; i < n; ++i) {
+    Eigen::VectorXd times(std::ssize(blocks));
+    Eigen::Matrix4Xd values(4, times.size());
+    for (Eigen::Index i = 0; i < times.size(); ++i) {
         times[i] = blocks[static_cast<std::size_t>(i)].time.count();
         values.col(i) = blocks[static_cast<std::size_t>(i)].movement;
     }
     times.array() -= times.mean();
     const Movement mean = values.rowwise().mean();
     values.colwise() -= mean;
-    Lines lines;
-    lines.time_squares = times.squaredNorm();
-    lines.slope = values * times / lines.time_squares;
-    lines.residuals = values - lines.slope * times.transpose();
-    return lines;
+    const Movement slope = values * times / times.squaredNorm();
+    return {values - slope * times.transpose(), slope, times.squaredNorm()};
 }
 
 double correlation_of_neighbours(const Eigen::Matrix4Xd& residuals) {
@@ -175,13 +169,6 @@ double shape_drift(std::span<const DriftBlock> blocks, const TargetPoints& point
     return count > 2 ? std::sqrt(squares / (count - 2)) : 0.0;
 }
 
-// Standard deviation in the direction in which it is largest.
-double largest_deviation(const Eigen::Matrix2d& covariance) {
-    return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
-                                       Eigen::MatrixXd(covariance), Eigen::EigenvaluesOnly)
-                                       .eigenvalues()[1]));
-}
-
 void find_worst(DriftRate& rate, const Eigen::Matrix4d& covariance,
                 const TargetReference& reference, cv::Size image) {
     rate.worst_px_per_min = -1.0;
@@ -189,7 +176,11 @@ void find_worst(DriftRate& rate, const Eigen::Matrix4d& covariance,
         for (const double y : {-0.5, image.height - 0.5}) {
             const auto at = reference.at({x, y});
             const double drift = (at * rate.per_min).norm();
-            const double u = largest_deviation(at * covariance * at.transpose());
+            const Eigen::MatrixXd there = at * covariance * at.transpose();
+            // In the direction in which it is largest.
+            const double u = std::sqrt(std::max(
+                0.0, Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(there, Eigen::EigenvaluesOnly)
+                         .eigenvalues()[1]));
             rate.bound_px_per_min =
                 std::max(rate.bound_px_per_min, drift + rate.coverage_factor * u);
             if (drift > rate.worst_px_per_min) {
@@ -249,17 +240,19 @@ std::vector<double> component(const Movements& movements, int index) {
     return values;
 }
 
-Movement medians(std::span<const Movement> movements) {
+template <class Movements>
+Movement medians(const Movements& movements) {
     Movement result;
     for (int i = 0; i < 4; ++i)
         result[i] = median(component(movements, i));
     return result;
 }
 
-void push(std::deque<Movement>& movements, const Movement& movement, std::size_t most) {
-    movements.push_back(movement);
-    if (movements.size() > most)
-        movements.pop_front();
+template <class Item>
+void push(std::deque<Item>& items, const Item& item, std::size_t most) {
+    items.push_back(item);
+    if (items.size() > most)
+        items.pop_front();
 }
 
 }  // namespace
@@ -286,19 +279,19 @@ bool JumpFinder::is_jump(const Movement& difference) const {
 // Where the last frames fall into two parts, and how far apart these are.
 TargetJump JumpFinder::largest_step() const {
     const std::vector<Movement> frames(recent_.begin(), recent_.end());
+    const auto step = [&](std::size_t i) { return (frames[i] - frames[i - 1]).norm(); };
     std::size_t first_after = 1;
     for (std::size_t i = 2; i < frames.size(); ++i)
-        if ((frames[i] - frames[i - 1]).norm() >
-            (frames[first_after] - frames[first_after - 1]).norm())
+        if (step(i) > step(first_after))
             first_after = i;
-    const std::span<const Movement> all(frames);
+    const std::span all(frames);
     return {static_cast<int>(frames.size() - first_after),
             medians(all.subspan(first_after)) - medians(all.first(first_after))};
 }
 
 std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
     if (!recent_.empty())
-        push(steps_, movement - recent_.back(), max_steps);
+        push<Movement>(steps_, movement - recent_.back(), max_steps);
     push(recent_, movement, 2 * half);
     if (recent_.size() < 2 * half)
         return std::nullopt;
@@ -313,7 +306,6 @@ std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
 
 namespace {
 
-constexpr std::size_t frames_to_look_back = 10;            // of JumpFinder
 constexpr std::array<std::size_t, 3> windows{20, 40, 80};  // blocks
 
 DriftBlock median_of(const std::vector<std::pair<Minutes, TargetReference::Look>>& frames) {
@@ -374,9 +366,7 @@ void DriftMonitor::look(const Seen& seen) {
              look->movement,
              reference_->radius(),
              misfit(look->residuals)};
-    last_seen_.push_back(seen);
-    if (last_seen_.size() > frames_to_look_back)
-        last_seen_.pop_front();
+    push(last_seen_, seen, 2 * half);
     note_noise(*look);
     if (const auto jump = jump_finder_.add(look->movement))
         return start_anew(*jump);

@@ -1,10 +1,9 @@
 // Watches the points of a static target frame by frame: how fast their image drifts, whether that
-// is below the limit, and whether something jumped. Knows nothing of cameras or clocks.
+// is below the limit, and whether something jumped.
 //
-// Time is cut into blocks; whenever one is full the drift over the last 20 is estimated, and over
-// the last 40 and 80 where there are as many: a short window sees the end of a warm-up soon, a long
-// one decides where the points are few or noisy. After a jump everything starts anew with the
-// frames behind it.
+// Time is cut into blocks. Whenever one is full the drift over the last 20, 40 and 80 is estimated,
+// where there are as many: a short window sees the end of a warm-up soon, a long one decides where
+// the points are few or noisy. A jump begins a new part with the frames after it.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,20 +21,16 @@
 
 namespace etalon {
 
-// How the image of a target that stands still moves: as a shift, a growth and a turn about the
-// middle of its points, by least squares, and what these three do not explain. A growth is a change
-// of focal length or of distance, a turn one of the camera or the target about the optical axis: a
-// target alone cannot tell which of the two moved.
-
 // Of a target that is to be followed.
 inline constexpr std::size_t min_target_points = 4;
 
 // Pixel by the point's index on the target.
 using TargetPoints = std::map<int, Eigen::Vector2d>;
 
-// Shift x, shift y, growth, turn, all in px: growth and turn (clockwise as seen) are what they move
-// a point by that is one `radius` from the middle. With equal noise of every coordinate of every
-// point the four are uncorrelated and equally noisy.
+// How the target's image moves, by least squares: shift x, shift y, growth, turn, all in px. Growth
+// (focal length or distance) and turn (about the optical axis, clockwise as seen) are what they
+// move a point by that is one `radius` from the middle. With equal noise of every coordinate of
+// every point the four are uncorrelated and equally noisy.
 using Movement = Eigen::Vector4d;
 
 // The target as it was seen first.
@@ -80,14 +75,6 @@ using TargetFinder = std::function<TargetPoints(const CodeImage&)>;
 // compare/detect/board/calibration_target.h). Throws ConfigError at `place` for any other.
 TargetFinder make_target_finder(const std::string& spec, const std::string& place);
 
-// How fast the image of a static target drifts, from its movement over some minutes, and how well
-// that is known. The method, to be repeated by hand, is in docs/cameras.md, "Drift".
-//
-// A straight line through the medians of equal pieces of time (blocks): medians, so that single bad
-// frames do not count; blocks, so that vibration and the detector's noise average out before the
-// scatter about the line is taken as the uncertainty. Slower fluctuations make neighbouring blocks
-// alike: their correlation widens it (Santer et al., J. Geophys. Res. 105, 7337, 2000).
-
 using Minutes = std::chrono::duration<double, std::ratio<60>>;
 
 // One piece of time.
@@ -101,17 +88,16 @@ struct DriftRate {
     Minutes from{}, to{};           // the first and the last block
     Movement per_min;               // px/min, see Movement
     Movement standard_uncertainty;  // of each
-    // The largest drift over the image. It is that of one of its four corners, as the drift is
-    // linear in the pixel, even where the target does not reach: then the uncertainty is large.
+    // The largest drift over the image: that of one of its four corners, as it is linear in the
+    // pixel. Its uncertainty is large where the target does not reach.
     double worst_px_per_min = 0.0;
     Eigen::Vector2d worst_pixel = Eigen::Vector2d::Zero();
     double standard_uncertainty_px_per_min = 0.0;  // of the worst
     double coverage_factor = 0.0;
     double expanded_uncertainty_px_per_min = 0.0;  // their product
-    // Largest over the image's corners of value + U: what the drift is below.
-    double bound_px_per_min = 0.0;
-    // How fast the points drift against each other, root mean square over them, its noise included:
-    // what shift, growth and turn do not explain (a tilt, a bending target, the distortion).
+    double bound_px_per_min = 0.0;                 // largest value + U of the image's corners
+    // How fast the points drift against each other (a tilt, a bending target, the distortion), root
+    // mean square over them, noise included.
     double shape_px_per_min = 0.0;
     double block_correlation = 0.0;  // of neighbouring blocks' residuals; 0 where it is negative
 
@@ -122,35 +108,33 @@ struct DriftRate {
 
 inline constexpr std::size_t min_blocks = 15;
 
-// `chance_of_error` is how likely a drift that is as large as the limit or larger may be called
-// below it: bound < limit for a true worst drift >= limit has at most this probability, since the
-// true worst corner alone would need an error of U in one direction. Nothing for fewer than
-// min_blocks blocks or blocks at one time. Times must rise.
+// A straight line through the medians of the blocks, whose scatter about it is the uncertainty;
+// correlated neighbours widen it (Santer et al., J. Geophys. Res. 105, 7337, 2000). The method, to
+// be repeated by hand, is in docs/cameras.md, "Drift".
+//
+// A true worst drift >= limit has bound < limit with at most the probability `chance_of_error`.
+// Nothing for fewer than min_blocks blocks or blocks at one time. Times must rise.
 std::optional<DriftRate> estimate_drift(std::span<const DriftBlock> blocks,
                                         const TargetReference& reference, cv::Size image,
                                         double chance_of_error);
-
-// Tells a jump of a static target's image from its drift and its noise: somebody touched the
-// target, the camera or what they stand on. The medians of the last five frames and of the five
-// before them are compared: two bad frames cannot move them. Their difference by drift is the
-// median of earlier such differences; that by noise follows from the scatter of these or of the
-// steps from frame to frame, whichever is larger. The threshold is Student's quantile for the
-// number of steps seen, at a chance of 1e-7 per frame and component: with normal noise a false jump
-// in some 2.5 million frames.
 
 struct TargetJump {
     int frames_after = 0;  // how many of the last frames came after it
     Movement movement;
 };
 
+// Tells a jump of a static target's image (something was touched) from its drift and its noise. The
+// medians of the last five frames and of the five before them are compared. Their difference by
+// drift is the median of earlier such differences; that by noise follows from the scatter of these
+// or of the steps from frame to frame, whichever is larger. The threshold is Student's quantile at
+// a chance of 1e-7 per frame and component: a false jump in some 2.5 million frames.
 class JumpFinder {
 public:
-    // The jump that this frame gives away; it then has 3 frames or more behind it. Never before 20
-    // frames, and none below 0.01 px.
+    // The jump that this frame gives away, with 3 frames or more after it. Never before 20 frames,
+    // and none below 0.01 px.
     std::optional<TargetJump> add(const Movement& movement);
 
-    // Movements now refer to something else: those before are not compared with. What was learnt
-    // of noise and drift stays.
+    // Movements now have another reference. What was learnt of noise and drift stays.
     void restart() { recent_.clear(); }
 
 private:

@@ -4,10 +4,6 @@
 #include <math.h>  // j1, jn: POSIX, not in namespace std
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <numbers>
 
 #include "core/program/errors.h"
 #include "core/statistics/covariance.h"
@@ -15,12 +11,10 @@
 namespace etalon {
 namespace {
 
+using Eigen::ArrayXd;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
 using std::numbers::pi;
-
-double sinc(double x) {
-    const double q = pi * x;
-    return std::abs(q) < 1e-6 ? 1.0 : std::sin(q) / q;
-}
 
 // Gauss and Legendre's rule with 8 points on [-1, 1], the positive half.
 constexpr std::array<std::pair<double, double>, 4> gauss_legendre_8 = {
@@ -43,7 +37,11 @@ Cell cell_of(double distance_px, Eigen::Index size) {
 
 }  // namespace
 
-Eigen::ArrayXd pixel_transfer(const Eigen::ArrayXd& cycles_per_px, const Eigen::Vector2d& normal) {
+ArrayXd pixel_transfer(const ArrayXd& cycles_per_px, const Eigen::Vector2d& normal) {
+    const auto sinc = [](double x) {
+        const double q = pi * x;
+        return std::abs(q) < 1e-6 ? 1.0 : std::sin(q) / q;
+    };
     return cycles_per_px.unaryExpr(
         [&](double f) { return sinc(f * normal.x()) * sinc(f * normal.y()); });
 }
@@ -93,16 +91,8 @@ EdgeValue edge_value(const Eigen::ArrayXd& odd, const Eigen::ArrayXd& even, doub
 
 namespace {
 
-using Eigen::ArrayXd;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
-using Vector6 = Eigen::Matrix<double, 6, 1>;
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-
-// Standard deviations of what is known of an edge beforehand, so wide that they decide nothing
-// where the pixels do: light that varies by 1 % of the step a pixel, an edge that is a pixel or
-// 50 mrad from where pose and print say.
+// Prior standard deviations of an edge's own parameters, wide against what the pixels tell: light
+// per px in parts of the step, and the edge's distance from where pose and print say.
 constexpr double gradient_prior = 0.01, shift_prior_px = 1.0, turn_prior = 0.05;
 constexpr double shift_room_px = 3.0;
 
@@ -111,24 +101,12 @@ constexpr double outlier_ratio = 4.0;
 constexpr int min_clusters = 8;
 constexpr char undetermined[] = "edge fit: the edges do not determine the blur";
 
-double odd_at(const ArrayXd& odd, double distance_px) {
-    const auto [i, t, sign] = cell_of(distance_px, odd.size());
-    return sign * (odd[i] + t * (odd[i + 1] - odd[i]));
-}
-
-Vector6 prior_weight(double step) {
-    const double gradient = 1.0 / std::pow(gradient_prior * step, 2);
-    return (Vector6() << 0.0, 0.0, gradient, gradient, 1.0 / (shift_prior_px * shift_prior_px),
-            1.0 / (turn_prior * turn_prior))
-        .finished();
-}
-
 // What one edge contributes to the normal equations once its own six are eliminated.
 struct Reduced {
     MatrixXd information;  // of the shared parameters
     VectorXd score;
     Eigen::LDLT<MatrixXd> own;
-    Vector6 own_score;
+    Vector6d own_score;
     MatrixXd coupling;
     double chi_square = 0.0, squared_residuals = 0.0;
 };
@@ -144,12 +122,9 @@ Reduced reduce(const StraightEdge& edge, const EdgeResponse& response, const Blu
     std::vector<ArrayXd> by_parameter;
     for (Eigen::Index k = 0; k < m; ++k)
         by_parameter.push_back(response.odd_table(pixel_box * lens.derivative.col(k).array()));
-    Matrix6 own = Matrix6::Zero();
-    Reduced reduced;
-    reduced.information = MatrixXd::Zero(m, m);
-    reduced.score = VectorXd::Zero(m);
-    reduced.own_score = Vector6::Zero();
-    reduced.coupling = MatrixXd::Zero(6, m);
+    Matrix6d own = Matrix6d::Zero();
+    Reduced reduced{
+        MatrixXd::Zero(m, m), VectorXd::Zero(m), {}, Vector6d::Zero(), MatrixXd::Zero(6, m)};
     fitted.residuals.clear();
     VectorXd shared(m);
     for (const EdgePixel& pixel : edge.pixels) {
@@ -159,11 +134,14 @@ Reduced reduce(const StraightEdge& edge, const EdgeResponse& response, const Blu
         const double expected = fitted.own[0] + height * at.response;
         const double residual = pixel.radiance - expected;
         const double weight = 1.0 / edge.noise.variance(expected);
-        Vector6 row;
+        Vector6d row;
         row << 1.0, at.response, d * at.response, t * at.response, -height * at.spread,
             -height * at.spread * t;
-        for (Eigen::Index k = 0; k < m; ++k)
-            shared[k] = height * odd_at(by_parameter[static_cast<std::size_t>(k)], place);
+        const auto [i, part, sign] = cell_of(place, odd.size());
+        for (Eigen::Index k = 0; k < m; ++k) {
+            const ArrayXd& table = by_parameter[static_cast<std::size_t>(k)];
+            shared[k] = height * (sign * (table[i] + part * (table[i + 1] - table[i])));
+        }
         own.noalias() += weight * row * row.transpose();
         reduced.own_score += weight * residual * row;
         reduced.coupling.noalias() += weight * row * shared.transpose();
@@ -173,7 +151,10 @@ Reduced reduce(const StraightEdge& edge, const EdgeResponse& response, const Blu
         reduced.squared_residuals += residual * residual;
         fitted.residuals.push_back(residual);
     }
-    const Vector6 prior = prior_weight(fitted.own[1]);  // says nothing of dark and step
+    const double by_gradient = 1.0 / std::pow(gradient_prior * fitted.own[1], 2);
+    Vector6d prior;
+    prior << 0.0, 0.0, by_gradient, by_gradient, 1.0 / (shift_prior_px * shift_prior_px),
+        1.0 / (turn_prior * turn_prior);
     own.diagonal() += prior;
     reduced.own_score -= prior.cwiseProduct(fitted.own);
     reduced.chi_square += prior.dot(fitted.own.cwiseAbs2());
@@ -196,8 +177,7 @@ FittedEdge first_guess(const StraightEdge& edge) {
     return fitted;
 }
 
-// Least of 1/2 x^T A x - b^T x with x >= lower: Lawson and Hanson's active set, A positive
-// definite. x = 0 is always allowed (no step): parameters off their bound start free.
+// Least of 1/2 x^T A x - b^T x with x >= lower: Lawson and Hanson's active set from x = 0.
 VectorXd bounded_step(const MatrixXd& a, const VectorXd& b, const VectorXd& lower) {
     constexpr double least_gain = 1e-9;
     VectorXd x = VectorXd::Zero(b.size());
@@ -244,15 +224,6 @@ struct Sums {
     double chi_square = 0.0;
 };
 
-// Parts of a whole: their sum and the edges' steps together have one freedom too many, which is
-// fixed by a penalty. It is no compromise with the pixels, whatever its weight.
-void hold_sum(double weight, const VectorXd& parameters, Sums& sums) {
-    const double missing = 1.0 - parameters.sum();
-    sums.information.array() += weight;
-    sums.score.array() += weight * missing;
-    sums.chi_square += weight * missing * missing;
-}
-
 Sums sum_up(std::span<const StraightEdge> edges, const EdgeResponse& response,
             const BlurModel& model, EdgeFit& fit) {
     const Eigen::Index m = fit.parameters.size();
@@ -269,8 +240,12 @@ Sums sum_up(std::span<const StraightEdge> edges, const EdgeResponse& response,
         sums.chi_square += edge.chi_square;
         weight += static_cast<double>(edges[i].pixels.size()) / edges[i].noise.variance(0.5);
     }
-    if (model.are_parts)
-        hold_sum(weight, fit.parameters, sums);
+    if (model.are_parts) {  // a penalty: the edges' steps leave the sum of the parts open
+        const double missing = 1.0 - fit.parameters.sum();
+        sums.information.array() += weight;
+        sums.score.array() += weight * missing;
+        sums.chi_square += weight * missing * missing;
+    }
     if (!sums.information.allFinite() || !sums.score.allFinite() || !std::isfinite(sums.chi_square))
         throw NumericalError("edge fit: not finite");
     return sums;
@@ -325,59 +300,50 @@ bool mark_outliers(std::span<const StraightEdge> edges, const Sums& sums, EdgeFi
     const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
     std::nth_element(ratios.begin(), middle, ratios.end());
     for (FittedEdge& edge : fit.edges)
-        if (edge.reduced_chi_square > outlier_ratio * *middle) {
-            edge.is_outlier = true;
-            ++fit.outlying_edges;
-        }
-    return fit.outlying_edges > 0;
+        edge.is_outlier = edge.reduced_chi_square > outlier_ratio * *middle;
+    return std::ranges::any_of(fit.edges, &FittedEdge::is_outlier);
 }
 
-// How many times larger than the formal covariance the scatter of the edges' scores says it is, on
-// average over the parameters; 1 with too few edges.
-double scatter_ratio(const Sums& sums, const EdgeFit& fit, const MatrixXd& covariance,
-                     const MatrixXd& inverse) {
+// Covariance as the header says: the formal one times how much larger the scatter of the edges'
+// scores says it is, on average over the parameters.
+MatrixXd covariance_of(const Sums& sums, const EdgeFit& fit, bool noise_is_known) {
+    const auto found = covariance_from_information(sums.information, 0.0);
+    if (!found || !found->allFinite())
+        throw NumericalError(undetermined);
+    const MatrixXd& inverse = *found;
+    const double excess =
+        noise_is_known ? std::max(1.0, fit.reduced_chi_square) : fit.reduced_chi_square;
+    const MatrixXd covariance = excess * inverse;
     const auto m = static_cast<int>(inverse.rows());
     if (fit.used_edges < std::max(min_clusters, 2 * m))
-        return 1.0;
+        return covariance;
     MatrixXd scores = MatrixXd::Zero(m, m);
     for (std::size_t i = 0; i < sums.edges.size(); ++i)
         if (!fit.edges[i].is_outlier)
             scores += sums.edges[i].score * sums.edges[i].score.transpose();
     const double n = fit.used_edges;
     const MatrixXd robust = inverse * scores * inverse * (n / (n - m));
-    return MatrixXd(covariance.ldlt().solve(robust)).trace() / m;
-}
-
-// Covariance as the header says.
-MatrixXd covariance_of(const Sums& sums, const EdgeFit& fit, bool noise_is_known) {
-    const auto inverse = covariance_from_information(sums.information, 0.0);
-    if (!inverse || !inverse->allFinite())
-        throw NumericalError(undetermined);
-    const double excess =
-        noise_is_known ? std::max(1.0, fit.reduced_chi_square) : fit.reduced_chi_square;
-    const MatrixXd covariance = excess * *inverse;
-    return covariance * std::max(1.0, scatter_ratio(sums, fit, covariance, *inverse));
+    return covariance * std::max(1.0, MatrixXd(covariance.ldlt().solve(robust)).trace() / m);
 }
 
 void summarize(std::span<const StraightEdge> edges, const BlurModel& model, const Sums& sums,
                EdgeFit& fit) {
     double squares = 0.0;
+    int pixels = 0;
     for (std::size_t i = 0; i < edges.size(); ++i) {
         if (fit.edges[i].is_outlier)
             continue;
         ++fit.used_edges;
-        fit.pixels += static_cast<int>(edges[i].pixels.size());
+        pixels += static_cast<int>(edges[i].pixels.size());
         squares += sums.edges[i].squared_residuals / std::pow(fit.edges[i].own[1], 2);
         fit.edges[i].reduced_chi_square = sums.edges[i].chi_square / own_freedom(edges[i]);
     }
-    fit.degrees_of_freedom =
-        fit.pixels - 6 * fit.used_edges - static_cast<int>(fit.parameters.size());
+    fit.degrees_of_freedom = pixels - 6 * fit.used_edges - static_cast<int>(fit.parameters.size());
     if (fit.degrees_of_freedom <= 0)
         throw NumericalError(
-            fmt::format("edge fit: {} pixels on {} edges", fit.pixels, fit.used_edges));
-    fit.chi_square = sums.chi_square;
-    fit.reduced_chi_square = fit.chi_square / fit.degrees_of_freedom;
-    fit.residual_rms = std::sqrt(squares / fit.pixels);
+            fmt::format("edge fit: {} pixels on {} edges", pixels, fit.used_edges));
+    fit.reduced_chi_square = sums.chi_square / fit.degrees_of_freedom;
+    fit.residual_rms = std::sqrt(squares / pixels);
     for (Eigen::Index k = 0; k < fit.parameters.size(); ++k)
         fit.is_at_bound.push_back(fit.parameters[k] <= model.lower[k]);
     fit.covariance = covariance_of(sums, fit, edges.front().noise.is_known);
@@ -406,10 +372,7 @@ EdgeFit fit_edges(std::span<const StraightEdge> edges, const BlurModel& model) {
 
 namespace {
 
-using std::numbers::pi;
-
 constexpr double start_variance_px2 = 0.3;
-constexpr double min_step = 1.0 / 256.0;  // cycles per px, of the tabulated transfers
 
 // Gauss and Legendre's rule with 5 points on [0, 1].
 constexpr std::array<std::pair<double, double>, 5> gauss_legendre_pairs = {
@@ -418,11 +381,6 @@ constexpr std::array<std::pair<double, double>, 5> gauss_legendre_pairs = {
      {0.5, 0.2844444444444444},
      {0.7692346550528415, 0.2393143352496832},
      {0.9530899229693320, 0.1184634425280945}}};
-
-// Volume of the pattern of height 1, flat to a and falling to zero at b.
-double volume(double a, double b) {
-    return pi / 3.0 * (a * a + a * b + b * b);
-}
 
 }  // namespace
 
@@ -468,12 +426,9 @@ EdgeWidth edge_width(const StraightEdge& edge) {
     return {along_normal * fit.parameters[0], along_normal * std::sqrt(fit.covariance(0, 0))};
 }
 
-SlopingDisks::SlopingDisks(std::vector<double> radii_px) : radii_(std::move(radii_px)) {}
-
-// A sloping disk is the mean of uniform disks of the radii s between its own two, by their energy
-// s^2.
-double SlopingDisks::transfer(std::size_t k, double frequency) const {
-    const double a = inner(k), b = radii_[k];
+// The mean of uniform disks of the radii s between its own two, by their energy s^2.
+double SlopingDisks::transfer(Eigen::Index k, double frequency) const {
+    const double a = inner(k), b = outer(k);
     double sum = 0.0, energy = 0.0;
     for (const auto& [node, weight] : gauss_legendre_pairs) {
         const double s = a + (b - a) * node;
@@ -483,40 +438,37 @@ double SlopingDisks::transfer(std::size_t k, double frequency) const {
     return sum / energy;
 }
 
-Eigen::MatrixXd SlopingDisks::density_by_part() const {
-    const auto n = static_cast<Eigen::Index>(radii_.size());
-    Eigen::MatrixXd density = Eigen::MatrixXd::Zero(n + 1, n);
-    for (Eigen::Index k = 0; k < n; ++k) {
-        const auto part = static_cast<std::size_t>(k);
-        density.col(k).head(k + 1).setConstant(1.0 / volume(inner(part), radii_[part]));
+MatrixXd SlopingDisks::density_by_part() const {
+    MatrixXd density = MatrixXd::Zero(parts() + 1, parts());
+    for (Eigen::Index k = 0; k < parts(); ++k) {
+        const double a = inner(k), b = outer(k), volume = pi / 3.0 * (a * a + a * b + b * b);
+        density.col(k).head(k + 1).setConstant(1.0 / volume);
     }
     return density;
 }
 
 // The transfers are tabulated once: an edge only scales their frequencies by a little.
 BlurModel SlopingDisks::model() const {
-    const auto n = static_cast<Eigen::Index>(radii_.size());
-    constexpr double room = 1.5;  // for pixels that are not square
+    constexpr double min_step = 1.0 / 256.0;  // cycles per px
+    constexpr double room = 1.5;              // for pixels that are not square
     const auto rows = static_cast<Eigen::Index>(room * max_frequency / min_step) + 2;
-    auto table = std::make_shared<Eigen::MatrixXd>(rows, n);
+    MatrixXd table(rows, parts());
     for (Eigen::Index i = 0; i < rows; ++i)
-        for (Eigen::Index k = 0; k < n; ++k)
-            (*table)(i, k) =
-                transfer(static_cast<std::size_t>(k), static_cast<double>(i) * min_step);
+        for (Eigen::Index k = 0; k < parts(); ++k)
+            table(i, k) = transfer(k, static_cast<double>(i) * min_step);
     BlurModel model;
-    model.start = Eigen::VectorXd::Constant(n, 1.0 / static_cast<double>(n));
-    model.lower = Eigen::VectorXd::Zero(n);
+    model.start = VectorXd::Constant(parts(), 1.0 / static_cast<double>(parts()));
+    model.lower = VectorXd::Zero(parts());
     model.are_parts = true;
-    model.transfer = [table](const StraightEdge& edge, const Eigen::VectorXd& parameters,
-                             const Eigen::ArrayXd& frequencies) {
-        BlurModel::Transfer result{Eigen::ArrayXd(),
-                                   Eigen::MatrixXd(frequencies.size(), parameters.size())};
+    model.transfer = [table = std::move(table)](const StraightEdge& edge,
+                                                const VectorXd& parameters,
+                                                const ArrayXd& frequencies) {
+        BlurModel::Transfer result{{}, MatrixXd(frequencies.size(), parameters.size())};
         for (Eigen::Index i = 0; i < frequencies.size(); ++i) {
             const double at = frequencies[i] * edge.px_per_pitch / min_step;
-            const auto cell = std::min(static_cast<Eigen::Index>(at), table->rows() - 2);
+            const auto cell = std::min(static_cast<Eigen::Index>(at), table.rows() - 2);
             const double part = std::min(at - static_cast<double>(cell), 1.0);
-            result.derivative.row(i) =
-                (1.0 - part) * table->row(cell) + part * table->row(cell + 1);
+            result.derivative.row(i) = (1.0 - part) * table.row(cell) + part * table.row(cell + 1);
         }
         result.value = (result.derivative * parameters).array();
         return result;

@@ -1,17 +1,14 @@
-// Fits a blur that many edges share, and of each edge its levels and its place: the least-squares
-// engine behind point spread and defocus.
+// Fits a blur that many edges share, and of each edge its levels and its place:
 //
 //     radiance = dark + (step + g_n d + g_t t) E(d - shift - turn t)
 //
-// d and t are a pixel's distance and its place along the edge, E the profile of pixel box and lens.
-// The light side's illumination may vary linearly (g); the dark side's variation is neglected, as
-// there is hardly any light. Six parameters an edge are eliminated, edge by edge, from the normal
-// equations (Schur complement); what is left is as small as the shared blur.
+// d is a pixel's distance from the edge, t its place along it, E the profile of pixel box and lens.
+// The light side's illumination may vary linearly (g), the dark side's is constant. The six
+// parameters of each edge are eliminated from the normal equations (Schur complement).
 #pragma once
 
 #include <Eigen/Core>
 #include <functional>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -21,31 +18,29 @@
 
 namespace etalon {
 
-// A straight edge's profile from an optical transfer function, as tables over the distance.
-//
-//     E(d) = 1/2 + integral over f > 0 of T(f) sin(2 pi f d) / (pi f) df
-//     L(d) = E'(d) = integral over f > 0 of 2 T(f) cos(2 pi f d) df
-//
-// T is real and even: point-symmetric blur only. It is taken to vanish beyond `max_frequency`;
-// of a pixel box alone that leaves 5e-4 of the contrast out at an edge along the pixels, of a box
-// with a Gaussian of sigma >= 0.2 px nothing.
-
-inline constexpr double max_frequency = 5.0;  // cycles per px
+inline constexpr double max_frequency = 5.0;  // cycles per px: transfers are taken as 0 beyond
 
 // Transfer of a square pixel along a unit direction in the image: sinc(f nx) sinc(f ny).
 Eigen::ArrayXd pixel_transfer(const Eigen::ArrayXd& cycles_per_px, const Eigen::Vector2d& normal);
 
-// Transfer of a uniform disk of this radius: 2 J1(q)/q, q = 2 pi f radius; and its derivative with
-// respect to the radius squared, which is smooth where the radius is zero.
+// Transfer of a uniform disk: 2 J1(q)/q, q = 2 pi f radius. Its derivative by the radius squared is
+// smooth where the radius is zero.
 struct DiskTransfer {
     double value, by_radius_squared;
 };
 DiskTransfer disk_transfer(double frequency, double radius);
 
-// Safe from every thread once built; building costs reach^2 / 100 ms.
+// A straight edge's profile from a real and even optical transfer function T, as tables over the
+// distance:
+//
+//     E(d) = 1/2 + integral over f > 0 of T(f) sin(2 pi f d) / (pi f) df
+//     L(d) = E'(d) = integral over f > 0 of 2 T(f) cos(2 pi f d) df
+//
+// Cutting T at max_frequency costs a pixel box alone 5e-4 of the contrast. Building costs
+// reach^2 / 100 ms. Safe from every thread.
 class EdgeResponse {
 public:
-    // For distances of up to `reach_px`, in (0, 100] (NumericalError otherwise).
+    // Distances up to `reach_px` in (0, 100]; NumericalError otherwise.
     explicit EdgeResponse(double reach_px);
 
     // At which transfer functions are wanted, cycles per px.
@@ -65,8 +60,8 @@ private:
     Eigen::MatrixXd sines_, cosines_;  // distances x frequencies, quadrature weights included
 };
 
-// E and L at any distance from both tables: E by cubic Hermite interpolation (error 3e-6 behind a
-// pixel), L by straight lines. Beyond the table the last value holds.
+// E (cubic Hermite interpolation, error 3e-6 behind a pixel) and L (linear) from both tables.
+// Beyond the table the last value holds.
 struct EdgeValue {
     double response, spread;
 };
@@ -74,11 +69,9 @@ EdgeValue edge_value(const Eigen::ArrayXd& odd, const Eigen::ArrayXd& even, doub
 
 // A family of lens blurs (without the pixel box) by a few parameters.
 struct BlurModel {
-    Eigen::VectorXd start, lower;  // of the parameters: where to begin, and their least values
-    // The parameters are parts of one whole: their sum is 1, which the edges' steps leave open.
-    bool are_parts = false;
-    // Transfer along the edge's normal at these frequencies, cycles per px, and its derivatives,
-    // one column a parameter.
+    Eigen::VectorXd start, lower;  // of the parameters
+    bool are_parts = false;        // the parameters' sum is fixed at 1
+    // Along the edge's normal at the frequencies; a column of derivatives for each parameter.
     struct Transfer {
         Eigen::ArrayXd value;
         Eigen::MatrixXd derivative;
@@ -96,7 +89,7 @@ struct FittedEdge {
     bool is_outlier = false;        // not used: its chi-square is far above the others'
     std::vector<double> residuals;  // radiance, by pixel
 
-    // A pixel's distance from the edge as it was found, and the light side over the dark one there.
+    // A pixel's distance from the fitted edge, and the step there.
     double place_px(const EdgePixel& pixel) const {
         return pixel.distance_px - own[4] - own[5] * pixel.along_px;
     }
@@ -107,42 +100,42 @@ struct FittedEdge {
 
 struct EdgeFit {
     Eigen::VectorXd parameters;
-    // The formal covariance (noise times the residuals' excess over it), made larger where, with
-    // 8 edges or more, the scatter of the edges' scores asks for it (sandwich with the factor
-    // n / (n - parameters), on average over the parameters). Bounds are not counted as knowledge.
+    // Formal (noise times the residuals' excess over it); from 8 edges on enlarged to what the
+    // scatter of the edges' scores says (sandwich, mean over the parameters). A bound is no
+    // knowledge.
     Eigen::MatrixXd covariance;
     std::vector<bool> is_at_bound;
     std::vector<FittedEdge> edges;
-    double chi_square = 0.0, reduced_chi_square = 0.0;
+    double reduced_chi_square = 0.0;
     double residual_rms = 0.0;  // in parts of each edge's step
-    int degrees_of_freedom = 0, pixels = 0, used_edges = 0, outlying_edges = 0;
+    int degrees_of_freedom = 0, used_edges = 0;
 };
 
 // An edge's pixels less its own six parameters.
 int own_freedom(const StraightEdge& edge);
 
-// Gauss-Newton with bounds; edges whose reduced chi-square is over 4 times the median are left out
+// Gauss-Newton with bounds. Edges whose reduced chi-square is over 4 times the median are left out
 // and the rest fitted again. Throws NumericalError when it does not converge, there are fewer
 // pixels than parameters, or the edges do not determine the blur.
 EdgeFit fit_edges(std::span<const StraightEdge> edges, const BlurModel& model);
 
-// The radius squared of a thin lens' blur disk along the edge's normal, px^2, at an aperture's
-// radius in mm and a focus in the edge's depth terms; the mean over the edge's length.
+// Squared radius of a thin lens' blur disk along the edge's normal, px^2, mean over the edge's
+// length. `focus` in the edge's depth terms.
 double disk_radius_squared(const StraightEdge& edge, double aperture_mm, double focus);
 
-// The transfer of a Gaussian and a disk together at these frequencies along the edge's normal: the
-// Gaussian's variance in px^2 of the pitch along x.
+// Transfer along the edge's normal of a Gaussian (variance in px^2 of the pitch along x) and a disk
+// together.
 struct BlurTransfer {
     Eigen::ArrayXd value, by_variance, by_radius_squared;
 };
 BlurTransfer blur_transfer(const StraightEdge& edge, double variance_px2, double radius_squared_px2,
                            const Eigen::ArrayXd& cycles_per_px);
 
-// One parameter, a Gaussian's variance in px^2 (of the pitch along x), beside the known blur disk.
+// One parameter, a Gaussian's variance in px^2 (of the pitch along x), with the known blur disk.
 BlurModel gaussian_blur(const Aperture& aperture = {});
 
-// The blur of one edge: the variance, px^2 along the normal, of the Gaussian that fits its pixels
-// best. A disk of radius R has R^2 / 4.
+// Variance of the Gaussian that fits one edge's pixels best, px^2 along the normal. A disk of
+// radius R has R^2 / 4.
 struct EdgeWidth {
     double variance_px2 = 0.0, deviation_px2 = 0.0;
 };
@@ -152,21 +145,20 @@ EdgeWidth edge_width(const StraightEdge& edge);
 // radii (0, r1, ...) and falling linearly to zero at the next.
 class SlopingDisks {
 public:
-    explicit SlopingDisks(std::vector<double> radii_px);  // rising from above 0, two or more
+    explicit SlopingDisks(std::vector<double> radii_px) : radii_(std::move(radii_px)) {}  // rising
 
-    // With the parts as parameters.
-    BlurModel model() const;
+    BlurModel model() const;  // with the parts as parameters
 
     // Density at 0 and at the radii by part: (radii + 1) x radii.
     Eigen::MatrixXd density_by_part() const;
 
-    // Transfer of part k at a frequency, cycles per px; and of all.
-    double transfer(std::size_t k, double frequency) const;
-
-    const std::vector<double>& radii_px() const { return radii_; }
+    // Transfer of part k at a frequency, cycles per px.
+    double transfer(Eigen::Index k, double frequency) const;
 
 private:
-    double inner(std::size_t k) const { return k == 0 ? 0.0 : radii_[k - 1]; }
+    Eigen::Index parts() const { return static_cast<Eigen::Index>(radii_.size()); }
+    double outer(Eigen::Index k) const { return radii_[static_cast<std::size_t>(k)]; }
+    double inner(Eigen::Index k) const { return k == 0 ? 0.0 : outer(k - 1); }
 
     std::vector<double> radii_;
 };

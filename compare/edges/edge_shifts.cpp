@@ -1,20 +1,11 @@
 #include "compare/edges/edge_shifts.h"
 
-#include <fmt/format.h>
-
 #include <Eigen/Dense>
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <optional>
-#include <utility>
 
-#include "calib/camera/projector.h"
 #include "compare/edges/edge_spread.h"
 #include "core/program/errors.h"
 #include "core/statistics/covariance.h"
-#include "sim/sensor/sensor_model.h"
 
 namespace etalon {
 namespace {
@@ -37,8 +28,7 @@ struct RenderedPlaces {
     std::array<Rigid, places> poses;
 };
 
-// The lens's blur of a point at this depth, model's Gaussian included: what lies farther carries
-// little light.
+// The lens's blur of a point at this depth, the model's Gaussian included.
 double blur_reach_px(const CameraModel& camera, double depth_mm, double psf_sigma_px) {
     double variance = psf_sigma_px * psf_sigma_px;
     double reach = blur_radius_px(camera, depth_mm);
@@ -81,10 +71,7 @@ RenderedPlaces rendered_places(const PhotoOfMarker& photo, const PhotometricCame
                                const PhotoState& state) {
     constexpr int room = 16;  // what the model's widest Gaussian brings in
     RenderedPlaces rendered;
-    rendered.region = cv::boundingRect(photo.use);
-    rendered.region -= cv::Point(room, room);
-    rendered.region += cv::Size(2 * room, 2 * room);
-    rendered.region &= cv::Rect({0, 0}, photo.use.size());
+    rendered.region = padded(cv::boundingRect(photo.use), room, photo.use.size());
     const Rigid& pose = state.camera_from_marker;
     const Eigen::Vector3d step = step_between_places(camera.projector(), pose, photo.grid);
     for (int place = 0; place < places; ++place) {
@@ -105,21 +92,18 @@ public:
                double psf_sigma_px)
         : grid_(grid), projector_(projector), rendered_(rendered), psf_sigma_px_(psf_sigma_px) {}
 
-    void add_pieces(const GridEdge& edge, std::vector<Band>& bands, int& too_small) const {
+    void add_pieces(const GridEdge& edge, std::vector<Band>& bands) const {
+        const Eigen::Vector2d middle = edge.at(0.5 * (edge.first + edge.last + 1));
         const auto first = pixel(edge.at(edge.first)), last = pixel(edge.at(edge.last + 1));
-        const auto middle = pixel(edge.at(0.5 * (edge.first + edge.last + 1)));
-        if (!first || !last || !middle)
+        if (!first || !last || !pixel(middle))
             return;  // not in the image
         const double length = (*last - *first).norm();
-        const double depth = depth_mm(projector_.camera().projection,
-                                      pose() * point(edge.at(0.5 * (edge.first + edge.last + 1))));
+        const double depth = depth_mm(projector_.camera().projection, pose() * point(middle));
         const double clearance =
             blur_reach_px(projector_.camera(), depth, psf_sigma_px_) + tangential_px;
         const double usable = length - 2.0 * clearance;
-        if (usable < min_length_px) {
-            ++too_small;
+        if (usable < min_length_px)
             return;
-        }
         const double most = std::max(length / edge.cells(), min_piece_px);
         const int pieces = std::max(1, static_cast<int>(std::ceil(usable / most - 1e-9)));
         // Perspective is even enough along a run of cells to divide it evenly.
@@ -129,8 +113,6 @@ public:
             const double begin = edge.first + keep + i * part;
             if (const auto band = band_of(edge, begin, begin + part))
                 bands.push_back(*band);
-            else
-                ++too_small;
         }
     }
 
@@ -193,8 +175,7 @@ public:
             powers.col(j) = powers.col(j - 1).cwiseProduct(displacements);
         coefficients_ = powers.partialPivLu().inverse();
     }
-    // Of the values at the places: the weights that make R and its four derivatives at a
-    // displacement.
+    // Of the values at the places: those that make R and its four derivatives at a displacement.
     Eigen::Matrix<double, places, places> weights(double s) const {
         Eigen::Matrix<double, places, places> basis;
         basis << 1.0, 0.0, 0.0, 0.0, 0.0,               //
@@ -218,8 +199,7 @@ struct BandPixel {
     Weights radiance;            // at the places
 };
 
-// A pixel's radiance with the edge displaced and with more blur, and its derivatives by both. Blur
-// of a variance v is diffusion for a time v/2: R + v/2 (second derivative) + v^2/8 (fourth).
+// A pixel's radiance with the edge displaced and with more blur, and its derivatives by both.
 struct MovedRadiance {
     double value, displaced, by_shift, by_variance;
 
@@ -264,20 +244,12 @@ struct EdgePixels {
 
 EdgePixels pixels_of(const Band& band, const PhotoOfMarker& photo, const RenderedPlaces& rendered,
                      const Photometry& photometry, const PhotometricCamera& camera) {
-    const Eigen::Vector2d half =
-        band.half_length * band.tangent.cwiseAbs() + band.half_width * band.normal.cwiseAbs();
     const cv::Rect& region = rendered.region;
-    const auto within = [](double value, int low, int high) {
-        return static_cast<int>(
-            std::clamp(value, static_cast<double>(low), static_cast<double>(high)));
-    };
-    const int left = within(std::ceil(band.middle.x() - half.x()), region.x, region.br().x);
-    const int right = within(std::floor(band.middle.x() + half.x()) + 1, region.x, region.br().x);
-    const int top = within(std::ceil(band.middle.y() - half.y()), region.y, region.br().y);
-    const int bottom = within(std::floor(band.middle.y() + half.y()) + 1, region.y, region.br().y);
+    const cv::Rect box =
+        band_pixels(band.middle, band.normal, band.half_length, band.half_width, region);
     EdgePixels result;
-    for (int y = top; y < bottom; ++y)
-        for (int x = left; x < right; ++x) {
+    for (int y = box.y; y < box.br().y; ++y)
+        for (int x = box.x; x < box.br().x; ++x) {
             const Eigen::Vector2d from_middle = Eigen::Vector2d(x, y) - band.middle;
             BandPixel pixel;
             pixel.distance = from_middle.dot(band.normal);
@@ -363,20 +335,15 @@ private:
         const double factor = knows_noise_ ? std::max(1.0, std::sqrt(edge.reduced_chi_square))
                                            : std::sqrt(edge.reduced_chi_square);
         const Eigen::Vector4d deviations = factor * covariance_.diagonal().cwiseSqrt();
-        edge.shift_px = unknowns_[0];
-        edge.shift_deviation_px = deviations[0];
-        edge.blur_variance_px2 = unknowns_[1];
-        edge.blur_deviation_px2 = deviations[1];
-        edge.black_gray = unknowns_[2];
-        edge.black_deviation_gray = deviations[2];
-        edge.white_gray = unknowns_[3];
-        edge.white_deviation_gray = deviations[3];
+        double* const values[] = {&edge.shift_px, &edge.blur_variance_px2, &edge.black_gray,
+                                  &edge.white_gray};
+        double* const uncertain[] = {&edge.shift_deviation_px, &edge.blur_deviation_px2,
+                                     &edge.black_deviation_gray, &edge.white_deviation_gray};
+        for (int i = 0; i < 4; ++i) {
+            *values[i] = unknowns_[i];
+            *uncertain[i] = deviations[i];
+        }
         edge.pixels = static_cast<int>(pixels_.size());
-        describe(edge);
-    }
-
-    // Shares, height and width: see EdgeShift.
-    void describe(EdgeShift& edge) const {
         const auto at_rest = interpolant_.weights(0.0), moved = interpolant_.weights(unknowns_[0]);
         double spread = 0.0, second_moment = 0.0, step = 0.0;
         for (std::size_t i = 0; i < pixels_.size(); ++i) {
@@ -412,46 +379,34 @@ private:
     Eigen::Matrix4d covariance_ = Eigen::Matrix4d::Zero();
 };
 
-void require_usable(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                    const PhotoState& state) {
+}  // namespace
+
+std::vector<EdgeShift> edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                                   const PhotoState& state) {
+    constexpr float min_contrast = 0.1f;  // of radiance, between the cells
+    constexpr std::size_t min_pixels = 16;
     require_point_of_view(camera.model(), "comparing edges");
     require_fitting(photo, camera);
-    if (!cv::checkRange(photo.gray) || !state.photometry.black.allFinite() ||
-        !state.photometry.white.allFinite() || !std::isfinite(state.photometry.tone) ||
-        !std::isfinite(state.photometry.psf_sigma_px))
+    const PhotometricModel& model = state.photometry;
+    if (!cv::checkRange(photo.gray) || !model.black.allFinite() || !model.white.allFinite() ||
+        !std::isfinite(model.tone) || !std::isfinite(model.psf_sigma_px))
         throw NumericalError("edges: a photograph or photometric model that is not finite");
     if (cv::countNonZero(photo.use) == 0)
         throw NumericalError("edges: no pixel of the marker is compared");
-}
-
-}  // namespace
-
-EdgeShifts edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                       const PhotoState& state) {
-    constexpr float min_contrast = 0.1f;  // of radiance, between the cells
-    constexpr std::size_t min_pixels = 16;
-    require_usable(photo, camera, state);
     const RenderedPlaces rendered = rendered_places(photo, camera, state);
     const Photometry photometry(state.photometry, camera);
     const BandFinder finder(photo.grid, camera.projector(), rendered,
                             state.photometry.psf_sigma_px);
-    EdgeShifts result;
-    result.noise_is_known = camera.knows_noise();
+    std::vector<EdgeShift> result;
     std::vector<Band> bands;
     for (const GridEdge& edge : grid_edges(photo.grid))
         if (edge.contrast >= min_contrast)
-            finder.add_pieces(edge, bands, result.too_small);
-        else
-            ++result.faint;
+            finder.add_pieces(edge, bands);
     const Eigen::Vector2d centre(0.5 * (photo.use.cols - 1), 0.5 * (photo.use.rows - 1));
     for (const Band& band : bands) {
         const EdgePixels found = pixels_of(band, photo, rendered, photometry, camera);
-        if (found.pixels.empty())
-            continue;  // outside the image or the compared area
-        if (found.pixels.size() < min_pixels) {
-            ++result.too_small;
+        if (found.pixels.size() < min_pixels)
             continue;
-        }
         EdgeShift edge;
         edge.middle_px = band.middle;
         edge.normal = band.normal;
@@ -461,9 +416,7 @@ EdgeShifts edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& came
         edge.radius_px = (band.middle - centre).norm();
         edge.use = found.uses[1] >= found.uses[2] ? pixel_fitted : pixel_scored;
         if (EdgeRegression(found.pixels, photometry, camera.knows_noise(), band).solve(edge))
-            result.edges.push_back(edge);
-        else
-            ++result.undetermined;
+            result.push_back(edge);
     }
     return result;
 }

@@ -1,17 +1,14 @@
 // What differs between a photograph and its rendering along each of the marker's edges: the edge's
-// place (to a hundredth of a pixel), its blur, the levels beside it, and the rest.
+// place (to a hundredth of a pixel), its blur, the levels at both sides, and the rest.
 //
-// The rendering is known as a function of the place: the marker is rendered at five places a
-// fraction of a pixel apart, and pixel by pixel their quartic interpolant R(s) is the radiance with
-// the edge displaced by s along its normal. Along each edge the photograph is fitted with
+// The marker is rendered at five places a fraction of a pixel apart. Pixel by pixel their quartic
+// interpolant R(s) is the radiance with the edge displaced by s along its normal. Each edge of the
+// photograph is fitted with
 //     gray = G(R(s) + v/2 R''(s) + v^2/8 R''''(s)) + (1 - t) b + t w
-// by weighted least squares in s, v, b and w (Gauss and Newton): G is the photometric model of this
-// photograph, t the light part of it (0 on the dark side, 1 on the light one); a blur of variance v
-// is diffusion. Behind a Gaussian of 0.5 px, against renderings of displaced or blurrier boards:
-// shifts up to 0.5 px are right to 0.001 px, blur up to a third of the edge's own variance to 3 %,
-// either shows as the other by less than 0.001 px and 0.005 px^2.
-//
-// Not for judging a blur far from the rendered one: defocus_profile()
+// by weighted least squares in s, v, b and w. G is the photometric model of this photograph, t its
+// light part (0 on the dark side, 1 on the light one); a blur of variance v is diffusion. Measured
+// behind a Gaussian of 0.5 px: shifts up to 0.5 px are right to 0.001 px, blur up to a third of the
+// edge's own variance to 3 %. For a blur far from the rendered one: defocus_profile()
 // (compare/edges/edge_summary.h).
 #pragma once
 
@@ -23,10 +20,10 @@
 
 namespace etalon {
 
-// The residual photograph - prediction (gray) in an edge's band, in parts that add up to it: each
-// part's share is the sum over the pixels of part * residual, so that the shares add up to the
-// residual's sum of squares exactly. A share is negative where its part cancels some of another.
-// Noise alone adds its variance to the shares of shift and blur, and twice that to the levels'.
+// The residual photograph - prediction (gray) in an edge's band, in parts that add up to it. A
+// share is the sum over the pixels of part * residual: the shares add up to the residual's sum of
+// squares. A share is negative where its part cancels some of another. Noise adds its variance to
+// the shares of shift and blur, and twice that to the levels'.
 struct EdgeShares {
     double shift = 0.0, blur = 0.0, photometric = 0.0, rest = 0.0;  // gray^2
     double total() const { return shift + blur + photometric + rest; }
@@ -43,42 +40,34 @@ struct EdgeShift {
     PixelUse use = pixel_outside;                       // of most of its pixels
     int pixels = 0;
 
-    // The photograph's edge lies further along the normal than the rendering's by this.
+    // Photograph minus rendering, with standard deviations: the edge's place along the normal, the
+    // variance of its blur along it, the levels at its two sides.
     double shift_px = 0.0, shift_deviation_px = 0.0;
-    // The photograph's blur has more variance (along the normal) than the rendering's by this.
     double blur_variance_px2 = 0.0, blur_deviation_px2 = 0.0;
-    // The photograph's levels beside the edge are brighter than the prediction's by this.
     double black_gray = 0.0, black_deviation_gray = 0.0;
     double white_gray = 0.0, white_deviation_gray = 0.0;
     double step_gray = 0.0;  // the fitted height: white - black
-    // The shift is larger than the rendered places reach: shift_px is then only the end of their
-    // range (0.6 px or so), and no other figure of this edge means anything.
+    // The shift is beyond the rendered places: shift_px is the end of their range (0.6 px or so),
+    // and no other figure of this edge means anything.
     bool is_beyond_range = false;
-    // Mean square of the fit's residuals over the noise, 1 for pure noise (over the variance in
-    // gray^2 where the camera knows no noise). The deviations are multiplied by its root where that
-    // is above 1 or the noise is not known. Pixels count as independent: a JPEG file's are not.
+    // Over the noise; over the variance in gray^2 where the camera knows no noise. The deviations
+    // are multiplied by its root where that is above 1 or the noise is not known. Pixels count as
+    // independent: a JPEG file's are not.
     double reduced_chi_square = 0.0;
     // Of the rendered edge: second moment of its spread within the band, pixel included.
     double rendered_variance_px2 = 0.0;
     EdgeShares shares;  // sums over the pixels
 };
 
-struct EdgeShifts {
-    std::vector<EdgeShift> edges;
-    bool noise_is_known = false;  // from the camera's file
-    // Left out: pieces with less than 3 px between crossings, cells under 4 px across or under 16
-    // pixels in the compared area; without contrast in the prediction; whose pixels do not
-    // determine the four unknowns.
-    int too_small = 0, faint = 0, undetermined = 0;
-};
-
 // The edges of the marker in a photograph that `state` says it matches. Pixels count where
-// photo.use is not 0; photo.fitted says nothing here. An edge's band ends halfway to the next edge
-// and keeps clear of crossings by about the blur's reach. Pieces are one cell's side long at most,
-// or 12 px where cells are smaller. Perspective cameras. Throws NumericalError for sizes that
-// differ, a photograph or state that is not finite, and what the renderer refuses. Five renderings,
-// and some 30 us an edge. The same result for any number of threads; safe from every thread.
-EdgeShifts edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                       const PhotoState& state);
+// photo.use is not 0. An edge's band ends halfway to the next edge and keeps clear of crossings by
+// about the blur's reach. Pieces are one cell's side long at most, or 12 px where cells are
+// smaller. Left out: pieces with less than 3 px between crossings, cells under 4 px across or under
+// 16 pixels in the compared area; without contrast in the prediction; whose pixels do not determine
+// the four unknowns. Perspective cameras. Throws NumericalError for sizes that differ, a photograph
+// or state that is not finite, and what the renderer refuses. Five renderings, and some 30 us an
+// edge. The same result for any number of threads; safe from every thread.
+std::vector<EdgeShift> edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                                   const PhotoState& state);
 
 }  // namespace etalon

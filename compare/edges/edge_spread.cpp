@@ -3,11 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <cmath>
-#include <optional>
 
-#include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 #include "sim/sensor/sensor_model.h"
@@ -84,15 +80,6 @@ struct PlaneView {
     Eigen::Matrix3d camera_from_grid, grid_from_sensor;
 };
 
-// d pixel / d undistorted point.
-std::optional<Eigen::Matrix2d> pixel_by_sensor_point(const Projector& projector,
-                                                     const Eigen::Vector2d& x) {
-    const auto projected = projector.project_with_jacobian(x.homogeneous());
-    if (!projected)
-        return {};
-    return projected->jacobian.leftCols<2>();
-}
-
 // A grid line in the image: N(x) = 0, linear in the undistorted point.
 struct LineInImage {
     LineInImage(const PlaneView& plane, const GridEdge& edge)
@@ -103,10 +90,11 @@ struct LineInImage {
     // Gradient of N by the pixel.
     std::optional<Eigen::Vector2d> gradient(const Projector& projector,
                                             const Eigen::Vector2d& x) const {
-        const auto jacobian = pixel_by_sensor_point(projector, x);
-        if (!jacobian)
+        const auto projected = projector.project_with_jacobian(x.homogeneous());
+        if (!projected)
             return {};
-        return jacobian->transpose().inverse() * row.head<2>();
+        const Eigen::Matrix2d by_point = projected->jacobian.leftCols<2>();
+        return by_point.transpose().inverse() * row.head<2>();
     }
 
     Eigen::Vector3d row;  // positive on the light side
@@ -125,29 +113,20 @@ public:
                const ComparedArea& area, const EdgeSelection& selection)
         : photo_(photo), projector_(projector), plane_(plane), area_(area), selection_(selection) {}
 
-    void read(const GridEdge& edge, int photo_number, TargetEdges& result) const {
+    void read(const GridEdge& edge, int photo_number, std::vector<StraightEdge>& edges) const {
         const LineInImage line(plane_, edge);
         auto frame = frame_of(edge, line);
-        if (!frame)
+        if (!frame || frame->half_width_px < selection_.least_half_width_px ||
+            2.0 * frame->half_length_px < selection_.least_length_px)
             return;
-        if (frame->half_width_px < selection_.least_half_width_px ||
-            2.0 * frame->half_length_px < selection_.least_length_px) {
-            ++result.too_small;
-            return;
-        }
         StraightEdge& found = frame->edge;
         found.photo = photo_number;
-        if (!add_pixels(line, *frame, found)) {
-            ++result.clipped;
+        if (!add_pixels(line, *frame, found) || found.pixels.size() < min_pixels ||
+            found.length_px < selection_.least_length_px)
             return;
-        }
         const SideLevels levels = side_levels(found);
-        if (found.pixels.size() < min_pixels || found.length_px < selection_.least_length_px)
-            ++result.too_small;
-        else if (levels.light - levels.dark < selection_.least_contrast)
-            ++result.faint;
-        else
-            result.edges.push_back(std::move(found));
+        if (!(levels.light - levels.dark < selection_.least_contrast))
+            edges.push_back(std::move(found));
     }
 
 private:
@@ -187,8 +166,7 @@ private:
         return frame;
     }
 
-    // How far the line's equation moves per unit of blur. The defocus of a wide lens is that of
-    // depths along the frame's axis, |(x, 1)| times that of distances.
+    // How far the line's equation moves per unit of blur, of depths along the frame's axis.
     double px_per_unit(const Eigen::Vector2d& row, const Eigen::Vector2d& x) const {
         if (projector_.camera().projection.is_flat())
             return row.norm();
@@ -200,20 +178,6 @@ private:
         return projector_.project(plane_.camera_point(uv.x(), uv.y()));
     }
 
-    cv::Rect band_of(const EdgeFrame& frame) const {
-        const Eigen::Vector2d half = frame.half_length_px * frame.tangent.cwiseAbs() +
-                                     frame.half_width_px * frame.edge.normal.cwiseAbs();
-        const Eigen::Vector2d low = frame.edge.centre_px - half, high = frame.edge.centre_px + half;
-        const cv::Rect image({0, 0}, photo_.radiance.size());
-        // Far outside the image nothing is left; the limits keep the integers from overflowing.
-        const auto whole = [](double value) {
-            return static_cast<int>(std::floor(std::clamp(value, -1e6, 1e6)));
-        };
-        const cv::Point first(whole(low.x()), whole(low.y()));
-        const cv::Point last(whole(high.x()) + 2, whole(high.y()) + 2);
-        return cv::Rect(first, last) & image;
-    }
-
     bool is_inside(const Eigen::Vector2d& uv) const {
         const Eigen::Vector2d point = plane_.grid.point_mm(uv.x(), uv.y()).head<2>();
         return (point.array() >= area_.low_mm.array()).all() &&
@@ -222,7 +186,9 @@ private:
 
     // False when one of them is clipped.
     bool add_pixels(const LineInImage& line, const EdgeFrame& frame, StraightEdge& edge) const {
-        const cv::Rect band = band_of(frame);
+        const cv::Rect band =
+            band_pixels(frame.edge.centre_px, frame.edge.normal, frame.half_length_px,
+                        frame.half_width_px, cv::Rect({0, 0}, photo_.radiance.size()));
         for (int y = band.y; y < band.br().y; ++y)
             for (int x = band.x; x < band.br().x; ++x) {
                 const Eigen::Vector2d from_centre = Eigen::Vector2d(x, y) - frame.edge.centre_px;
@@ -258,9 +224,8 @@ private:
     const EdgeSelection& selection_;
 };
 
-void require_usable(const LinearPhoto& photo, const Projector& projector,
+void require_usable(const LinearPhoto& photo, const CameraModel& camera,
                     const EdgeSelection& selection) {
-    const CameraModel& camera = projector.camera();
     const cv::Size size = photo.radiance.size();
     if (size != cv::Size(camera.width, camera.height) || photo.clipped.size() != size ||
         photo.radiance.type() != CV_32FC1 || photo.clipped.type() != CV_8UC1)
@@ -297,6 +262,19 @@ void StraightEdge::set_depth() {
     depth_term_variance = std::max(0.0, squares / n - depth_term * depth_term);
 }
 
+cv::Rect band_pixels(const Eigen::Vector2d& middle_px, const Eigen::Vector2d& normal,
+                     double half_length_px, double half_width_px, const cv::Rect& within) {
+    const Eigen::Array2d half =
+        half_length_px * normal.reverse().cwiseAbs() + half_width_px * normal.cwiseAbs();
+    const Eigen::Array2d first(within.x, within.y), end(within.br().x, within.br().y);
+    const auto whole = [&](const Eigen::Array2d& place) -> Eigen::Array2i {
+        return place.max(first).min(end).cast<int>();
+    };
+    const Eigen::Array2i low = whole((middle_px.array() - half).floor()),
+                         high = whole((middle_px.array() + half).floor() + 2.0);
+    return {cv::Point(low.x(), low.y()), cv::Point(high.x(), high.y())};
+}
+
 double reach_px(std::span<const StraightEdge> edges) {
     double reach = 0.0;
     for (const StraightEdge& edge : edges)
@@ -326,23 +304,24 @@ LinearPhoto linear_photo(const CodeImage& photo, const CameraModel& camera) {
     return linear;
 }
 
-TargetEdges target_edges(const LinearPhoto& photo, const Projector& projector, const Marker& marker,
-                         const Rigid& camera_from_marker, const ComparedArea& area,
-                         const EdgeSelection& selection, int photo_number) {
-    require_usable(photo, projector, selection);
+std::vector<StraightEdge> target_edges(const LinearPhoto& photo, const Projector& projector,
+                                       const CellGrid& grid, const Rigid& camera_from_marker,
+                                       const ComparedArea& area, const EdgeSelection& selection,
+                                       int photo_number) {
     const CameraModel& camera = projector.camera();
-    const PlacedMarker placed{marker.grid, camera_from_marker};
+    require_usable(photo, camera, selection);
+    const PlacedMarker placed{grid, camera_from_marker};
     const Eigen::Quaterniond turn = turn_towards(placed, camera);
     const bool is_flat = camera.projection.is_flat();
     const Projector seen_by = is_flat ? projector : projector.turned(turn);
-    const PlaneView plane(marker.grid,
+    const PlaneView plane(grid,
                           is_flat ? camera_from_marker : turned(placed, turn).camera_from_marker,
                           camera.projection.kind);
     const EdgeReader reader(photo, seen_by, plane, area, selection);
-    TargetEdges result;
-    for (const GridEdge& edge : grid_edges(marker.grid))
-        reader.read(edge, photo_number, result);
-    return result;
+    std::vector<StraightEdge> edges;
+    for (const GridEdge& edge : grid_edges(grid))
+        reader.read(edge, photo_number, edges);
+    return edges;
 }
 
 }  // namespace etalon

@@ -1,10 +1,10 @@
 // The pixels along a known target's straight edges, each with its distance from the projected edge:
 // the over-sampled edge spread function from which blur is measured.
 //
-// The distortion is taken out by the projector, and each edge is straight in the undistorted image:
-// the distance is that to the projected grid line along its normal, in pixels of the photograph at
-// that place. Where the edge truly is to a hundredth of a pixel neither pose nor print tell:
-// whoever fits a blur fits each edge's own shift and turn as well (compare/edges/edge_fit.h).
+// The projector takes the distortion out. The distance is that to the projected grid line along its
+// normal, in pixels of the photograph at that place. Pose and print do not tell an edge's place to
+// a hundredth of a pixel: whoever fits a blur also fits each edge's shift and turn
+// (compare/edges/edge_fit.h).
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -15,17 +15,12 @@
 
 #include "calib/camera/projector.h"
 #include "compare/photometric/compared_area.h"
-#include "core/geometry/rigid.h"
 #include "core/image/image.h"
 #include "sim/marker/cell_grid.h"
-#include "sim/marker/marker.h"
 
 namespace etalon {
 
-// The edges of a cell grid: pieces of its lines with a darker cell on one side and a lighter one on
-// the other, as long as they go on alike.
-
-// All cells before the line share one radiance and all cells after it another, for `reach` cells
+// A piece of a cell grid's line with one radiance before it and another after it, for `reach` cells
 // away from it on either side.
 struct GridEdge {
     int axis;               // 0: u = line, 1: v = line (grid coordinates, in cells)
@@ -41,12 +36,11 @@ struct GridEdge {
     }
 };
 
-// Lines of constant u first, each from the lower end on. The grid's outline is no edge: what is
-// beside the grid is not known.
+// Lines of constant u first, each from the lower end on. The grid's outline is no edge: what lies
+// outside is not known.
 std::vector<GridEdge> grid_edges(const CellGrid& grid);
 
-// Variance of a pixel as a function of its radiance, both linear (1 = full scale):
-// constant + per_radiance * radiance.
+// Variance of a pixel's linear radiance (1 = full scale).
 struct RadianceNoise {
     double constant = 0.0, per_radiance = 0.0;
     bool is_known = false;  // from the camera's gain; otherwise only its course, not its level
@@ -83,21 +77,23 @@ struct StraightEdge {
     // distance; a telecentric camera's term is z itself.
     double depth_term = 0.0, depth_term_variance = 0.0;
     Eigen::Vector2d undistorted = Eigen::Vector2d::Zero();  // of centre_px: normalised coordinates
-    // Pixels along the normal per unit of undistorted image coordinate: fx and fy, distortion and
-    // how a wide lens's pupil is seen included, so that a blur disk's radius in pixels is this
-    // times the aperture's times the difference of depth terms. `undistorted` and this of a wide
-    // lens in the frame that looks at the target (turn_towards()).
+    // A blur disk's radius in px is this times the aperture's times the difference of depth terms:
+    // fx and fy, distortion and the view of a wide lens's pupil included. This and `undistorted` of
+    // a wide lens are in the frame that looks at the target (turn_towards()).
     double px_per_unit = 0.0;
-    // A length along the normal in px is this times one in units of the pixel pitch along x
-    // (1 where fx = fy): hypot(nx, ny fy / fx).
-    double px_per_pitch = 1.0;
-    int photo = 0;  // whose edge it is, as numbered by the caller
+    double px_per_pitch = 1.0;  // px along the normal per pitch along x: hypot(nx, ny fy / fx)
+    int photo = 0;              // whose edge it is, as numbered by the caller
     RadianceNoise noise;
     std::vector<EdgePixel> pixels;
 
     // Mean and variance of the depth term from the pixels; zero without any.
     void set_depth();
 };
+
+// The whole pixels of `within` in which a band lies: so far along and across an edge from its
+// middle.
+cv::Rect band_pixels(const Eigen::Vector2d& middle_px, const Eigen::Vector2d& normal,
+                     double half_length_px, double half_width_px, const cv::Rect& within);
 
 // Distance of the farthest pixel from its edge, px.
 double reach_px(std::span<const StraightEdge> edges);
@@ -110,29 +106,24 @@ SideLevels side_levels(const StraightEdge& edge);
 
 struct EdgeSelection {
     double half_width_px = 7.0;  // to either side of the edge
-    // Kept between a pixel and the next edge or the end of its own: beyond it a point spread's
-    // energy does not matter. At least three times the blur's radius.
+    // Between a pixel and the next edge or the end of its own: three times the blur's radius at
+    // least.
     double clearance_px = 4.0;
     double least_length_px = 6.0;    // of what the clearance leaves
     double least_contrast = 0.1;     // of radiance, in the photograph
-    double least_half_width_px = 3;  // with a smaller one the levels beside the edge are not seen
-    // Edges with clipped pixels too, which count as they are: for an overshoot, which clipping only
-    // makes smaller. No blur is to be measured on them.
+    double least_half_width_px = 3;  // the levels at both sides must be seen
+    // Edges with clipped pixels too: for an overshoot, which clipping makes smaller. Not for blur.
     bool with_clipped = false;
 };
 
-struct TargetEdges {
-    std::vector<StraightEdge> edges;
-    // Left out: too small in the image, a clipped pixel among them, too little contrast.
-    int too_small = 0, clipped = 0, faint = 0;
-};
-
-// The edges of a target in one photograph. Only pixels whose ray meets `area` are used
-// (compared_area()). `photo` is copied into the edges. Throws NumericalError when the photograph
-// has another size than the camera or the selection's numbers are not positive and finite. About a
-// microsecond a pixel of the bands. Safe from every thread.
-TargetEdges target_edges(const LinearPhoto& photo, const Projector& projector, const Marker& marker,
-                         const Rigid& camera_from_marker, const ComparedArea& area,
-                         const EdgeSelection& selection = {}, int photo_number = 0);
+// The edges of a target in one photograph, without those that are too small in the image, hold a
+// clipped pixel or have too little contrast. Only pixels whose ray meets `area` are used
+// (compared_area()). `photo_number` is copied into the edges. Throws NumericalError when the
+// photograph has another size than the camera or the selection's numbers are not positive and
+// finite. About a microsecond a pixel of the bands. Safe from every thread.
+std::vector<StraightEdge> target_edges(const LinearPhoto& photo, const Projector& projector,
+                                       const CellGrid& grid, const Rigid& camera_from_marker,
+                                       const ComparedArea& area,
+                                       const EdgeSelection& selection = {}, int photo_number = 0);
 
 }  // namespace etalon

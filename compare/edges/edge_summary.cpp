@@ -3,12 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <functional>
-#include <map>
-#include <optional>
 
 #include "compare/edges/edge_fit.h"
 #include "core/program/errors.h"
@@ -73,8 +67,7 @@ struct Mean {
     double value = 0.0, deviation = 0.0;
 };
 
-// Weighted by the elements' own variances, with the deviation from the weights times the root of
-// the reduced chi-square where that is above 1 (Birge's ratio).
+// Weighted by the elements' own variances; the deviation with Birge's ratio where above 1.
 template <class Element, class Value, class Variance>
 Mean weighted_mean(std::span<const Element> elements, Value value, Variance variance) {
     double weights = 0.0, sum = 0.0, squares = 0.0;
@@ -106,11 +99,9 @@ std::vector<std::vector<Element>> in_bins(std::span<const Element> elements, dou
 
 void set_means(std::span<const EdgeShift> edges, EdgeSummary& summary) {
     const double excess = summary.shift.rms_px * summary.shift.rms_px;
-    std::vector<double> sizes, chi_squares;
-    for (const EdgeShift& edge : edges) {
+    std::vector<double> sizes;
+    for (const EdgeShift& edge : edges)
         sizes.push_back(std::abs(edge.shift_px));
-        chi_squares.push_back(edge.reduced_chi_square);
-    }
     const Mean shift = weighted_mean(
         edges, [](const EdgeShift& edge) { return edge.shift_px; },
         [&](const EdgeShift& edge) { return variance_of(edge) + excess; });
@@ -124,7 +115,6 @@ void set_means(std::span<const EdgeShift> edges, EdgeSummary& summary) {
     summary.mean_blur_px2 = blur.value;
     summary.mean_blur_deviation_px2 = blur.deviation;
     summary.median_shift_px = 1.4826 * median(std::move(sizes));
-    summary.median_chi_square = median(std::move(chi_squares));
 }
 
 EdgeParts parts_of(std::span<const EdgeShift> edges, int pixels) {
@@ -274,12 +264,8 @@ std::vector<Width> widths_of(std::span<const StraightEdge> photo,
 WidthMinimum minimum_of(std::span<const Width> widths, double Width::*width) {
     constexpr std::size_t min_edges = 12;
     constexpr double max_uncertainty = 0.1;  // of the range of inverse depths
-    WidthMinimum minimum;
-    if (widths.size() < min_edges) {
-        minimum.undetermined =
-            fmt::format("{} edges, at least {} are needed", widths.size(), min_edges);
-        return minimum;
-    }
+    if (widths.size() < min_edges)
+        return {false, fmt::format("{} edges, at least {} are needed", widths.size(), min_edges)};
     const auto [far, near] = std::ranges::minmax(widths, {}, &Width::inverse_depth);
     const double middle = 0.5 * (near.inverse_depth + far.inverse_depth);
     const double scale = 0.5 * (near.inverse_depth - far.inverse_depth);
@@ -294,10 +280,8 @@ WidthMinimum minimum_of(std::span<const Width> widths, double Width::*width) {
         right[i] = one.*width / one.deviation_px2;
     }
     const auto inverse = covariance_from_information(design.transpose() * design);
-    if (!(scale > 0.0) || !inverse) {
-        minimum.undetermined = "the edges are all at one depth";
-        return minimum;
-    }
+    if (!(scale > 0.0) || !inverse)
+        return {false, "the edges are all at one depth"};
     const Eigen::Vector3d c = *inverse * (design.transpose() * right);
     const double chi_square =
         (right - design * c).squaredNorm() / static_cast<double>(widths.size() - 3);
@@ -306,17 +290,12 @@ WidthMinimum minimum_of(std::span<const Width> widths, double Width::*width) {
     const Eigen::Vector3d by_c(0.0, -0.5 / c[2], 0.5 * c[1] / (c[2] * c[2]));
     const double uncertainty = std::sqrt(by_c.dot(covariance * by_c));
     if (!(c[2] > 3.0 * std::sqrt(covariance(2, 2))) || !(std::abs(place) < 1.0) ||
-        !(uncertainty < 2.0 * max_uncertainty)) {
-        minimum.undetermined =
-            fmt::format("the edges' width has no least value between {:.1f} and {:.1f} mm",
-                        1.0 / near.inverse_depth, 1.0 / far.inverse_depth);
-        return minimum;
-    }
-    minimum.is_determined = true;
-    minimum.focus_distance_mm = 1.0 / (middle + scale * place);
-    minimum.standard_uncertainty_mm =
-        uncertainty * scale * minimum.focus_distance_mm * minimum.focus_distance_mm;
-    return minimum;
+        !(uncertainty < 2.0 * max_uncertainty))
+        return {false,
+                fmt::format("the edges' width has no least value between {:.1f} and {:.1f} mm",
+                            1.0 / near.inverse_depth, 1.0 / far.inverse_depth)};
+    const double focus_mm = 1.0 / (middle + scale * place);
+    return {true, {}, focus_mm, uncertainty * scale * focus_mm * focus_mm};
 }
 
 // Widths differ within a bin as the rendered ones do: the scatter is that of the differences.
@@ -363,7 +342,7 @@ std::vector<DepthBin> depth_bins(std::span<const Width> widths, std::span<const 
 }  // namespace
 
 DefocusProfile defocus_profile(const CodeImage& photo, const Radiance& rendering,
-                               const Projector& projector, const Marker& marker,
+                               const Projector& projector, const CellGrid& grid,
                                const Rigid& camera_from_marker, const ComparedArea& area,
                                std::span<const EdgeShift> shifts, const EdgeSelection& selection) {
     require_point_of_view(projector.camera(), "a profile of defocus");
@@ -371,7 +350,7 @@ DefocusProfile defocus_profile(const CodeImage& photo, const Radiance& rendering
     const LinearPhoto rendered{rendering, cv::Mat::zeros(rendering.size(), CV_8UC1),
                                measured.noise};
     const auto edges_in = [&](const LinearPhoto& image) {
-        return target_edges(image, projector, marker, camera_from_marker, area, selection).edges;
+        return target_edges(image, projector, grid, camera_from_marker, area, selection);
     };
     const std::vector<Width> widths = widths_of(edges_in(measured), edges_in(rendered));
     DefocusProfile profile;
@@ -388,13 +367,11 @@ namespace {
 // Which of the board's edges: across which axis, which quarter of a cell, which cell along it.
 using EdgeName = std::array<int, 3>;
 
-struct EdgeOnBoard {
-    EdgeName name;
-    double shift_mm;  // along the axis
-};
-
-std::optional<EdgeOnBoard> on_board(const EdgeShift& edge, const Rigid& camera_from_marker,
-                                    const Projector& projector, const ComparedArea& area) {
+// With its shift along the axis, mm.
+std::optional<std::pair<EdgeName, double>> on_board(const EdgeShift& edge,
+                                                    const Rigid& camera_from_marker,
+                                                    const Projector& projector,
+                                                    const ComparedArea& area) {
     constexpr double min_px_per_mm = 1e-6;
     const auto ray = projector.ray(edge.middle_px);
     if (!ray)
@@ -413,9 +390,9 @@ std::optional<EdgeOnBoard> on_board(const EdgeShift& edge, const Rigid& camera_f
     const int axis = std::abs(px_per_mm[0]) > std::abs(px_per_mm[1]) ? 0 : 1;
     if (!(std::abs(px_per_mm[axis]) > min_px_per_mm))
         return std::nullopt;
-    return EdgeOnBoard{{axis, static_cast<int>(std::lround(4.0 * cells[axis])),
-                        static_cast<int>(std::floor(cells[1 - axis]))},
-                       edge.shift_px / px_per_mm[axis]};
+    return std::pair(EdgeName{axis, static_cast<int>(std::lround(4.0 * cells[axis])),
+                              static_cast<int>(std::floor(cells[1 - axis]))},
+                     edge.shift_px / px_per_mm[axis]);
 }
 
 // Of what all pairs of photographs share, with the sign that each is given: the sum over the pairs.
@@ -442,7 +419,8 @@ double chance_of(const Eigen::MatrixXd& products) {
 
 std::optional<BoardShifts> board_shifts(std::span<const EdgesOfPhoto> photos,
                                         const Projector& projector, const ComparedArea& area) {
-    if (photos.size() < min_board_photos)
+    constexpr std::size_t min_photos = 8;  // 2^7 signs: a chance of 1/128 can be seen
+    if (photos.size() < min_photos)
         return std::nullopt;
     const auto count = static_cast<Eigen::Index>(photos.size());
     std::map<EdgeName, std::vector<std::pair<Eigen::Index, double>>> by_name;
@@ -452,7 +430,7 @@ std::optional<BoardShifts> board_shifts(std::span<const EdgesOfPhoto> photos,
             if (const auto found = edge.is_beyond_range
                                        ? std::nullopt
                                        : on_board(edge, photo.camera_from_marker, projector, area))
-                by_name[found->name].emplace_back(i, found->shift_mm);
+                by_name[found->first].emplace_back(i, found->second);
     }
     Eigen::MatrixXd products = Eigen::MatrixXd::Zero(count, count);
     double squares = 0.0, edges = 0.0, pairs = 0.0;

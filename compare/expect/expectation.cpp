@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <Eigen/Dense>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
-#include "calib/camera/projector.h"
-#include "compare/expect/expected_view.h"
 #include "compare/expect/pose_statistics.h"
 #include "compare/make_detector.h"
 #include "core/program/errors.h"
@@ -19,27 +18,23 @@
 namespace etalon {
 namespace {
 
-using Corners = std::optional<DetectedCorners>;
-
 Eigen::VectorXd stacked(const std::vector<Eigen::Vector2d>& corners) {
-    Eigen::VectorXd all(2 * corners.size());
-    for (std::size_t i = 0; i < corners.size(); ++i)
-        all.segment<2>(static_cast<Eigen::Index>(2 * i)) = corners[i];
-    return all;
+    return Eigen::Map<const Eigen::VectorXd>(corners.front().data(), 2 * std::ssize(corners));
 }
 
-// Where the marker's points truly are; nothing when one has no projection.
-std::optional<Eigen::VectorXd> true_pixels(const Projector& projector,
-                                           const std::vector<Eigen::Vector3d>& points_mm,
-                                           const Rigid& camera_from_marker) {
-    std::vector<Eigen::Vector2d> pixels;
-    for (const Eigen::Vector3d& point : points_mm) {
-        const auto pixel = projector.project(camera_from_marker * point);
-        if (!pixel)
-            return std::nullopt;
-        pixels.push_back(*pixel);
-    }
-    return stacked(pixels);
+// Has each pose studied with a detector, in parallel. Isolated: a thread that waits in its detector
+// must not begin another pose with it.
+void study_poses(const ExpectedScene& scene, const std::string& place, std::size_t poses,
+                 const std::function<void()>& step,
+                 const std::function<void(std::size_t, Detector&)>& study) {
+    tbb::enumerable_thread_specific<std::unique_ptr<Detector>> detectors(
+        [&] { return make_detector(scene.detector, scene.marker, place); });
+    detectors.local();  // throws where there is none
+    tbb::parallel_for(std::size_t{0}, poses, [&](std::size_t i) {
+        tbb::this_task_arena::isolate([&] { study(i, *detectors.local()); });
+        if (step)
+            step();
+    });
 }
 
 // Mean and covariance of the noisy frames' differences from the one without noise, by columns.
@@ -52,51 +47,36 @@ void fill_noise(const Eigen::MatrixXd& differences, DetectorStatistics& pose) {
     pose.noise_factor = svd.matrixU() * svd.singularValues().asDiagonal();
 }
 
-class NoisyPose {
-public:
-    NoisyPose(const ExpectedScene& scene, int frames, std::uint64_t seed)
-        : scene_(scene), view_(scene), projector_(scene.camera), frames_(frames), seed_(seed) {}
-
-    // Safe from every thread.
-    std::optional<DetectorStatistics> at(const Rigid& camera_from_marker, std::size_t index) const {
-        const auto truth = true_pixels(projector_, scene_.marker.points_mm, camera_from_marker);
-        if (!truth)
-            return std::nullopt;
-        const ExpectedExposures exposures(view_, camera_from_marker);
-        const auto detector = make_detector(scene_.detector, scene_.marker, scene_.detector);
-        const Corners clean = exposures.without_noise(*detector);
-        if (!clean || !clean->is_whole())
-            return std::nullopt;
-        DetectorStatistics pose;
-        pose.bias = stacked(clean->pixels) - *truth;
-        Eigen::MatrixXd differences(truth->size(), frames_);
-        Eigen::Index seen = 0;
-        for (int i = 0; i < frames_; ++i) {
-            const auto frame =
-                static_cast<std::uint32_t>(index) * 65536u + static_cast<std::uint32_t>(i);
-            const Corners noisy = exposures.with_noise(*detector, {seed_, frame});
-            if (noisy && noisy->is_whole())
-                differences.col(seen++) = stacked(noisy->pixels) - stacked(clean->pixels);
-        }
-        if (2 * seen < frames_)
-            return std::nullopt;
-        fill_noise(differences.leftCols(seen), pose);
-        return pose;
+// `truth`: where the corners are. `first`: noise of the first frame.
+std::optional<DetectorStatistics> statistics_of(const ExpectedExposures& exposures,
+                                                Detector& detector, const Eigen::VectorXd& truth,
+                                                const NoiseKey& first, int frames) {
+    const auto clean = exposures.without_noise(detector);
+    if (!clean || !clean->is_whole())
+        return std::nullopt;
+    DetectorStatistics pose;
+    pose.bias = stacked(clean->pixels) - truth;
+    Eigen::MatrixXd differences(truth.size(), frames);
+    Eigen::Index seen = 0;
+    for (int i = 0; i < frames; ++i) {
+        const auto noisy = exposures.with_noise(
+            detector, {first.seed, first.frame + static_cast<std::uint32_t>(i)});
+        if (noisy && noisy->is_whole())
+            differences.col(seen++) = stacked(noisy->pixels) - stacked(clean->pixels);
     }
-
-private:
-    const ExpectedScene& scene_;
-    ExpectedView view_;
-    Projector projector_;
-    int frames_;
-    std::uint64_t seed_;
-};
+    if (2 * seen < frames)
+        return std::nullopt;
+    fill_noise(differences.leftCols(seen), pose);
+    return pose;
+}
 
 void summarize(DetectorStudy& study) {
     double noise = 0.0, bias = 0.0, count = 0.0, mean = 0.0, chance = 0.0;
+    study.asked = static_cast<int>(study.poses.size());
     for (const auto& pose : study.poses) {
         if (!pose)
             continue;
+        ++study.seen;
         const double variance = pose->noise_factor.squaredNorm();
         noise += variance;
         bias += pose->bias.squaredNorm();
@@ -120,20 +100,22 @@ void summarize(DetectorStudy& study) {
 DetectorStudy study_detector(const ExpectedScene& scene, std::span<const Rigid> camera_from_marker,
                              int frames, std::uint64_t seed, const std::function<void()>& step) {
     constexpr int min_frames = 8;
-    const auto& sensor = scene.camera.sensor;
-    if (!sensor || !(sensor->gain_e_per_dn > 0.0))
+    if (!states_noise(scene.camera))
         throw NumericalError("detector study: the camera declares no sensor noise");
     if (frames < min_frames)
         throw NumericalError(fmt::format("detector study: {} frames a pose, at least {} are needed",
                                          frames, min_frames));
-    const NoisyPose study(scene, frames, seed);
+    const ExpectedView view(scene);
+    const Projector projector(scene.camera);
     DetectorStudy result;
     result.frames = frames;
     result.poses.resize(camera_from_marker.size());
-    tbb::parallel_for(std::size_t{0}, camera_from_marker.size(), [&](std::size_t i) {
-        result.poses[i] = study.at(camera_from_marker[i], i);
-        if (step)
-            step();
+    study_poses(scene, scene.detector, result.poses.size(), step, [&](std::size_t i, Detector& by) {
+        const Rigid& pose = camera_from_marker[i];
+        auto truth = attempted([&] { return projected(projector, scene.marker.points_mm, pose); });
+        if (truth)
+            result.poses[i] = statistics_of({view, pose}, by, stacked(*truth),
+                                            {seed, static_cast<std::uint32_t>(i) * 65536u}, frames);
     });
     summarize(result);
     return result;
@@ -160,9 +142,7 @@ ExpectationMap::ExpectationMap(std::span<const MarkerPlace> places, std::span<co
         throw NumericalError(
             fmt::format("expectation map: {} values at {} poses, at least {} needed", values.size(),
                         places.size(), min_poses));
-    const auto [near, far] = std::minmax_element(
-        places_.begin(), places_.end(),
-        [](const MarkerPlace& a, const MarkerPlace& b) { return a.depth_mm < b.depth_mm; });
+    const auto [near, far] = std::ranges::minmax_element(places_, {}, &MarkerPlace::depth_mm);
     middle_mm_ = 0.5 * (near->depth_mm + far->depth_mm);
     half_mm_ = std::max(0.5 * (far->depth_mm - near->depth_mm), 1e-9);
     largest_px_ = largest_rad_ = 1e-9;
@@ -203,35 +183,21 @@ ExpectationMap::Row ExpectationMap::row(const MarkerPlace& place) const {
     return (Row() << 1.0, z, z * z, r, r * r, t, z * r, z * t).finished();
 }
 
-MapValue ExpectationMap::value_of(const Row& row) const {
-    Eigen::RowVectorXd all = row * drawn_;
+MapValue ExpectationMap::average(const std::vector<MarkerPlace>& places) const {
+    Row sum = Row::Zero();
+    for (const MarkerPlace& place : places)
+        sum += row(place);
+    sum /= static_cast<double>(places.size());
+    Eigen::RowVectorXd all = sum * drawn_;
     std::sort(all.begin(), all.end());
-    return {row.dot(coefficients_), all[map_draws / 40], all[map_draws - 1 - map_draws / 40]};
+    return {sum.dot(coefficients_), all[map_draws / 40], all[map_draws - 1 - map_draws / 40]};
 }
 
-MapValue ExpectationMap::at(const MarkerPlace& place) const {
-    return value_of(row(place));
-}
-
-MapValue ExpectationMap::average_at(Variable variable, double x) const {
-    Row sum = Row::Zero();
-    for (MarkerPlace place : places_) {
-        if (variable == Variable::depth)
-            place.depth_mm = x;
-        else if (variable == Variable::radius)
-            place.radius_px = x;
-        else
-            place.tilt_rad = x;
-        sum += row(place);
-    }
-    return value_of(sum / static_cast<double>(places_.size()));
-}
-
-MapValue ExpectationMap::mean() const {
-    Row sum = Row::Zero();
-    for (const MarkerPlace& place : places_)
-        sum += row(place);
-    return value_of(sum / static_cast<double>(places_.size()));
+MapValue ExpectationMap::average_at(double MarkerPlace::*variable, double x) const {
+    std::vector<MarkerPlace> places = places_;
+    for (MarkerPlace& place : places)
+        place.*variable = x;
+    return average(places);
 }
 
 namespace {
@@ -243,86 +209,52 @@ Eigen::Vector3d unit_or(const Eigen::Vector3d& v, const Eigen::Vector3d& otherwi
     return v.norm() > 1e-9 ? v.normalized() : otherwise;
 }
 
-std::string why_no_noise(const ExpectationRequest& request) {
-    if (request.frames == 0)
-        return "no frames with noise were asked for";
-    if (!request.scene.camera.sensor || request.scene.camera.sensor->gain_e_per_dn <= 0.0)
-        return "the calibration declares no sensor noise";
-    return "";
+// B2 where the pose is known; nothing when the marker was not detected.
+std::optional<SixErrors> errors_of(const Projector& projector, const Marker& marker,
+                                   const std::optional<DetectedCorners>& corners,
+                                   const Rigid& camera_from_marker) {
+    if (!corners)
+        return std::nullopt;
+    const PoseBias bias = pose_bias(projector, seen_points_mm(marker, *corners), camera_from_marker,
+                                    corners->pixels, {});
+    return bias.b2 ? std::optional(components_of(*bias.b2, camera_from_marker)) : std::nullopt;
 }
 
-class PoseStudy {
-public:
-    explicit PoseStudy(const ExpectationRequest& request)
-        : request_(request), view_(request.scene), projector_(request.scene.camera) {}
-
-    ExpectedPose at(const Rigid& camera_from_marker, std::size_t index, int frames,
-                    Detector& detector) const {
-        ExpectedPose pose{camera_from_marker, place_of(projector_, camera_from_marker)};
-        const ExpectedExposures exposures(view_, camera_from_marker);
-        if (const auto bias = bias_of(exposures.without_noise(detector), camera_from_marker))
-            pose.bias = components_of(*bias->b2, camera_from_marker);
-        ErrorSpread spread;
-        for (int frame = 0; frame < frames; ++frame) {
-            const NoiseKey key{request_.seed + index, static_cast<std::uint32_t>(frame)};
-            const auto corners = exposures.with_noise(detector, key);
-            const auto seen = bias_of(corners, camera_from_marker);
-            if (!seen)
-                continue;
-            ++pose.detections;
-            pose.flips += fits_better_flipped(*corners, camera_from_marker);
-            spread.add(components_of(*seen->b2, camera_from_marker));
-        }
-        pose.noise = spread.deviations();
-        return pose;
+ExpectedPose expected_pose(const ExpectationRequest& request, const ExpectedExposures& exposures,
+                           const Projector& projector, Detector& detector, std::size_t index,
+                           int frames, const Rigid& camera_from_marker) {
+    const Marker& marker = request.scene.marker;
+    ExpectedPose pose{camera_from_marker, place_of(projector, camera_from_marker)};
+    pose.bias = errors_of(projector, marker, exposures.without_noise(detector), camera_from_marker);
+    std::vector<SixErrors> seen;
+    for (int frame = 0; frame < frames; ++frame) {
+        const auto corners = exposures.with_noise(
+            detector, {request.seed + index, static_cast<std::uint32_t>(frame)});
+        const auto errors = errors_of(projector, marker, corners, camera_from_marker);
+        if (!errors)
+            continue;
+        ++pose.detections;
+        const auto best =
+            estimate_pose(projector, seen_points_mm(marker, *corners), corners->pixels);
+        pose.flips += best && is_flip(*best, camera_from_marker);
+        seen.push_back(*errors);
     }
-
-private:
-    bool fits_better_flipped(const DetectedCorners& corners,
-                             const Rigid& camera_from_marker) const {
-        const auto best = estimate_pose(projector_, seen_points_mm(request_.scene.marker, corners),
-                                        corners.pixels);
-        return best && is_flip(*best, camera_from_marker);
-    }
-
-    // B2 where the pose is known; nothing when the marker was not detected.
-    std::optional<PoseBias> bias_of(const std::optional<DetectedCorners>& corners,
-                                    const Rigid& camera_from_marker) const {
-        if (!corners)
-            return std::nullopt;
-        const PoseBias bias = pose_bias(projector_, seen_points_mm(request_.scene.marker, *corners),
-                                        camera_from_marker, corners->pixels, {});
-        return bias.b2 ? std::optional(bias) : std::nullopt;
-    }
-
-    const ExpectationRequest& request_;
-    ExpectedView view_;
-    Projector projector_;
-};
-
-using SixOfPose = std::optional<SixErrors> ExpectedPose::*;
-
-std::vector<double> values_of(const std::vector<ExpectedPose>& poses, SixOfPose six,
-                              std::size_t component) {
-    std::vector<double> values;
-    for (const ExpectedPose& pose : poses)
-        if (pose.*six)
-            values.push_back((pose.*six)->at(component));
-    return values;
+    pose.noise = deviations_of(seen);
+    return pose;
 }
 
 // Of `mapped` values; nothing where too few poses have them.
-std::optional<std::array<ExpectationMap, 6>> maps_of(const std::vector<ExpectedPose>& poses,
-                                                     SixOfPose six, double (*mapped)(double),
+std::optional<std::array<ExpectationMap, 6>> maps_of(const Expectation& expectation,
+                                                     Expectation::Six six, double (*mapped)(double),
                                                      std::uint64_t seed) {
     std::vector<MarkerPlace> places;
-    for (const ExpectedPose& pose : poses)
+    for (const ExpectedPose& pose : expectation.poses)
         if (pose.*six)
             places.push_back(pose.place);
     if (std::ssize(places) < ExpectationMap::min_poses)
         return std::nullopt;
     const auto map = [&](std::size_t k) {
-        std::vector<double> values = values_of(poses, six, k);
+        std::vector<double> values = expectation.values(six, k);
         std::ranges::transform(values, values.begin(), mapped);
         return ExpectationMap(places, values, seed + k);
     };
@@ -348,28 +280,18 @@ std::vector<Rigid> poses_of(const ExpectationRequest& request) {
     throw NumericalError("hardly any pose of the volume is rendered: it lies too far aside");
 }
 
-// A deviation of zero, of a noise below the last digit, has no logarithm.
-double logarithm(double deviation) {
-    return std::log(std::max(deviation, 1e-12));
-}
-
 }  // namespace
 
-void ErrorSpread::add(const SixErrors& errors) {
-    ++count_;
-    for (std::size_t k = 0; k < 6; ++k) {
-        const double before = errors[k] - mean_[k];
-        mean_[k] += before / count_;
-        squares_[k] += before * (errors[k] - mean_[k]);
-    }
-}
-
-std::optional<SixErrors> ErrorSpread::deviations() const {
-    if (count_ < 2)
+std::optional<SixErrors> deviations_of(std::span<const SixErrors> errors) {
+    if (errors.size() < 2)
         return std::nullopt;
     SixErrors result;
-    for (std::size_t k = 0; k < 6; ++k)
-        result[k] = std::sqrt(squares_[k] / (count_ - 1));
+    for (std::size_t k = 0; k < result.size(); ++k) {
+        RunningMoments moments;
+        for (const SixErrors& each : errors)
+            moments.add(each[k]);
+        result[k] = *moments.standard_deviation();
+    }
     return result;
 }
 
@@ -400,8 +322,7 @@ MarkerPlace place_of(const Projector& projector, const Rigid& camera_from_marker
 }
 
 int Expectation::detected() const {
-    return static_cast<int>(std::count_if(
-        poses.begin(), poses.end(), [](const ExpectedPose& p) { return p.bias.has_value(); }));
+    return static_cast<int>(values(&ExpectedPose::bias, 0).size());
 }
 
 double Expectation::detection_rate() const {
@@ -421,38 +342,39 @@ double Expectation::flip_rate() const {
     return found > 0 ? static_cast<double>(flips) / found : 0.0;
 }
 
-std::vector<double> Expectation::biases(int component) const {
-    return values_of(poses, &ExpectedPose::bias, static_cast<std::size_t>(component));
+std::vector<double> Expectation::values(Six six, std::size_t component) const {
+    std::vector<double> values;
+    for (const ExpectedPose& pose : poses)
+        if (pose.*six)
+            values.push_back((pose.*six)->at(component));
+    return values;
 }
 
-std::vector<double> Expectation::noises(int component) const {
-    return values_of(poses, &ExpectedPose::noise, static_cast<std::size_t>(component));
-}
-
-void fit_maps(Expectation& expectation, std::uint64_t seed) {
+void Expectation::fit_maps(std::uint64_t seed) {
     const auto itself = [](double bias) { return bias; };
-    expectation.bias_maps = maps_of(expectation.poses, &ExpectedPose::bias, itself, seed);
-    expectation.noise_maps = maps_of(expectation.poses, &ExpectedPose::noise, logarithm, seed + 6);
+    // A deviation of zero, of a noise below the last digit, has no logarithm.
+    const auto logarithm = [](double deviation) { return std::log(std::max(deviation, 1e-12)); };
+    bias_maps = maps_of(*this, &ExpectedPose::bias, itself, seed);
+    noise_maps = maps_of(*this, &ExpectedPose::noise, logarithm, seed + 6);
 }
 
 Expectation expect_errors(const ExpectationRequest& request, const std::function<void()>& step) {
-    const auto new_detector = [&] {
-        return make_detector(request.scene.detector, request.scene.marker, "--detector");
-    };
-    new_detector();  // whether there is one
-    const std::vector<Rigid> poses = poses_of(request);
     Expectation result;
-    result.no_noise = why_no_noise(request);
+    if (request.frames == 0)
+        result.no_noise = "no frames with noise were asked for";
+    else if (!states_noise(request.scene.camera))
+        result.no_noise = "the calibration declares no sensor noise";
     result.frames = result.no_noise.empty() ? request.frames : 0;
+    make_detector(request.scene.detector, request.scene.marker, "--detector");  // or throws
+    const std::vector<Rigid> poses = poses_of(request);
     result.poses.resize(poses.size());
-    const PoseStudy study(request);
-    tbb::enumerable_thread_specific<std::unique_ptr<Detector>> detectors(new_detector);
-    tbb::parallel_for(std::size_t{0}, poses.size(), [&](std::size_t i) {
-        result.poses[i] = study.at(poses[i], i, result.frames, *detectors.local());
-        if (step)
-            step();
+    const ExpectedView view(request.scene);
+    const Projector projector(request.scene.camera);
+    study_poses(request.scene, "--detector", poses.size(), step, [&](std::size_t i, Detector& by) {
+        result.poses[i] =
+            expected_pose(request, {view, poses[i]}, projector, by, i, result.frames, poses[i]);
     });
-    fit_maps(result, request.seed);
+    result.fit_maps(request.seed);
     return result;
 }
 

@@ -1,9 +1,7 @@
-// What pose errors a camera and a marker are to be expected to give with a detector: bias B1
-// (compare/pose/pose_bias.h) and noise, from renders at poses all over the volume that the
-// camera sees. The routine test after a calibration: no stage and no photograph is needed.
-//
-// Each pose is rendered once, exposed without noise for the bias and several times with the noise
-// that the calibration's sensor section declares, and detected like a photograph.
+// Pose errors to expect of a camera and a marker with a detector: bias B1
+// (compare/pose/pose_bias.h) and noise, from renders; no stage and no photograph. Each pose is
+// rendered once, exposed without noise for the bias and several times with the noise that the
+// calibration's sensor section declares, and detected like a photograph.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,76 +19,68 @@
 
 namespace etalon {
 
-// What a detector makes of the marker at given poses: its bias and its noise, from real renders and
-// real detections. Studies of whole runs draw corners from it instead of rendering every frame.
-//
-// Each pose is rendered once, exposed through the camera's sensor without noise and then with N
-// different noises, and every one of these images is detected as a photograph is.
-
-// At one pose. Vectors stack the corners in the order of Marker::points_mm: x, y of the first...
+// What a detector makes of the marker at one pose: simulated runs draw corners from it. Vectors
+// stack the corners in the order of Marker::points_mm, x and y of each.
 struct DetectorStatistics {
-    Eigen::VectorXd bias;        // of the render without noise: detected - projected, px
-    Eigen::VectorXd noise_bias;  // what noise adds to it on average, px
-    // F with F F^T = covariance of a single frame's corners, px^2.
-    Eigen::MatrixXd noise_factor;
-    int frames = 0;  // with noise, in which the marker was detected
+    Eigen::VectorXd bias;          // of the render without noise: detected - projected, px
+    Eigen::VectorXd noise_bias;    // what noise adds to it on average, px
+    Eigen::MatrixXd noise_factor;  // F F^T: covariance of a single frame's corners, px^2
+    int frames = 0;                // with noise, in which the marker was detected
 };
 
-struct DetectorStudy {
-    // Nothing where the marker is not detected without noise, or in less than half of the frames.
-    std::vector<std::optional<DetectorStatistics>> poses;
+struct DetectorFigures {
     double noise_px = 0.0;       // of one coordinate of a corner in one frame, RMS over the poses
     double bias_px = 0.0;        // without noise, RMS over the coordinates and poses
-    double noise_bias_px = 0.0;  // what noise adds to it, RMS, after the following
+    double noise_bias_px = 0.0;  // what noise adds to it, RMS, after shrinkage
+    int frames = 0;              // asked for, per pose
+    int seen = 0, asked = 0;     // poses: those whose marker is detected, and all
+};
+
+struct DetectorStudy : DetectorFigures {
+    // Nothing where the marker is not detected without noise, or in less than half of the frames.
+    std::vector<std::optional<DetectorStatistics>> poses;
     // How much of the measured noise biases' power is more than chance, 0 to 1: they are means of
     // a few frames. `poses` hold them multiplied by it (positive-part James-Stein shrinkage).
     double noise_bias_share = 0.0;
-    int frames = 0;  // asked for, per pose
 };
 
-// Noises are a pure function of (seed, pose, frame). `step` is called after every pose, from any
-// thread; may be empty. Parallel over the poses; the result does not depend on the threads. CPU
-// time: frames x (6 ns a pixel of the marker + one detection) per pose.
-//
-// Throws NumericalError when the camera declares no sensor noise, for less than 8 frames, and what
-// Renderer::render throws.
+// Noises are a pure function of (seed, pose, frame). Parallel over the poses; `step` is called
+// after each, from any thread. CPU time: frames x (6 ns a pixel of the marker + one detection) a
+// pose. Throws NumericalError when the camera declares no sensor noise and for less than 8 frames,
+// and what Renderer::render throws.
 DetectorStudy study_detector(const ExpectedScene& scene, std::span<const Rigid> camera_from_marker,
                              int frames, std::uint64_t seed,
                              const std::function<void()>& step = {});
-
-// A smooth map of one component of a pose error over distance, image position and tilt, with
-// bootstrap intervals.
-//
-// Least squares of 1, z, z^2, r, r^2, tilt^2, z r, z tilt^2 (z, r and tilt from -1 or 0 to 1 over
-// the poses). The poses are drawn again with replacement for the intervals (Efron and Tibshirani,
-// An Introduction to the Bootstrap, 1993, chapter 13: percentiles): no assumption about how errors
-// scatter about the map, which for corner detectors is anything but normal.
 
 struct MarkerPlace {
     double depth_mm = 0.0;   // of the marker's origin; of a wide lens its distance
     double radius_px = 0.0;  // of its image from the principal point
     double tilt_rad = 0.0;   // between its normal and the line of sight
 };
+MarkerPlace place_of(const Projector& projector, const Rigid& camera_from_marker);
 
 struct MapValue {
     double value = 0.0, low = 0.0, high = 0.0;  // 95 %
 };
 
+// A smooth map of one component of a pose error: least squares of 1, z, z^2, r, r^2, tilt^2, z r,
+// z tilt^2 (z, r and tilt from -1 or 0 to 1 over the poses). Intervals are percentiles of a
+// bootstrap of the poses (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter
+// 13): errors of corner detectors do not scatter normally about the map.
 class ExpectationMap {
 public:
     static constexpr int min_poses = 20;
-    enum class Variable { depth, radius, tilt };
 
     // One value per place. Throws NumericalError for fewer than min_poses, or values that are not
     // finite. Some milliseconds for 200 poses.
     ExpectationMap(std::span<const MarkerPlace> places, std::span<const double> values,
                    std::uint64_t seed);
 
-    MapValue at(const MarkerPlace& place) const;
-    // Averaged over the poses, with this variable at `x` (mm, px or rad) in all of them.
-    MapValue average_at(Variable variable, double x) const;
-    // The average over the poses, and the root mean square of what the map leaves of their values.
-    MapValue mean() const;
+    MapValue at(const MarkerPlace& place) const { return average({place}); }
+    MapValue mean() const { return average(places_); }  // over the poses
+    // The same with this variable at `x` (mm, px or rad) in all of them.
+    MapValue average_at(double MarkerPlace::*variable, double x) const;
+    // Root mean square of what the map leaves of the poses' values.
     double scatter() const { return scatter_; }
     // The pose at which the map is farthest from zero.
     std::size_t worst() const { return worst_; }
@@ -100,7 +90,7 @@ private:
     using Row = Eigen::Matrix<double, 1, terms>;
 
     Row row(const MarkerPlace& place) const;
-    MapValue value_of(const Row& row) const;
+    MapValue average(const std::vector<MarkerPlace>& places) const;
 
     std::vector<MarkerPlace> places_;
     double middle_mm_, half_mm_, largest_px_, largest_rad_;
@@ -126,18 +116,9 @@ inline constexpr std::array<ErrorComponent, 6> error_components = {{
 using SixErrors = std::array<double, 6>;
 
 SixErrors components_of(const PoseError& error, const Rigid& camera_from_marker);
-MarkerPlace place_of(const Projector& projector, const Rigid& camera_from_marker);
 
-// Mean and standard deviation of errors that come one by one (Welford 1962).
-class ErrorSpread {
-public:
-    void add(const SixErrors& errors);
-    std::optional<SixErrors> deviations() const;  // of two or more
-
-private:
-    int count_ = 0;
-    SixErrors mean_{}, squares_{};
-};
+// Standard deviations by component, of two or more errors.
+std::optional<SixErrors> deviations_of(std::span<const SixErrors> errors);
 
 struct ExpectationRequest {
     ExpectedScene scene;
@@ -150,31 +131,28 @@ struct ExpectationRequest {
 struct ExpectedPose {
     Rigid camera_from_marker;
     MarkerPlace place;
-    std::optional<SixErrors> bias;  // nothing: not detected without noise
-    // Standard deviations over the frames with noise that were detected, if two or more were.
-    std::optional<SixErrors> noise;
-    int detections = 0;  // of the frames with noise
-    int flips = 0;       // of those: the other planar solution fits the corners better
+    std::optional<SixErrors> bias;   // nothing: not detected without noise
+    std::optional<SixErrors> noise;  // standard deviations over the detected frames with noise
+    int detections = 0;              // of the frames with noise
+    int flips = 0;                   // of those: the other planar solution fits the corners better
 };
 
 struct Expectation {
+    using Six = std::optional<SixErrors> ExpectedPose::*;
+
     std::vector<ExpectedPose> poses;
     int frames = 0;        // with noise, per pose; 0 where the camera declares none
     std::string no_noise;  // why there is no noise; empty where there is
-    // Nothing where too few poses were detected.
-    std::optional<std::array<ExpectationMap, 6>> bias_maps;
-    // Of the logarithm of the deviations.
-    std::optional<std::array<ExpectationMap, 6>> noise_maps;
+    // Of the bias and of the noise's logarithm. Nothing where too few poses have one.
+    std::optional<std::array<ExpectationMap, 6>> bias_maps, noise_maps;
 
-    int detected() const;                             // poses, without noise
-    double detection_rate() const;                    // of all frames, with and without noise
-    double flip_rate() const;                         // of the detected frames with noise
-    std::vector<double> biases(int component) const;  // of the detected poses
-    std::vector<double> noises(int component) const;
+    int detected() const;           // poses, without noise
+    double detection_rate() const;  // of all frames, with and without noise
+    double flip_rate() const;       // of the detected frames with noise
+    std::vector<double> values(Six six, std::size_t component) const;  // of the poses that have it
+    // Fits the maps to the poses.
+    void fit_maps(std::uint64_t seed);
 };
-
-// The maps of given poses, for reports whose poses were rendered anyway.
-void fit_maps(Expectation& expectation, std::uint64_t seed);
 
 // Parallel over the poses; the result does not depend on the threads. `step` is called after every
 // pose, from any thread. CPU time: a render, and per frame 6 ns a pixel of the marker and a

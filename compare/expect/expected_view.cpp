@@ -6,7 +6,6 @@
 #include "compare/make_detector.h"
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
-#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {
@@ -18,7 +17,40 @@ cv::Rect on_squares(const cv::Rect& area, int step) {
                     cv::Point(down(area.br().x + step - 1), down(area.br().y + step - 1)));
 }
 
+// Frame numbers of the noise that no device's frames have: with the seed of a twin by chance the
+// noise of photograph and render would be the same.
+constexpr std::uint32_t first_frame = 0xE0000000u;
+
+using Exposures = std::vector<std::optional<DetectedCorners>>;
+
+// Those in which the whole marker was detected.
+std::vector<const DetectedCorners*> whole_of(const Exposures& seen) {
+    std::vector<const DetectedCorners*> whole;
+    for (const auto& corners : seen)
+        if (corners && corners->is_whole())
+            whole.push_back(&*corners);
+    return whole;
+}
+
+// Nothing when half of them or more are missing.
+std::optional<std::vector<Eigen::Vector2d>> mean_of(const Exposures& seen) {
+    const auto whole = whole_of(seen);
+    if (2 * whole.size() <= seen.size())
+        return std::nullopt;
+    std::vector<Eigen::Vector2d> mean(whole.front()->pixels.size(), Eigen::Vector2d::Zero());
+    for (const DetectedCorners* corners : whole)
+        for (std::size_t k = 0; k < mean.size(); ++k)
+            mean[k] += corners->pixels[k];
+    for (Eigen::Vector2d& corner : mean)
+        corner /= static_cast<double>(whole.size());
+    return mean;
+}
+
 }  // namespace
+
+bool states_noise(const CameraModel& camera) {
+    return camera.sensor && camera.sensor->gain_e_per_dn > 0.0;
+}
 
 bool is_rendered(const CellGrid& marker, const Rigid& camera_from_marker,
                  const CameraModel& camera) {
@@ -80,38 +112,6 @@ std::optional<DetectedCorners> ExpectedExposures::with_noise(Detector& detector,
     return corners;
 }
 
-namespace {
-
-// Frame numbers of the noise that no device's frames have: with the seed of a twin by chance the
-// noise of photograph and render would be the same.
-constexpr std::uint32_t first_frame = 0xE0000000u;
-
-bool states_noise(const CameraModel& camera) {
-    return camera.sensor && camera.sensor->gain_e_per_dn > 0.0;
-}
-
-// Nothing when half of them or more are missing.
-std::optional<std::vector<Eigen::Vector2d>> mean_of(
-    const std::vector<std::optional<DetectedCorners>>& seen) {
-    std::vector<Eigen::Vector2d> mean;
-    std::size_t count = 0;
-    for (const auto& corners : seen) {
-        if (!corners || !corners->is_whole())
-            continue;
-        ++count;
-        mean.resize(corners->pixels.size(), Eigen::Vector2d::Zero());
-        for (std::size_t k = 0; k < mean.size(); ++k)
-            mean[k] += corners->pixels[k];
-    }
-    if (2 * count <= seen.size())
-        return std::nullopt;
-    for (Eigen::Vector2d& corner : mean)
-        corner /= static_cast<double>(count);
-    return mean;
-}
-
-}  // namespace
-
 RenderedCorners::RenderedCorners(const ExpectedScene& scene, int frames, std::uint64_t seed)
     : view_(scene),
       detectors_([name = scene.detector, marker = scene.marker] {
@@ -156,18 +156,15 @@ std::optional<RenderedCorners::Noise> RenderedCorners::noise_at(
     const auto mean = mean_of(seen);
     if (!mean)
         return std::nullopt;
+    const auto whole = whole_of(seen);
     double squares = 0.0;
-    int count = 0;
-    for (const auto& corners : seen) {
-        if (!corners || !corners->is_whole())
-            continue;
-        ++count;
+    for (const DetectedCorners* corners : whole)
         for (std::size_t k = 0; k < mean->size(); ++k)
             squares += (corners->pixels[k] - (*mean)[k]).squaredNorm();
-    }
-    if (count < 2 || !(squares > 0.0))
+    if (whole.size() < 2 || !(squares > 0.0))
         return std::nullopt;
-    const double freedom = 2.0 * static_cast<double>(mean->size()) * (count - 1.0);
+    const double freedom =
+        2.0 * static_cast<double>(mean->size()) * (static_cast<double>(whole.size()) - 1.0);
     return Noise{squares / freedom / frames_, freedom};
 }
 

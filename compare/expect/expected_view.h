@@ -1,20 +1,13 @@
-// What the camera under test should see, if its calibration were true: the marker rendered at a
-// pose, through the camera's sensor (transfer curve, black level, bit depth), so that a detector
-// is given the same kind of image as from the device.
+// What the camera under test should see if its calibration were true: the marker rendered at a
+// pose, through the camera's sensor (transfer curve, black level, bit depth).
 #pragma once
 
 #include <tbb/enumerable_thread_specific.h>
 
 #include <cstdint>
 #include <memory>
-#include <optional>
-#include <string>
-#include <vector>
 
-#include "calib/camera/projector.h"
 #include "compare/detect/detector.h"
-#include "core/geometry/rigid.h"
-#include "core/image/image.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 
@@ -28,6 +21,9 @@ struct ExpectedScene {
     double background = 1.0;   // radiance around the marker, whose white is 1
     double white_level = 1.0;  // of the marker's white in the photographs, 1 = full scale
 };
+
+// Whether the calibration states the sensor's noise.
+bool states_noise(const CameraModel& camera);
 
 // Whether the renderer takes the marker there: before a wide lens it has an end.
 bool is_rendered(const CellGrid& marker, const Rigid& camera_from_marker,
@@ -88,11 +84,9 @@ private:
 // Where a detector finds the marker in what the camera under test should see: what B3 compares the
 // photographs' corners with.
 //
-// Noise moves a detector's corners, and always the same way: the lines that AprilTag fits to the
-// demo's photographs lie 0.02 px apart from those of images without noise. More frames do not
-// average that out. So renders are given the noise that the calibration states, in several
-// exposures, and the corners' mean is taken. A calibration without noise gets one exposure without.
-
+// Noise moves a detector's corners systematically (AprilTag's lines in the demo by 0.02 px), and
+// more frames do not average that out. So renders are exposed several times with the noise that the
+// calibration states, and the corners' mean is taken; without stated noise once.
 class RenderedCorners {
 public:
     // Of a render for each frame of a photographed pose: noise adds a fifth to the variance of the
@@ -115,8 +109,8 @@ public:
     std::optional<Noise> noise_at(const Rigid& camera_from_marker) const;
 
     // In the order of Marker::points_mm; nothing when the whole marker is not detected in most of
-    // the exposures. A pure function of scene and pose, which are seen in parallel. Safe from every
-    // thread. Throws what Renderer::render throws.
+    // the exposures. A pure function of scene and pose. Exposures are detected in parallel; safe
+    // from every thread. Throws what Renderer::render throws.
     std::optional<std::vector<Eigen::Vector2d>> at(const Rigid& camera_from_marker) const;
 
 private:

@@ -1,26 +1,19 @@
-// Statistics of one detector's pose errors over a study of many poses whose truth is known: how
-// often it detects, how far off it is, and how often it takes the wrong one of a planar marker's
-// two poses.
+// Statistics of one detector's pose errors over many poses whose truth is known: how often it
+// detects, how far off it is, and how often it takes the wrong one of a planar marker's two poses.
 //
-// The six components are those of the published comparison of markers (FMAC): X, Y, Z, estimated
-// minus true translation in the camera frame, mm; roll, pitch and yaw, differences of the angles of
-// core/geometry/rigid.h, deg, in [-180, 180]. Its "accuracy" is the mean of their absolute
-// values. Two measures that belong to no frame stand beside them: the distance between the
-// estimated and the true origin, and the angle of the rotation between them.
-//
-// Nothing here renders or detects. For relative biases of photographs see
-// compare/pose/pose_bias.h.
+// Six measures are those of the published comparison of markers (FMAC): X, Y, Z, estimated minus
+// true translation in the camera frame, mm; roll, pitch and yaw, differences of the angles of
+// core/geometry/rigid.h, deg, in [-180, 180]. Its "accuracy" is the mean of their absolute values.
+// Two belong to no frame: distance between estimated and true origin, angle between the rotations.
 #pragma once
 
 #include <array>
-#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "compare/detect/detector.h"
-#include "core/geometry/rigid.h"
 #include "core/statistics/distributions.h"
 
 namespace etalon {
@@ -45,9 +38,11 @@ inline constexpr std::array<MeasureName, error_measure_count> error_measures{{{"
 using PoseComponents = std::array<double, pose_component_count>;
 PoseComponents pose_components(const Rigid& camera_from_marker);
 
+using ErrorRow = std::array<double, error_measure_count>;
+
 // What a detector made of one pose.
 struct DetectedError {
-    std::array<double, error_measure_count> measures{};
+    ErrorRow measures{};
     bool flip = false;
 };
 // Entry i belongs to pose i of the study; nothing where the marker was not detected. 80 bytes each.
@@ -71,14 +66,13 @@ struct Estimate {
 // Of one measure over the detected poses.
 //
 // Intervals of the mean, the deviation and the mean absolute error are percentiles of a bootstrap
-// (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13): nothing is assumed of
-// how errors scatter. Over 500 poses it draws random groups of poses instead of poses (Wolter,
-// Introduction to Variance Estimation, 2nd edition, chapter 2): all three are functions of sums, so
-// that groups show the same scatter, and a draw costs the same at any number of poses. 500 groups
-// tell the width of an interval to 3 %, as well as the 999 draws do. Medians are no functions of
-// sums: theirs are between two order statistics, exact whatever the distribution (David and
-// Nagaraja, Order Statistics, 3rd edition, section 7.1). All hold for another study with poses
-// drawn independently from the same volume; well-spread poses (Halton) make means better than that.
+// (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13). Over 500 poses it
+// draws random groups of poses (Wolter, Introduction to Variance Estimation, 2nd edition, chapter
+// 2): all three are functions of sums, so groups scatter alike, and a draw costs the same at any
+// number of poses. 500 groups tell the width of an interval to 3 %, as the 999 draws do. Intervals
+// of medians are between two order statistics, exact for any distribution (David and Nagaraja,
+// Order Statistics, 3rd edition, section 7.1). All hold for another study with poses drawn
+// independently from the same volume; well-spread poses (Halton) make means better than that.
 struct ErrorStatistics {
     Estimate mean;                               // the bias
     std::optional<Estimate> standard_deviation;  // nothing for a single value
@@ -146,15 +140,6 @@ std::vector<AxisBin> binned_statistics(const DetectorErrors& errors, std::span<c
 // The ranks (1-based) of the order statistics of n values between which the median lies with at
 // least 95 %: this one and n + 1 minus it. Nothing for fewer than 6 values.
 std::optional<std::size_t> median_interval_rank(std::size_t n);
-
-// Intervals of pose statistics: the bootstrap of means and deviations, and order statistics of
-// medians. The methods and their sources stand in compare/expect/pose_statistics.h, which this
-// serves.
-
-using ErrorRow = std::array<double, error_measure_count>;
-
-// Everything but the medians. `rows` must not be empty.
-MeasureStatistics moment_statistics(std::span<const ErrorRow> rows, std::uint64_t seed);
 
 // Reorders `values`, which must not be empty.
 Estimate median_estimate(std::span<double> values);

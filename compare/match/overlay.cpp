@@ -18,14 +18,6 @@ void require_same_size(const cv::Mat& image, int type, const cv::Mat& other, int
                         image.cols, image.rows, other.cols, other.rows));
 }
 
-// From white at 0 to pure red at +1 and pure cyan at -1, a little darkened so that both print.
-cv::Vec3b residual_colour(double share) {
-    const double strength = std::min(std::abs(share), 1.0);
-    const auto toward = [&](double end) { return code_value(255.0 + (end - 255.0) * strength); };
-    return share > 0 ? cv::Vec3b(toward(30), toward(25), toward(205))
-                     : cv::Vec3b(toward(170), toward(145), toward(0));
-}
-
 }  // namespace
 
 cv::Mat red_cyan_overlay(const cv::Mat& photo_gray, const cv::Mat& render_gray, const cv::Mat& mask,
@@ -56,15 +48,19 @@ cv::Mat residual_map(const cv::Mat& residual_gray, const cv::Mat& mask, double f
     require_same_size(residual_gray, CV_32FC1, mask, CV_8UC1);
     if (!(full_scale_gray > 0))
         throw NumericalError("the scale of a residual map must be positive");
+    // A little darkened so that both print.
+    const cv::Vec3d red(30, 25, 205), cyan(170, 145, 0);
     cv::Mat map(residual_gray.size(), CV_8UC3, cv::Scalar::all(228));
-    for (int y = 0; y < map.rows; ++y) {
-        const float* residual = residual_gray.ptr<float>(y);
-        const uchar* inside = mask.ptr<uchar>(y);
-        cv::Vec3b* out = map.ptr<cv::Vec3b>(y);
-        for (int x = 0; x < map.cols; ++x)
-            if (inside[x])
-                out[x] = residual_colour(residual[x] / full_scale_gray);
-    }
+    for (int y = 0; y < map.rows; ++y)
+        for (int x = 0; x < map.cols; ++x) {
+            if (!mask.at<uchar>(y, x))
+                continue;
+            const double share = residual_gray.at<float>(y, x) / full_scale_gray;
+            const cv::Vec3d& end = share > 0 ? red : cyan;
+            for (int c = 0; c < 3; ++c)
+                map.at<cv::Vec3b>(y, x)[c] =
+                    code_value(255.0 + (end[c] - 255.0) * std::min(std::abs(share), 1.0));
+        }
     return map;
 }
 

@@ -4,16 +4,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include <Eigen/QR>
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <optional>
-#include <vector>
 
-#include "calib/camera/projector.h"
 #include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/code_statistics.h"
-#include "compare/edges/edge_spread.h"
 #include "compare/match/residual_modes.h"
 #include "core/program/errors.h"
 #include "sim/marker/tag_pattern.h"
@@ -30,13 +23,11 @@ bool is_tag(const Marker& marker) {
 constexpr double saturation = 0.99 * 255.0;
 
 // Which pattern a photograph shows where a marker should be: the marker's own, its negative, the
-// marker turned or mirrored, another id of its family, or none. By the levels of its cells, which
-// blur, noise and a pose that is a third of a cell wrong leave as they are.
-//
-// A pattern is fitted to the cells' mean gray values beside smooth light (a surface of second
-// order); what it explains of the variance that smooth light leaves is its score, 1 for the right
-// pattern in an ideal photograph. A pattern of random cells explains 1/n of n cells on average, and
-// the best of 5000 in 64 cells about a quarter.
+// marker turned or mirrored, another id of its family, or none. Together with smooth light (a
+// surface of second order) a pattern is fitted to the cells' mean gray values; the part of the
+// variance without smooth light that it explains is its score, 1 for the right pattern in an ideal
+// photograph. A pattern of random cells explains 1/n of n cells on average, the best of 5000 in 64
+// cells about a quarter.
 
 struct PatternScore {
     double explained = 0.0;      // 0 .. 1
@@ -71,6 +62,7 @@ bool is_white(const CellGrid& grid, const CellSample& sample) {
     return grid.cells.at<float>(sample.row, sample.column) > 0.5f;
 }
 
+// Bilinear; the pixel is inside the image.
 double interpolated(const cv::Mat& gray, const Eigen::Vector2d& pixel) {
     const int x = std::min(static_cast<int>(pixel.x()), gray.cols - 2);
     const int y = std::min(static_cast<int>(pixel.y()), gray.rows - 2);
@@ -91,14 +83,7 @@ std::optional<Eigen::Vector2d> pixel_of(const Projector& projector, const Rigid&
     return pixel;
 }
 
-bool is_compared(const CellGrid& grid, const ComparedArea& area, int row, int column) {
-    const Eigen::Vector2d middle = grid.point_mm(column + 0.5, row + 0.5).head<2>();
-    return (middle.array() > area.low_mm.array()).all() &&
-           (middle.array() < area.high_mm.array()).all();
-}
-
-// Nine places in the middle half of a cell; nothing where one of them is not in the image. Adds to
-// the sums of `shown`.
+// Nine places in the middle half of a cell, all in the image. Adds to the sums of `shown`.
 std::optional<CellSample> sample_cell(const cv::Mat& gray, const Projector& projector,
                                       const CellGrid& grid, const Rigid& pose, int row, int column,
                                       ShownPattern& shown) {
@@ -133,7 +118,8 @@ std::vector<CellSample> sample_cells(const cv::Mat& gray, const Projector& proje
     int places = 0;
     for (int row = 0; row < grid.rows(); row += step)
         for (int column = 0; column < grid.columns(); column += step) {
-            if (!is_compared(grid, area, row, column))
+            const Eigen::Array2d middle = grid.point_mm(column + 0.5, row + 0.5).head<2>();
+            if (!((middle > area.low_mm.array()).all() && (middle < area.high_mm.array()).all()))
                 continue;
             ++places;
             if (const auto cell = sample_cell(gray, projector, grid, pose, row, column, shown))
@@ -251,8 +237,7 @@ void try_other_ids(const Scorer& scorer, const Marker& marker, ShownPattern& sho
     }
 }
 
-// Ids are searched, in families of up to 5000,
-// only where the marker itself in any position explains little.
+// Ids are searched, in families of up to 5000, where the marker in any position explains little.
 ShownPattern shown_pattern(const cv::Mat& photo_gray, const Projector& projector,
                            const Marker& marker, const ComparedArea& area,
                            const Rigid& camera_from_marker) {
@@ -307,12 +292,6 @@ cv::Mat change_per_px(const cv::Mat& gray) {
     return cv::abs(by_x) + cv::abs(by_y);
 }
 
-// Where the prediction changes by less than 5 % of the contrast per px: not beside an edge, where a
-// displacement of a px leaves a residual as large as a cover's.
-cv::Mat flat_places(const cv::Mat& predicted, const cv::Mat& contrast) {
-    return change_per_px(predicted) < 0.05 * contrast;
-}
-
 // Means over windows, of the used pixels among them; 0 where fewer than a sixth are used. The
 // values are averaged over `step` x `step` px first, and the windows stand that far apart.
 cv::Mat window_means(const cv::Mat& values, const cv::Mat& used, int side, int step) {
@@ -330,8 +309,7 @@ cv::Mat window_means(const cv::Mat& values, const cv::Mat& used, int side, int s
     return means;
 }
 
-// Where a photograph differs from its rendering by a good part of the contrast over more than an
-// edge's width: something covers the marker, or shines on it.
+// Something covers the marker, or shines on it: a good part of the contrast over a wide place.
 struct CoveredAreas {
     double largest = 0.0;       // of all windows, in parts of the contrast
     double share = 0.0;         // of the compared pixels that lie in windows above the limit
@@ -339,9 +317,9 @@ struct CoveredAreas {
     cv::Mat pixels;             // CV_8UC1, 255: in such a window, or within a pixel of it
 };
 
-// The residual is averaged over square windows of this side beside the edges: a displaced or
-// blurred edge is another fault. Cells of 4 px and less have no such places. `limit` in parts of
-// the contrast (white minus black of the photometric model at the place).
+// The residual is averaged over square windows of this side away from edges. Cells of 4 px and less
+// have no such places. `limit` in parts of the contrast (white minus black of the photometric
+// model).
 CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, double window_px,
                            double limit) {
     constexpr int enough_steps = 12;  // in a window
@@ -349,9 +327,9 @@ CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, doubl
     const int step = std::max(1, side / enough_steps);
     const cv::Mat used = fit.use != pixel_outside;
     const Levels levels(fit.state.photometry, used.size());
-    const cv::Mat means =
-        window_means(fit.residual / levels.contrast,
-                     used & flat_places(fit.predicted, levels.contrast), side, step);
+    // Not near an edge, where a displacement of a px leaves a residual as large as a cover's.
+    const cv::Mat flat = change_per_px(fit.predicted) < 0.05 * levels.contrast;
+    const cv::Mat means = window_means(fit.residual / levels.contrast, used & flat, side, step);
     const cv::Mat size = cv::abs(means);
 
     CoveredAreas areas;
@@ -372,20 +350,14 @@ CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, doubl
     return areas;
 }
 
-// What strong JPEG compression leaves: steps between blocks of 8 x 8 px where the marker is flat.
-// Only for whole photographs: a cut or scaled one has its blocks elsewhere.
+// RMS difference of neighbouring pixels' residuals, gray, across the borders of JPEG's blocks of
+// 8 x 8 px and inside them; 0 without flat pairs: of the compared pixels whose prediction changes
+// by less than 1 % of `contrast_gray` per px. Only for whole photographs: a cut or scaled one has
+// its blocks elsewhere.
 struct BlockSteps {
-    // RMS difference of neighbouring pixels' residuals, gray: across the borders of blocks and
-    // inside them. 0 where there are no flat pairs.
     double across_gray = 0.0, inside_gray = 0.0;
-
-    // What the borders add.
-    double excess_gray() const {
-        return std::sqrt(std::max(across_gray * across_gray - inside_gray * inside_gray, 0.0));
-    }
 };
 
-// Of the compared pixels whose prediction changes by less than 1 % of `contrast_gray` per px.
 BlockSteps block_steps(const PhotoFit& fit, double contrast_gray) {
     constexpr int block_px = 8;
     const cv::Mat flat =
@@ -451,13 +423,11 @@ Finding saturated(double clipped) {
 }
 
 std::string position_in_words(const ShownPattern& shown) {
-    const std::string turned =
-        shown.quarter_turns == 0
-            ? ""
-            : fmt::format("turned by {} degrees clockwise", 90 * shown.quarter_turns);
-    if (!shown.mirrored)
-        return turned;
-    return turned.empty() ? "mirrored" : "mirrored, then " + turned;
+    const std::string mirrored = shown.mirrored ? "mirrored" : "";
+    if (shown.quarter_turns == 0)
+        return mirrored;
+    return fmt::format("{}{}turned by {} degrees clockwise", mirrored,
+                       shown.mirrored ? ", then " : "", 90 * shown.quarter_turns);
 }
 
 Finding other_pattern(const Marker& marker, const ShownPattern& shown) {
@@ -515,7 +485,7 @@ Findings pattern_findings(const Marker& marker, const ShownPattern& shown) {
     return {};
 }
 
-// Sigma of the whole blur beside the pixel: what was fitted, and what the camera's file says.
+// Sigma of the whole blur without the pixel: what was fitted, and what the camera's file says.
 double blur_sigma_px(const CameraModel& camera, const PhotoState& state) {
     double variance = state.photometry.psf_sigma_px * state.photometry.psf_sigma_px;
     if (camera.lens) {
@@ -597,12 +567,6 @@ Finding of_mode(const ModeFit& fit, const PhotometricModel& photometry) {
     return {};
 }
 
-// Which of the significant modes are large enough to be called a fault.
-bool is_large(const Finding& finding) {
-    return finding.name == "blur_differs" ? std::abs(finding.value) > finding.limit
-                                          : finding.value > finding.limit;
-}
-
 // Rows that are displaced and a wrong calibration may look nearly the same: then both are named.
 void name_the_rival(const ResidualModes& modes, const ModeFit& fit, Finding& finding) {
     constexpr double nearly = 0.8;
@@ -618,18 +582,17 @@ void name_the_rival(const ResidualModes& modes, const ModeFit& fit, Finding& fin
                         rows ? "a wrong calibration" : "a rolling shutter", 100.0 * other / own);
 }
 
-// Measured on the edges' mean profile, as `etalon characterise` does. Nothing where the marker's
-// cells are too small to have one.
+// On the edges' mean profile. Nothing where the marker's cells are too small to have one.
 Findings sharpening_findings(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
                              const PhotometricCamera& camera, const PhotoState& state) {
     constexpr std::size_t enough_edges = 40;
     auto sharpening = attempted([&] {
-        const TargetEdges seen =
-            target_edges(linear_photo(photo, camera.model()), camera.projector(), marker,
+        const std::vector<StraightEdge> seen =
+            target_edges(linear_photo(photo, camera.model()), camera.projector(), marker.grid,
                          state.camera_from_marker, area, {.with_clipped = true});
         std::vector<StraightEdge> some;  // all over the marker
-        for (std::size_t i = 0; i < seen.edges.size(); i += seen.edges.size() / enough_edges + 1)
-            some.push_back(seen.edges[i]);
+        for (std::size_t i = 0; i < seen.size(); i += seen.size() / enough_edges + 1)
+            some.push_back(seen[i]);
         return measure_sharpening(some, camera.model());
     });
     if (!sharpening || !sharpening->is_detected)
@@ -645,7 +608,9 @@ Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photo
     Findings findings;
     const auto add = [&](const ModeFit& fit) {
         Finding finding = of_mode(fit, photometry);
-        if (finding.name.empty() || !is_large(finding))
+        const bool is_signed = fit.mode == ResidualMode::blur;
+        if (finding.name.empty() ||
+            !((is_signed ? std::abs(finding.value) : finding.value) > finding.limit))
             return;
         name_the_rival(modes, fit, finding);
         findings.push_back(finding);
@@ -655,7 +620,7 @@ Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photo
         add(fit);
         smear_seen = smear_seen || fit.mode == ResidualMode::blur_along;
     }
-    // What the fit took up of a smear leaves nothing significant behind.
+    // A smear that the fit has taken up leaves nothing significant.
     if (!smear_seen && photometry.psf_anisotropy_px2 != 0.0)
         add(modes.fit(ResidualMode::blur_along, {}));
     return findings;
@@ -663,7 +628,8 @@ Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photo
 
 Findings compression_findings(const BlockSteps& steps) {
     constexpr double clearly = 1.25;  // above what noise alone makes of the ratio
-    const double excess = steps.excess_gray();
+    const double excess = std::sqrt(std::max(
+        steps.across_gray * steps.across_gray - steps.inside_gray * steps.inside_gray, 0.0));
     if (excess <= max_block_step_gray || steps.across_gray < clearly * steps.inside_gray)
         return {};
     return {fault("compressed", excess, max_block_step_gray, "gray",
@@ -672,7 +638,7 @@ Findings compression_findings(const BlockSteps& steps) {
                               excess))};
 }
 
-// The net under the named tests: a residual that none of them explains.
+// A residual that none of the named tests explains.
 Findings rest_findings(const PhotometricCamera& camera, const PhotoMatch& match,
                        double contrast_gray) {
     if (camera.knows_noise() && match.pose.noise_scale > max_rest_over_noise)
@@ -692,8 +658,7 @@ Findings rest_findings(const PhotometricCamera& camera, const PhotoMatch& match,
 }  // namespace
 
 bool is_refused(const Findings& findings) {
-    return std::any_of(findings.begin(), findings.end(),
-                       [](const Finding& finding) { return finding.is_not_assessable; });
+    return std::ranges::any_of(findings, &Finding::is_not_assessable);
 }
 
 Findings examine_marker(const CodeImage& photo, const Marker& marker, const ComparedArea& area,

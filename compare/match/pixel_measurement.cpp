@@ -1,13 +1,10 @@
 #include "compare/match/pixel_measurement.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/projector.h"
-#include "core/optimize/least_squares.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 
@@ -34,15 +31,8 @@ cv::Mat by_blur(const cv::Mat& radiance) {
     return by_x + by_y;
 }
 
-// Every edge moved into the light.
-cv::Mat by_growth(const RenderedGradient& rendered) {
-    cv::Mat steepness;
-    cv::magnitude(rendered.by_x, rendered.by_y, steepness);
-    return -steepness;
-}
-
-// Levels (and the width of a blur that no file tells) at a pose and tone that are held, by Gauss
-// and Newton's method; residuals beyond three times `noise_scale` are held back.
+// Levels (and the width of a blur that no file tells) at a fixed pose and tone, by Gauss and
+// Newton's method; residuals beyond three times `noise_scale` are limited.
 PhotoState with_fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                               const RenderedGradient& rendered, const ImageMotion& motion,
                               PhotoState state, double noise_scale) {
@@ -83,8 +73,8 @@ Eigen::MatrixXd scaled_solution(const Eigen::MatrixXd& information, const Eigen:
     return scale.asDiagonal() * solver.solve(Eigen::MatrixXd(scale.asDiagonal() * right));
 }
 
-// The deviations' part of normal equations in which all others are solved. Those that are renders'
-// changes come first, the tone last but one, the noise last.
+// The deviations' part of normal equations in which all others are solved. Order: renders' changes
+// first, the tone last but one, the noise last.
 void reduce(const PhotoEquations& equations, const std::array<bool, deviation::count>& asked,
             PhotoEvidence& pixels) {
     std::vector<Eigen::Index> wanted;
@@ -116,21 +106,17 @@ void reduce(const PhotoEquations& equations, const std::array<bool, deviation::c
     pixels.information(as, as) = information.topLeftCorner(n, n);
 }
 
-// Standard deviation of rounding to the camera's code values, gray.
-double rounding_gray(const Sensor& sensor) {
-    return 255.0 / ((1 << sensor.bits) - 1) / std::sqrt(12.0);
-}
-
-// Residuals over the noise that is stated for them, in all places, and in flat ones for the noise
-// itself. Where rounding is a large part of the noise a photograph says little of it: such pixels
-// are left out.
+// Residuals over their stated noise, in all places, and in flat ones for the noise itself. Pixels
+// of whose noise rounding is a large part are left out.
 void add_noise(const PhotoOfMarker& photo, const PhotometricCamera& camera, const PhotoState& state,
                const RenderedGradient& rendered, const cv::Rect& region, PhotoEvidence& pixels) {
     constexpr double least_roundings = 2.0, limit = 10.0, flat_part = 0.1;
     constexpr int enough = 50;
     const LightCurve curve = camera.curve(state.photometry);
-    const double least_noise =
-        camera.knows_noise() ? least_roundings * rounding_gray(*camera.model().sensor) : 0.0;
+    double least_noise = 0.0;
+    if (camera.knows_noise())
+        least_noise =
+            least_roundings * (255.0 / ((1 << camera.model().sensor->bits) - 1) / std::sqrt(12.0));
     const cv::Mat seen = blurred(rendered.radiance, state.photometry.psf_sigma_px);
     double noise_squares = 0.0, flat_squares = 0.0;
     int flats = 0;
@@ -166,7 +152,7 @@ void add_noise(const PhotoOfMarker& photo, const PhotometricCamera& camera, cons
 
 // Mean of a ring beside the printed area, clear of what is blurred into it, of what lies about its
 // median; nothing where it is not in the image.
-std::optional<double> gray_beside(const cv::Mat& gray, const cv::Mat& printed, double blur_px) {
+std::optional<double> ring_mean(const cv::Mat& gray, const cv::Mat& printed, double blur_px) {
     constexpr int width = 8, enough = 100;
     constexpr double about_gray = 10.0;
     const double clear = 3.0 * blur_px + 2.0;
@@ -190,13 +176,10 @@ void add_background(const PhotoOfMarker& photo, const PhotometricCamera& camera,
     constexpr int reach = 40;
     const cv::Mat printed =
         pixel_uses(camera.projector(), state.camera_from_marker, whole) != pixel_outside;
-    cv::Rect region = cv::boundingRect(printed);
-    region -= cv::Point(reach, reach);
-    region += cv::Size(2 * reach, 2 * reach);
-    region &= cv::Rect({0, 0}, printed.size());
+    const cv::Rect region = padded(cv::boundingRect(printed), reach, printed.size());
     const double blur_px =
         std::min(blur_sigma_px(camera.model(), state.camera_from_marker.translation.z()), 9.0);
-    const auto seen = gray_beside(photo.gray(region), printed(region), blur_px);
+    const auto seen = ring_mean(photo.gray(region), printed(region), blur_px);
     if (!seen)
         return;
     const cv::Point middle = (region.tl() + region.br()) / 2;
@@ -264,7 +247,9 @@ std::vector<cv::Mat> DeviatingCamera::changes(const PhotoOfMarker& photo,
                       steps_[deviation::inverse_focus]);
     if (asked_[deviation::blur])
         all.push_back(by_blur(rendered.radiance));
-    all.push_back(by_growth(rendered));
+    cv::Mat steepness;
+    cv::magnitude(rendered.by_x, rendered.by_y, steepness);
+    all.push_back(-steepness);  // every edge moved into the light
     return all;
 }
 
@@ -272,7 +257,7 @@ PhotoEvidence DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
                                        const Rigid& camera_from_marker,
                                        const std::optional<ComparedArea>& whole,
                                        std::optional<double> noise_scale) const {
-    constexpr double none_held_back = 1e3;
+    constexpr double no_limit = 1e3;
     const PhotoOfMarker photo = with_few_flats(all_of_it, camera_, camera_from_marker);
     const ImageMotion motion(camera_.projector(), camera_from_marker, {},
                              fitted_region(photo, camera_));
@@ -285,11 +270,11 @@ PhotoEvidence DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
         state.photometry.psf_sigma_px = std::sqrt(std::max(deviating_[deviation::blur], 0.0));
     state.photometry.tone = deviating_[deviation::tone];
     PhotoEvidence pixels;
-    state = with_fitted_levels(photo, camera_, rendered, motion, state, none_held_back);
+    state = with_fitted_levels(photo, camera_, rendered, motion, state, no_limit);
     pixels.residual_scale =
-        std::max(1.0, 1.4826 * none_held_back *
+        std::max(1.0, 1.4826 * no_limit *
                           photo_equations(photo, camera_, state, detector_terms(camera_.model()),
-                                          rendered, motion, none_held_back)
+                                          rendered, motion, no_limit)
                               .median_size);
     state = with_fitted_levels(photo, camera_, rendered, motion, state, pixels.residual_scale);
     const std::vector<cv::Mat> by_deviations =
@@ -316,7 +301,7 @@ namespace {
 struct DeviationPlace {
     PixelDeviation at;
     std::vector<PhotoEvidence> photos;
-    PixelInformation information = known_beforehand();
+    PixelInformation information = deviation_prior();
     PixelDeviation score;
     double sum;
 
@@ -339,6 +324,7 @@ struct DeviationStep {
     double predicted_gain = 0.0;
 };
 
+// By deviation: whether it is fitted.
 using Free = std::array<bool, deviation::count>;
 
 DeviationStep newton_step(const DeviationPlace& place, double damping, const Free& free) {
@@ -378,13 +364,10 @@ PixelDeviation limited(PixelDeviation deviating, const CameraModel& calibration)
 
 // Whether first order is enough from one place to another.
 bool is_near(const PixelDeviation& step, const CameraModel& calibration) {
-    constexpr double near_f_number = 0.03, near_blur = 0.03, near_tone = 0.03, near_growth = 0.05;
-    const double near_focus = has_aperture(calibration) ? focus_step(calibration) : 1.0;
-    return std::abs(step[deviation::f_number]) < near_f_number &&
-           std::abs(step[deviation::inverse_focus]) < near_focus &&
-           std::abs(step[deviation::blur]) < near_blur &&
-           std::abs(step[deviation::tone]) < near_tone &&
-           std::abs(step[deviation::growth]) < near_growth;
+    PixelDeviation near = PixelDeviation::Constant(0.03);  // of f-number, blur and tone
+    near[deviation::growth] = 0.05;
+    near[deviation::inverse_focus] = has_aperture(calibration) ? focus_step(calibration) : 1.0;
+    return (step.array().abs() < near.array()).all();
 }
 
 // Some photographs from all depths.

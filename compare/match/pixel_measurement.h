@@ -1,11 +1,12 @@
-// Measures how photographs deviate from their renders beside the pose: by the lens' f-number and
-// focus distance, a blur besides, tone, width of dark parts, noise, levels and background.
+// Measures how photographs deviate from their renders at the photometric pose: by the lens'
+// f-number and focus distance, a further blur, tone, width of dark parts, noise, levels and
+// background.
 //
-// At the photometric pose a photograph is linearised by its deviations, pose and levels together
-// (compare/photometric/photometric_equations.h); what f-number and focus distance do comes from
-// renders with a little more of them, so that diffraction is in it. One photograph can hardly tell
-// focus from f-number, all depths of a run can: their equations add up. Where they ask for more
-// than a small change, the renders are made anew with it until nothing more is asked for.
+// A photograph is linearised by its deviations, pose and levels together
+// (compare/photometric/photometric_equations.h); by f-number and focus distance from renders with a
+// little more of them, diffraction included. One photograph can hardly tell focus from f-number,
+// all depths of a run can: their equations add up. Where they ask for more than a small change, the
+// renders are repeated with it until nothing more is asked for.
 #pragma once
 
 #include <functional>
@@ -25,15 +26,15 @@ public:
     explicit DeviatingCamera(const CameraModel& calibration,
                              const PixelDeviation& deviating = PixelDeviation::Zero());
 
-    // Deviations that can be asked for: of the lens where the camera has a lens section, of the
-    // tone where it has a sensor section, and growth.
+    // Deviations that can be asked for: of the lens with a lens section, of the tone with a sensor
+    // section, and growth.
     static std::array<bool, deviation::count> asked_of(const CameraModel& calibration);
 
     const PixelDeviation& deviating() const { return deviating_; }
 
     // `photo` as PhotometricDetector::photo_at() gives it at this pose; `whole` is the marker's
-    // whole printed area, nothing where what lies beside it is not known. Residuals beyond three
-    // times `noise_scale` are held back; nothing: the scale that they show. Throws NumericalError
+    // whole printed area, nothing where its surroundings are not known. Residuals beyond three
+    // times `noise_scale` (nothing: the scale that they show) are limited. Throws NumericalError
     // where the pixels determine nothing. Some 30 ms of CPU time for a tag of 5000 px.
     PhotoEvidence measure(const PhotoOfMarker& photo, const Rigid& camera_from_marker,
                           const std::optional<ComparedArea>& whole,

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <cmath>
 #include <numeric>
@@ -30,11 +29,6 @@ cv::Mat filtered(const cv::Mat& image, const cv::Mat& kernel) {
     cv::Mat result;
     cv::filter2D(image, result, -1, kernel, {-1, -1}, 0, cv::BORDER_REPLICATE);
     return result;
-}
-
-const CalibrationModel& calibration_modes() {
-    static const CalibrationModel model{"", {"fx", "fy", "cx", "cy", "k1", "k2"}};
-    return model;
 }
 
 std::vector<int> range(int first, int count) {
@@ -68,16 +62,6 @@ void require_alike(const PhotoFit& fit, const cv::Mat& counted, const cv::Size& 
             fit.predicted.rows, noise_scale));
 }
 
-// Against the covariance that the blocks' scatter tells; the formal one where they are too few.
-double robust_chi_square(const Eigen::VectorXd& values, const Eigen::MatrixXd& inverse,
-                         const Eigen::MatrixXd& scatter, double blocks, double parameters,
-                         double formal) {
-    if (blocks <= parameters + 10.0)
-        return formal;
-    const Eigen::MatrixXd covariance = inverse * scatter * inverse * blocks / (blocks - parameters);
-    return values.dot(pseudo_inverse(covariance, min_eigenvalue * covariance.trace()) * values);
-}
-
 }  // namespace
 
 // All that a row is made of, within `region`: the prediction in gray and how it would change.
@@ -90,11 +74,9 @@ struct ResidualModes::Images {
     cv::Mat detail;               // sharpened
 
     Images(const cv::Mat& predicted, const cv::Mat& counted)
-        : size(predicted.size()), box(cv::boundingRect(counted)), region(box) {
+        : size(predicted.size()), box(cv::boundingRect(counted)) {
         constexpr int room = 8;  // what the Gaussian of the detail reaches
-        region -= cv::Point(room, room);
-        region += cv::Size(2 * room, 2 * room);
-        region &= cv::Rect({0, 0}, predicted.size());
+        region = padded(box, room, size);
         image = predicted(region);
         const cv::Matx<double, 1, 5> slope(1.0 / 12, -8.0 / 12, 0, 8.0 / 12, -1.0 / 12);
         by_x = filtered(image, cv::Mat(slope));
@@ -111,8 +93,7 @@ struct ResidualModes::Images {
 
     Eigen::RowVector2d gradient(int x, int y) const { return {at(by_x, x, y), at(by_y, x, y)}; }
 
-    // How a pixel's gray changes with each column's parameter; `moves` by the calibration's six and
-    // the pose's.
+    // `moves` by the calibration's six and the pose's.
     void fill_row(int x, int y, const PhotometricModel& model, const CameraModel& camera,
                   const Eigen::RowVectorXd& moves, Eigen::VectorXd& row) const {
         const Vector6d terms = level_terms(x, y, size);
@@ -148,8 +129,8 @@ ResidualModes::ResidualModes(const PhotoFit& fit, const cv::Mat& counted,
     require_alike(fit, counted, {camera.model().width, camera.model().height}, noise_scale);
     const Images images(fit.predicted, counted);
     const cv::Rect& box = images.box;
-    const ImageMotion motion(camera.projector(), camera_from_marker, calibration_modes(),
-                             images.region);
+    const ImageMotion motion(camera.projector(), camera_from_marker,
+                             {"", {"fx", "fy", "cx", "cy", "k1", "k2"}}, images.region);
     Eigen::Matrix2Xd moved(2, motion.columns());
     Eigen::VectorXd row(column_count);
     information_ = Eigen::MatrixXd::Zero(column_count, column_count);
@@ -261,7 +242,13 @@ ModeFit ResidualModes::fit(ResidualMode mode, const std::vector<ResidualMode>& k
     const double blocks = static_cast<double>(blocks_.size());
     const double parameters = static_cast<double>(own.size() + others.size());
     const double formal = variance > 0 ? explained / variance : 0.0;
-    const double robust = robust_chi_square(values, inverse, scatter, blocks, parameters, formal);
+    double robust = formal;
+    if (blocks > parameters + 10.0) {
+        const Eigen::MatrixXd covariance =
+            inverse * scatter * inverse * blocks / (blocks - parameters);
+        robust =
+            values.dot(pseudo_inverse(covariance, min_eigenvalue * covariance.trace()) * values);
+    }
     result.values = scale(own).cwiseProduct(values);
     result.freedom = static_cast<int>(own.size());
     result.chi_square = std::min(formal, robust);
@@ -277,7 +264,7 @@ std::vector<ModeFit> ResidualModes::significant() const {
         ModeFit best;
         for (int i = 0; i < residual_mode_count; ++i) {
             const auto mode = static_cast<ResidualMode>(i);
-            if (std::find(known.begin(), known.end(), mode) != known.end())
+            if (std::ranges::count(known, mode) > 0)
                 continue;
             const ModeFit one = fit(mode, known);
             if (one.is_significant() && one.size_px > best.size_px)

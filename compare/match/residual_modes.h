@@ -1,13 +1,12 @@
 // What is left between a photograph and its rendering at the best pose, taken apart into named
 // modes: Rao's score test of groups of parameters that the fit did not have.
 //
-// A mode is how all pixels would change together: rows displaced against each other, a wrong
-// intrinsic, blur along one direction, sharpening. Next to the modes the regression has everything
-// that the fit did have (levels, tone, blur, pose): a mode counts only as far as those cannot
-// imitate it. The chi-square of a group is the smaller of two: the formal one, which takes pixels
-// as independent, and that of a sandwich covariance over blocks of 8 x 8 px, which JPEG's are
-// (White, Econometrica 48, 1980). Of a photograph with more than 500 000 pixels so many of its
-// blocks are looked at. Pixels beyond 3 deviations are held back as in the fit (Huber).
+// A mode is how all pixels would change together. The regression also has everything that the fit
+// had (levels, tone, blur, pose): a mode counts only as far as those cannot imitate it. The
+// chi-square of a group is the smaller of two: the formal one, which takes pixels as independent,
+// and that of a sandwich covariance over blocks of 8 x 8 px, which JPEG's are (White, Econometrica
+// 48, 1980). Of a photograph with more than 500 000 pixels so many of its blocks are looked at.
+// Pixels beyond 3 deviations are limited as in the fit (Huber).
 #pragma once
 
 #include <Eigen/Core>
@@ -50,10 +49,10 @@ public:
     ResidualModes(const PhotoFit& fit, const cv::Mat& counted, const PhotometricCamera& camera,
                   const Rigid& camera_from_marker, double noise_scale);
 
-    // A mode beside what the fit had and the modes in `known`.
+    // A mode in addition to what the fit had and the modes in `known`.
     ModeFit fit(ResidualMode mode, const std::vector<ResidualMode>& known) const;
 
-    // The modes that stand out, the largest first, each found beside those before it.
+    // The modes that stand out, the largest first, each in addition to those before it.
     std::vector<ModeFit> significant() const;
 
 private:

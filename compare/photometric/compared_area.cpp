@@ -2,57 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <limits>
 
 #include "core/program/errors.h"
 #include "sim/marker/topotag_pattern.h"
 
 namespace etalon {
 namespace {
-
-ComparedArea chessboard_area(const Marker& board, const ScoreMargin& margin,
-                             const std::string& place) {
-    // More than -0.5 leaves a rectangle on every board of 2 x 2 corners or more.
-    const auto allowed = [](double squares) { return squares > -0.5 && squares <= 1.0; };
-    if (!allowed(margin.x) || !allowed(margin.y))
-        throw ConfigError({place}, fmt::format("a score margin must be over -0.5 and at most 1 "
-                                               "square, got {},{}",
-                                               margin.x, margin.y));
-    const double square = board.size_mm;
-    const Eigen::Vector2d outside(margin.x * square, margin.y * square);
-    const Eigen::Vector2d last((board.columns - 1) * square, (board.rows - 1) * square);
-    return {-outside, last + outside, {square, square}, {0.0, 0.0}};
-}
-
-// The pixels to try. The image of the rectangle is bounded by the image of its outline: the
-// projection is one-to-one where it is valid. All when a part of the outline cannot be seen.
-cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
-                          const ComparedArea& area) {
-    constexpr int steps_per_side = 64;
-    constexpr double room = 3.0;  // px, for what the outline does between two steps
-    const cv::Size size(projector.camera().width, projector.camera().height);
-    Eigen::AlignedBox2d box;
-    for (int i = 0; i <= steps_per_side; ++i) {
-        const double s = static_cast<double>(i) / steps_per_side;
-        for (const Eigen::Vector2d& at : {Eigen::Vector2d(s, 0), Eigen::Vector2d(s, 1),
-                                          Eigen::Vector2d(0, s), Eigen::Vector2d(1, s)}) {
-            const Eigen::Vector2d point =
-                area.low_mm + (area.high_mm - area.low_mm).cwiseProduct(at);
-            const auto pixel =
-                projector.project(camera_from_marker * Eigen::Vector3d(point.x(), point.y(), 0.0));
-            if (!pixel)
-                return {cv::Point(), size};
-            box.extend(*pixel);
-        }
-    }
-    const Eigen::Array2d none = Eigen::Array2d::Zero(), all(size.width, size.height);
-    const Eigen::Array2i
-        low = (box.min().array() - room).floor().max(none).min(all).cast<int>(),
-        high = ((box.max().array() + room).ceil() + 1.0).max(none).min(all).cast<int>();
-    return {low.x(), low.y(), high.x() - low.x(), high.y() - low.y()};
-}
 
 PixelUse use_of(const Eigen::Vector2d& point_mm, const ComparedArea& area) {
     const bool inside = (point_mm.array() >= area.low_mm.array()).all() &&
@@ -70,13 +26,22 @@ PixelUse use_of(const Eigen::Vector2d& point_mm, const ComparedArea& area) {
 
 ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
                            const std::string& place) {
-    if (marker.kind == Marker::Kind::chessboard)
-        return chessboard_area(marker, margin, place);
+    if (marker.kind == Marker::Kind::chessboard) {
+        // More than -0.5 leaves a rectangle on every board of 2 x 2 corners or more.
+        const auto allowed = [](double squares) { return squares > -0.5 && squares <= 1.0; };
+        if (!allowed(margin.x) || !allowed(margin.y))
+            throw ConfigError({place}, fmt::format("a score margin must be over -0.5 and at most 1 "
+                                                   "square, got {},{}",
+                                                   margin.x, margin.y));
+        const double square = marker.size_mm;
+        const Eigen::Vector2d outside(margin.x * square, margin.y * square);
+        const Eigen::Vector2d last((marker.columns - 1) * square, (marker.rows - 1) * square);
+        return {-outside, last + outside, {square, square}, {0.0, 0.0}};
+    }
     const CellGrid& grid = marker.grid;
     const Eigen::Vector2d size =
         grid.cell_mm.cwiseProduct(Eigen::Vector2d(grid.columns(), grid.rows()));
-    // Boards and round TopoTags are drawn with cells far smaller than what is on them: blocks of a
-    // square, or of the tag's own cells.
+    // Boards and round TopoTags have cells far smaller than what is on them.
     Eigen::Vector2d cell = grid.cell_mm;
     if (marker.columns > 0)
         cell.setConstant(marker.size_mm / 2.0);
@@ -88,8 +53,7 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
 PlaneSight::PlaneSight(const Projector& projector, const Rigid& camera_from_marker,
                        const cv::Rect& region)
     : projector_(&projector), region_(region), nodes_(cv::Size(0, 0), CV_64FC3) {
-    // [r1 r2 t] takes (X, Y, 1) on the marker to the ray times its depth; the inverse takes a ray
-    // to (X, Y, 1) / depth.
+    // [r1 r2 t] takes (X, Y, 1) to the ray times its depth.
     Eigen::Matrix3d ray_from_plane = camera_from_marker.rotation.toRotationMatrix();
     ray_from_plane.col(2) = camera_from_marker.translation;
     const double volume = ray_from_plane.determinant();
@@ -131,6 +95,39 @@ std::optional<Eigen::Vector3d> PlaneSight::at(int x, int y) const {
     if (!(met.z() > 0))
         return std::nullopt;
     return Eigen::Vector3d(met.x() / met.z(), met.y() / met.z(), 1.0 / met.z());
+}
+
+cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
+                          const ComparedArea& area) {
+    // The projection is one-to-one where it is valid: the outline bounds the image.
+    constexpr int steps_per_side = 64;
+    constexpr double room = 3.0;  // px, for what the outline does between two steps
+    const cv::Size size(projector.camera().width, projector.camera().height);
+    Eigen::AlignedBox2d box;
+    for (int i = 0; i <= steps_per_side; ++i) {
+        const double s = static_cast<double>(i) / steps_per_side;
+        for (const Eigen::Vector2d& at : {Eigen::Vector2d(s, 0), Eigen::Vector2d(s, 1),
+                                          Eigen::Vector2d(0, s), Eigen::Vector2d(1, s)}) {
+            const Eigen::Vector2d point =
+                area.low_mm + (area.high_mm - area.low_mm).cwiseProduct(at);
+            const auto pixel =
+                projector.project(camera_from_marker * Eigen::Vector3d(point.x(), point.y(), 0.0));
+            if (!pixel)
+                return {cv::Point(), size};
+            box.extend(*pixel);
+        }
+    }
+    const Eigen::Array2d none = Eigen::Array2d::Zero(), all(size.width, size.height);
+    const Eigen::Array2i
+        low = (box.min().array() - room).floor().max(none).min(all).cast<int>(),
+        high = ((box.max().array() + room).ceil() + 1.0).max(none).min(all).cast<int>();
+    return {low.x(), low.y(), high.x() - low.x(), high.y() - low.y()};
+}
+
+cv::Rect padded(const cv::Rect& box, int room_px, const cv::Size& image) {
+    return cv::Rect(box.tl() - cv::Point(room_px, room_px),
+                    box.br() + cv::Point(room_px, room_px)) &
+           cv::Rect({0, 0}, image);
 }
 
 cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,

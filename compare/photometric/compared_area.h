@@ -12,8 +12,8 @@
 
 namespace etalon {
 
-// How far outside the inner corners a chessboard is compared, in squares. The outermost squares of
-// real prints are often cut: the default keeps clear of that in x (long prints are cut there).
+// How far outside the inner corners a chessboard is compared, in squares. The default keeps clear
+// of outermost squares that are cut, as those of long prints often are in x.
 struct ScoreMargin {
     double x = 0.3, y = 0.65;
 };
@@ -26,9 +26,8 @@ struct ComparedArea {
 };
 
 // Of a chessboard: its inner corners and the margin around them. Of any other marker: all of its
-// grid, a tag's white border included; there the margin says nothing. Throws ConfigError (at
-// `place`) for a margin that is not finite, leaves nothing, or reaches over one square, where the
-// board ends.
+// grid, a tag's white border included. Throws ConfigError (at `place`) for a margin that is not
+// finite, leaves nothing, or reaches over one square, where the board ends.
 ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
                            const std::string& place);
 
@@ -36,9 +35,9 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
 // light and dark cells all over the marker.
 enum PixelUse : uchar { pixel_outside = 0, pixel_fitted = 1, pixel_scored = 2 };
 
-// Where the pixels' rays meet the marker's plane. Every fourth pixel's ray in x and y is looked up,
-// and what lies between is interpolated in (X, Y, 1) / depth, which is linear without distortion:
-// right to some 0.003 px with one. Perspective cameras. Safe from every thread.
+// Where the pixels' rays meet the marker's plane. Every fourth pixel's ray in x and y is looked up;
+// between them (X, Y, 1) / depth is interpolated linearly: right to some 0.003 px with distortion.
+// Perspective cameras. Safe from every thread.
 class PlaneSight {
 public:
     PlaneSight(const Projector& projector, const Rigid& camera_from_marker, const cv::Rect& region);
@@ -60,10 +59,17 @@ private:
     cv::Mat nodes_;  // CV_64FC3
 };
 
-// CV_8UC1 of PixelUse, the camera's size, by the marker's plane at each pixel (PlaneSight). Pixels
-// without a ray are outside. A marker seen exactly edge-on has no pixels. Costs 0.1 us per pixel of
-// the marker's bounding box. Safe from every thread.
+// CV_8UC1 of PixelUse, the camera's size. Pixels without a ray are outside; a marker seen edge-on
+// has none. 0.1 us per pixel of the marker's bounding box. Safe from every thread.
 cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
                    const ComparedArea& area);
+
+// The pixels where the area may be seen: those of the whole image when a part of its outline has no
+// image.
+cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
+                          const ComparedArea& area);
+
+// The box with so many px more on every side, as far as an image of this size has them.
+cv::Rect padded(const cv::Rect& box, int room_px, const cv::Size& image);
 
 }  // namespace etalon

@@ -14,14 +14,6 @@ namespace {
 
 constexpr double limit = 3.0;  // of significance, standard deviations
 
-// The value that 99 % of the sizes do not exceed.
-double percentile_99(std::vector<double>& sizes) {
-    const auto rank =
-        static_cast<std::ptrdiff_t>(std::ceil(0.99 * static_cast<double>(sizes.size()))) - 1;
-    std::nth_element(sizes.begin(), sizes.begin() + rank, sizes.end());
-    return sizes[static_cast<std::size_t>(rank)];
-}
-
 ResidualStatistics statistics(const PhotoFit& fit, PixelUse use) {
     std::vector<double> sizes;
     double sum = 0.0, squares = 0.0;
@@ -44,23 +36,20 @@ ResidualStatistics statistics(const PhotoFit& fit, PixelUse use) {
     result.mean_gray = sum / count;
     result.rms_gray = std::sqrt(squares / count);
     result.worst_gray = *std::max_element(sizes.begin(), sizes.end());
-    result.p99_gray = percentile_99(sizes);
+    const auto rank = sizes.begin() + static_cast<std::ptrdiff_t>(std::ceil(0.99 * count)) - 1;
+    std::nth_element(sizes.begin(), rank, sizes.end());
+    result.p99_gray = *rank;
     result.significant = significant / count;
     return result;
-}
-
-// Where half of the noise is clipped and more: Saturation's slope is below 0.5.
-double clipping_gray(const PhotometricModel& model) {
-    if (!model.saturation)
-        return std::numeric_limits<double>::infinity();
-    return model.saturation->at(model.saturation->level_gray).gray;
 }
 
 // 1.4826 times the median size of the fitted residuals of pixels that do not clip: their standard
 // deviation if they are normal, whatever a tenth of them is. Not below rounding to 8 bits.
 double deviation_of_residuals(const PhotoFit& fit) {
     constexpr double min_gray = 0.289;
-    const double clipping = clipping_gray(fit.state.photometry);
+    const auto& saturation = fit.state.photometry.saturation;
+    const double clipping = saturation ? saturation->at(saturation->level_gray).gray
+                                       : std::numeric_limits<double>::infinity();
     std::vector<float> sizes;
     for (int y = 0; y < fit.use.rows; ++y)
         for (int x = 0; x < fit.use.cols; ++x)
@@ -71,30 +60,6 @@ double deviation_of_residuals(const PhotoFit& fit) {
     const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
     std::nth_element(sizes.begin(), middle, sizes.end());
     return std::max(1.4826 * static_cast<double>(*middle), min_gray);
-}
-
-// At a state that was fitted. `photo.use` is that of pixel_uses().
-PhotoFit difference_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                       const PhotoState& state) {
-    PhotoFit fit;
-    fit.state = state;
-    fit.use = photo.use;
-    fit.predicted = predicted_at(photo, camera, state);
-    fit.residual = photo.gray - fit.predicted;
-    const bool known = camera.knows_noise();
-    fit.noise_source = known ? NoiseSource::camera : NoiseSource::residuals;
-    cv::Mat noise(fit.use.size(), CV_32FC1, cv::Scalar(known ? 0.0 : deviation_of_residuals(fit)));
-    for (int y = 0; known && y < noise.rows; ++y)
-        for (int x = 0; x < noise.cols; ++x)
-            noise.at<float>(y, x) =
-                static_cast<float>(camera.noise_gray(fit.predicted.at<float>(y, x)));
-    fit.significance = fit.residual / noise;
-    const cv::Mat scored = photo.use == pixel_scored;
-    fit.noise_gray =
-        cv::norm(noise, cv::NORM_L2, scored) / std::sqrt(std::max(cv::countNonZero(scored), 1));
-    fit.fitted = statistics(fit, pixel_fitted);
-    fit.scored = statistics(fit, pixel_scored);
-    return fit;
 }
 
 }  // namespace
@@ -132,32 +97,24 @@ Eigen::VectorXd photometric_variances(const PhotoEquations& equations,
            freedom;
 }
 
-constexpr const char* of_image = "this image";
-
-void add_levels(const std::string& what, const Vector6d& values, const Eigen::VectorXd& variances,
-                std::vector<MatchParameter>& parameters) {
-    constexpr const char* shape[] = {"",         ", along x", ", along y",
-                                     ", by x^2", ", by x y",  ", by y^2"};
-    for (Eigen::Index i = 0; i < variances.size(); ++i)
-        parameters.push_back(
-            {what + shape[i], values[i], std::sqrt(variances[i]), "gray", of_image});
-}
-
 // In the equations' order.
 std::vector<MatchParameter> fitted_parameters(const PhotometricModel& model,
                                               const PhotometricTerms& terms,
                                               const PhotoEquations& equations) {
     const Eigen::VectorXd variances = photometric_variances(equations, terms);
     std::vector<MatchParameter> parameters;
-    const int n = terms.level_terms;
-    add_levels("black level", model.black, variances.head(n), parameters);
-    add_levels("white level", model.white, variances.segment(n, n), parameters);
-    int at = 2 * n;
+    int at = 0;
     const auto add = [&](const std::string& what, double value, double by_parameter,
                          const std::string& unit) {
         parameters.push_back(
-            {what, value, by_parameter * std::sqrt(variances[at++]), unit, of_image});
+            {what, value, by_parameter * std::sqrt(variances[at++]), unit, "this image"});
     };
+    constexpr const char* shape[] = {"",         ", along x", ", along y",
+                                     ", by x^2", ", by x y",  ", by y^2"};
+    for (int i = 0; i < terms.level_terms; ++i)
+        add(std::string("black level") + shape[i], model.black[i], 1.0, "gray");
+    for (int i = 0; i < terms.level_terms; ++i)
+        add(std::string("white level") + shape[i], model.white[i], 1.0, "gray");
     const double sigma = model.psf_sigma_px;
     if (terms.psf)  // from that of the variance: d sigma = d variance / (2 sigma)
         add("width of the blur", sigma, 0.5 / sigma, "px");
@@ -184,9 +141,27 @@ std::optional<double> stated_deviation(const CameraModel& camera, const std::str
     return std::sqrt(camera.covariance->matrix(i, i));
 }
 
+// At the state of equations that were fitted. `photo.use` is that of pixel_uses().
 PhotoFit fit_of(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                 const PhotometricTerms& terms, const PhotoEquations& equations) {
-    PhotoFit fit = difference_at(photo, camera, equations.state);
+    PhotoFit fit;
+    fit.state = equations.state;
+    fit.use = photo.use;
+    fit.predicted = predicted_at(photo, camera, equations.state);
+    fit.residual = photo.gray - fit.predicted;
+    const bool known = camera.knows_noise();
+    fit.noise_source = known ? NoiseSource::camera : NoiseSource::residuals;
+    cv::Mat noise(fit.use.size(), CV_32FC1, cv::Scalar(known ? 0.0 : deviation_of_residuals(fit)));
+    for (int y = 0; known && y < noise.rows; ++y)
+        for (int x = 0; x < noise.cols; ++x)
+            noise.at<float>(y, x) =
+                static_cast<float>(camera.noise_gray(fit.predicted.at<float>(y, x)));
+    fit.significance = fit.residual / noise;
+    const cv::Mat scored = photo.use == pixel_scored;
+    fit.noise_gray =
+        cv::norm(noise, cv::NORM_L2, scored) / std::sqrt(std::max(cv::countNonZero(scored), 1));
+    fit.fitted = statistics(fit, pixel_fitted);
+    fit.scored = statistics(fit, pixel_scored);
     fit.parameters = fitted_parameters(fit.state.photometry, terms, equations);
     fit.state.photometry.pixels = equations.pixels;
     return fit;
@@ -209,14 +184,6 @@ PhotoEquations fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera
     return place;
 }
 
-// Whether enough pixels are so bright that a camera may have clipped them.
-bool shows_saturation(const PhotoOfMarker& photo) {
-    constexpr double bright_gray = 230.0, min_share = 0.05;
-    const cv::Mat fitted = photo.use == photo.fitted;
-    const int bright = cv::countNonZero((photo.gray > bright_gray) & fitted);
-    return bright > min_share * cv::countNonZero(fitted);
-}
-
 }  // namespace
 
 std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
@@ -228,13 +195,15 @@ std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
     const auto add_intrinsic = [&](const std::string& what, double value, const char* unit) {
         add(what, value, unit, stated_deviation(camera, what));
     };
-    const Intrinsics& k = camera.intrinsics;
-    add_intrinsic("fx", k.fx, "px");
-    add_intrinsic("fy", k.fy, "px");
-    add_intrinsic("cx", k.cx, "px");
-    add_intrinsic("cy", k.cy, "px");
-    if (k.skew != 0.0)
-        add_intrinsic("skew", k.skew, "px");
+    constexpr std::pair<const char*, double Intrinsics::*> intrinsics[] = {
+        {"fx", &Intrinsics::fx},
+        {"fy", &Intrinsics::fy},
+        {"cx", &Intrinsics::cx},
+        {"cy", &Intrinsics::cy},
+        {"skew", &Intrinsics::skew}};
+    for (const auto& [name, value] : intrinsics)
+        if (value != &Intrinsics::skew || camera.intrinsics.skew != 0.0)
+            add_intrinsic(name, camera.intrinsics.*value, "px");
     const auto coefficients = camera.distortion.coefficients();
     for (std::size_t i = 0; i < coefficients.size(); ++i)
         if (coefficients[i] != 0.0)
@@ -254,10 +223,13 @@ std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
 }
 
 PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& camera) {
+    constexpr double bright_gray = 230.0, min_share = 0.05;
+    const cv::Mat fitted = photo.use == photo.fitted;
+    const int bright = cv::countNonZero((photo.gray > bright_gray) & fitted);
     return {.level_terms = 6,
             .psf = !camera.lens,
             .psf_anisotropy = !camera.lens,
-            .saturation = shows_saturation(photo)};
+            .saturation = bright > min_share * cv::countNonZero(fitted)};
 }
 
 PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& camera,

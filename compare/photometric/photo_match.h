@@ -1,9 +1,7 @@
 // One photograph against its rendering, twice: at the pose that was given (from corners, or from
-// the stage), where only the photometric model is fitted, and at the photometric pose, where both
-// are. Everything is fitted on one half of the marker's cells; the other half is scored.
-//
-// The first says what user and robot see: the rendering where the calibration puts it. The second
-// says what remains when the pose is not to blame. Perspective cameras.
+// the stage), where only the photometric model is fitted: what user and robot see. And at the
+// photometric pose: what remains when the pose is right. Everything is fitted on one half of the
+// marker's cells; the other half is scored. Perspective cameras.
 #pragma once
 
 #include <memory>
@@ -24,22 +22,20 @@ struct ResidualStatistics {
     double rms_gray = 0.0;    // about zero
     double p99_gray = 0.0;    // 99 % of the absolute residuals are at most this
     double worst_gray = 0.0;  // the largest absolute residual
-    // Proportion of pixels over three standard deviations of the noise: 0.0027 would be pure noise.
-    // Where the noise comes from the residuals themselves it says how far they are from normal.
+    // Proportion of pixels over three standard deviations of the noise: 0.0027 is pure noise.
     std::optional<double> significant;
 };
 
-// What residuals are held against.
+// What residuals are compared with.
 enum class NoiseSource {
     camera,     // shot, read and rounding noise of the camera's file, by gray
     residuals,  // one standard deviation, robustly from the fitted half of this image
 };
 
 struct MatchParameter {
-    std::string name;  // "black level", "blur beside the lens section", ...
+    std::string name;  // "black level", "width of the blur", ...
     double value = 0.0;
-    // Standard deviation, the other fitted parameters marginalised; nothing where it is not known,
-    // or where the parameter stands at the end of its range.
+    // Standard deviation, the other fitted parameters marginalised; nothing where not known.
     std::optional<double> deviation;
     std::string unit;    // "gray", "px", ""
     const char* source;  // of a number that a rendering needs: "calibration" or "this image"
@@ -59,8 +55,8 @@ struct PhotoFit {
 };
 
 // Standard deviation of one pixel's noise in gray at a noise-free value in gray: shot and read
-// noise, taken through the transfer curve's slope, and rounding (EMVA 1288's camera model). Nothing
-// when the sensor section gives no gain.
+// noise behind the transfer curve, and rounding (EMVA 1288). Nothing when the sensor section gives
+// no gain.
 std::optional<double> noise_gray(const Sensor& sensor, double gray);
 
 struct PhotoMatch {
@@ -74,10 +70,9 @@ struct PhotoMatch {
 // its file states.
 std::vector<MatchParameter> calibration_parameters(const CameraModel& camera);
 
-// What is fitted to a photograph beside its pose: black and white surfaces of second order; where
-// the camera has no lens section a Gaussian's widths along x and y; and a saturation's level and
-// knee where it can be seen: 5 % of the fitted pixels are above 230 gray, 0.9 of full scale. 16 at
-// most.
+// Fitted with a photograph's pose: black and white surfaces of second order; a Gaussian's widths
+// along x and y where the camera has no lens section; a saturation's level and knee where 5 % of
+// the fitted pixels are above 230 gray. 16 at most.
 PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& camera);
 
 // The photometric model alone, at a pose that is held. `photo.use` is that of pixel_uses(). Throws
@@ -85,7 +80,7 @@ PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& came
 PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                         const Rigid& camera_from_marker);
 
-// `camera_from_marker` is the pose under test; `background` the radiance beside the marker, whose
+// `camera_from_marker` is the pose under test; `background` the radiance around the marker, whose
 // white is 1. Throws NumericalError when no part of the marker is inside the image, or the pixels
 // do not determine the unknowns. Under a second of CPU time for a board that fills a photograph of
 // 640x480 px. Safe from every thread.

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detect/detector.h"
@@ -14,8 +13,8 @@ namespace etalon {
 namespace {
 
 // The pose's part of the inverse information times the variance, widened by what the residuals of
-// parts of the picture, taken together, did to the pose: a bent board, JPEG or a lens that is not
-// the model's let neighbouring pixels err alike.
+// parts of the picture did to the pose: on a bent board, behind JPEG or an unmodelled lens
+// neighbouring pixels err alike.
 Matrix6d pose_covariance(const PhotoEquations& equations, double variance) {
     constexpr double rounding = 1e-13;  // of the largest eigenvalue, which is at most their number
     const Eigen::MatrixXd& information = equations.information;
@@ -88,16 +87,15 @@ struct Solution {
     }
 
     double loss() const { return place.loss(); }
-    // What a step may leave of the loss, all of it where there is none: the approach's gradient is
-    // wrong by some 10 %.
+    // What a step may leave of the loss; the approach's gradient is wrong by some 10 %.
     double promised_loss() const {
         const auto gain = attempted([&] { return promised_gain(place); }).value;
         return loss() - 1.25 * gain.value_or(0.0);
     }
 };
 
-// The other of the two poses that geometry hardly tells apart: from the mirrored tilt down to where
-// nine points of the pattern come nearest to their images, if that is not the pose itself again.
+// From the mirrored tilt down to where nine points of the pattern come nearest to their images, if
+// that is not the pose itself again.
 Rigid other_planar_pose(const Projector& projector, const CellGrid& grid, const Rigid& pose) {
     const Rigid mirrored = tilt_mirrored(pose, grid);
     std::vector<Eigen::Vector3d> points;
@@ -132,15 +130,6 @@ std::optional<Solution> mirrored_solution(const PhotoOfMarker& photo, const Phot
         .value;
 }
 
-// The noise was found with rough renderings and gradients: once more at the minimum itself.
-void find_minimum_and_noise(Solution& solution, bool knows_noise) {
-    solution.find_minimum(noise_scale_of(solution.place, knows_noise));
-    solution.settle(noise_scale_of(solution.place, knows_noise));
-    const double scale = noise_scale_of(solution.place, knows_noise);
-    if (solution.is_another(scale))
-        solution.settle(scale);
-}
-
 // At the same noise; where its loss may come near the other's, down to its minimum.
 void compare_with(const Solution& best, Solution& other) {
     constexpr double far = 1.5, doubt = 50.0;
@@ -153,9 +142,8 @@ void compare_with(const Solution& best, Solution& other) {
         other.settle(best.place.noise_scale);
 }
 
-// The pose's part of the next step, in its standard deviations.
-double next_step(const PhotoEquations& equations, const Matrix6d& covariance) {
-    const Vector6d step = equations.information.ldlt().solve(equations.score).head<6>();
+// In the standard deviations of a pose, all six components together.
+double size_of(const Vector6d& step, const Matrix6d& covariance) {
     return std::sqrt(step.dot(covariance.ldlt().solve(step)));
 }
 
@@ -172,14 +160,9 @@ PhotometricPose pose_of(const Solution& solution, const PhotometricTerms& terms,
     pose.covariance = pose_covariance(equations, variance);
     pose.loss = equations.loss();
     pose.pixels = equations.pixels;
-    pose.converged = solution.converged || next_step(equations, pose.covariance) < settled_step;
+    const Vector6d next_step = equations.information.ldlt().solve(equations.score).head<6>();
+    pose.converged = solution.converged || size_of(next_step, pose.covariance) < settled_step;
     return pose;
-}
-
-// In standard deviations of `pose`, all six components together.
-double distance(const PhotometricPose& pose, const Rigid& other) {
-    const Vector6d difference = left_difference(pose.camera_from_marker, other);
-    return std::sqrt(difference.dot(pose.covariance.ldlt().solve(difference)));
 }
 
 }  // namespace
@@ -188,8 +171,7 @@ Rigid tilt_mirrored(const Rigid& camera_from_marker, const CellGrid& grid) {
     const Eigen::Vector3d middle_mm = grid.point_mm(0.5 * grid.columns(), 0.5 * grid.rows());
     const Eigen::Vector3d middle = camera_from_marker * middle_mm;
     const Eigen::Vector3d sight = middle.normalized();
-    // The marker's axes lose their components along the line of sight to the other side; the
-    // reflected normal is turned back to its side.
+    // The axes are reflected along the line of sight; the normal is turned back to its side.
     Eigen::Matrix3d axes = (Eigen::Matrix3d::Identity() - 2.0 * sight * sight.transpose()) *
                            camera_from_marker.rotation.toRotationMatrix();
     axes.col(2) = -axes.col(2);
@@ -212,7 +194,11 @@ PhotometricPose photometric_pose(const PhotoOfMarker& photo,
             std::swap(best, *other);
     }
     best.steps.look_at(photo);
-    find_minimum_and_noise(best, camera->knows_noise());
+    const auto noise_scale = [&] { return noise_scale_of(best.place, camera->knows_noise()); };
+    best.find_minimum(noise_scale());
+    best.settle(noise_scale());
+    if (best.is_another(noise_scale()))
+        best.settle(noise_scale());
     if (other) {
         other->steps.look_at(photo);
         compare_with(best, *other);
@@ -223,20 +209,15 @@ PhotometricPose photometric_pose(const PhotoOfMarker& photo,
     PhotometricPose pose = pose_of(best, terms, camera->knows_noise());
     pose.renderings = best.steps.renderings() + (other ? other->steps.renderings() : 0);
     constexpr double same_pose = 3.0;  // standard deviations
-    if (other && distance(pose, other->place.state.camera_from_marker) > same_pose)
-        pose.other = OtherPose{other->place.state.camera_from_marker, other->loss(),
-                               other->loss() - best.loss()};
+    if (!other)
+        return pose;
+    const Rigid& there = other->place.state.camera_from_marker;
+    if (size_of(left_difference(pose.camera_from_marker, there), pose.covariance) > same_pose)
+        pose.other = OtherPose{there, other->loss(), other->loss() - best.loss()};
     return pose;
 }
 
 namespace {
-
-// The photograph behind a Gaussian, where the marker is.
-cv::Mat blurred_around(const cv::Mat& gray, const cv::Rect& region, double sigma_px) {
-    cv::Mat result = gray.clone();
-    blurred(gray(region), sigma_px).copyTo(result(region));
-    return result;
-}
 
 // Least squares until it no longer helps.
 PhotoState all_the_way(PhotometricSteps& steps, PhotoState state) {
@@ -264,12 +245,12 @@ double correlation(const cv::Mat& a, const cv::Mat& b, const cv::Mat& counted) {
 }
 
 // By how many px the rendering must be moved to correlate best with the photograph, up to `reach`
-// each way. Both blurred, as the marker may be turned and scaled a little.
+// each way. Both are blurred: the marker may be turned and scaled a little.
 Eigen::Vector2d best_shift(const cv::Mat& gray, const Radiance& expected, const cv::Rect& region,
                            int reach) {
     constexpr double sigma_px = 2.0;
-    const cv::Rect inner = cv::Rect(region.x + reach, region.y + reach, region.width - 2 * reach,
-                                    region.height - 2 * reach);
+    const cv::Rect inner(region.x + reach, region.y + reach, region.width - 2 * reach,
+                         region.height - 2 * reach);
     if (inner.width < reach || inner.height < reach)
         return {0.0, 0.0};
     cv::Mat score;
@@ -342,7 +323,8 @@ Rigid PhotometricDetector::from_afar(const cv::Mat& gray, const Rigid& start,
     for (const double sigma_px : {max_psf_sigma_px, 0.5 * max_psf_sigma_px}) {
         PhotoOfMarker photo = photo_at(gray, pose);
         const cv::Rect region = fitted_region(photo, *camera_);
-        photo.gray = blurred_around(gray, region, sigma_px);
+        photo.gray = gray.clone();
+        blurred(gray(region), sigma_px).copyTo(photo.gray(region));
         PhotoState state = starting_state(photo, *camera_, pose, terms);
         state.photometry.psf_sigma_px = sigma_px;
         PhotometricSteps steps(photo, *camera_, terms, state);

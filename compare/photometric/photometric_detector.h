@@ -1,22 +1,18 @@
-// The pose at which a marker's rendering matches a photograph: no detector's idea of a corner comes
-// into it, so that any marker or board will do. Gauss and Newton's method on the pixels,
-// photometric model alongside.
+// The pose at which a marker's rendering matches a photograph, by Gauss and Newton's method on the
+// pixels with the photometric model alongside: for any marker or board, without corners.
 //
-// Two stages. The approach takes one rendering a step and central differences on it for the
-// gradient: wrong by some 10 %, which costs steps, not accuracy. At its end the gradient is
-// rendered (compare/photometric/photometric_equations.h) and kept; the last steps bring J^T r to
-// zero with that J, and the covariance is made of (J^T J)^-1. Nothing of the approach is left in
-// the result.
+// The approach takes one rendering a step and central differences on it as gradient (wrong by some
+// 10 %). At its end the gradient is rendered (compare/photometric/photometric_equations.h) and
+// kept: the last steps bring J^T r to zero with that J, and the covariance is made of (J^T J)^-1.
 //
 // A planar marker has two poses that look alike: the tilt mirrored about the line of sight. The
-// other one is sought by geometry, from the points of the pattern, and rendered once; it is fitted
-// where a step promises to bring its loss near the first one's. The one with the lower loss is the
-// result, the other is stated with it.
+// other one is found by geometry and rendered once; it is fitted where a step promises to bring its
+// loss near the first one's. The one with the lower loss is the result, the other is stated with
+// it.
 //
-// A start whose edges are off by more than a blur width would leave most edges without an edge to
-// go to. So PhotometricDetector takes the shift that correlates best, then blurs photograph and
-// rendering by a Gaussian of 3 px and of 1.5 px, and finds the pose there by least squares on all
-// pixels first.
+// From a start whose edges are off by more than a blur width PhotometricDetector takes the shift
+// that correlates best, then blurs photograph and rendering by a Gaussian of 3 px and of 1.5 px and
+// finds the pose there by least squares on all pixels.
 #pragma once
 
 #include <memory>
@@ -34,20 +30,19 @@ namespace etalon {
 struct OtherPose {
     Rigid camera_from_marker;
     double loss = 0.0;
-    // Of the better pose to this one: the difference of the losses. With 3 the other one would be
-    // true in 1 of 20 cases; beyond 20 there is no doubt.
+    // Of the better pose to this one: the difference of the losses. With 3 the other one is true in
+    // 1 of 20 cases; beyond 20 there is no doubt.
     double log_likelihood_ratio = 0.0;
 };
 
 struct PhotometricPose {
     Rigid camera_from_marker;
-    // Left perturbation, rot, trans; the photometric parameters marginalised: from the full Fisher
-    // matrix at the stated noise, or at that of the residuals where the camera knows none or they
-    // are larger; widened where the residuals of parts of the picture (10 x 10 of the marker's box)
-    // pull at the pose more than independent pixels would (core/statistics/covariance.h).
-    // Neighbouring parts of a bent print pull alike: deviations may then still be too small by
-    // half. It does not hold what pulls all parts alike: a wrong calibration, or the size of the
-    // print.
+    // Left perturbation, rot, trans; the photometric parameters marginalised. At the stated noise,
+    // or the residuals' where the camera knows none or they are larger; widened where the residuals
+    // of parts of the picture (10 x 10 of the marker's box) pull at the pose more than independent
+    // pixels would (core/statistics/covariance.h). On a bent print, whose neighbouring parts pull
+    // alike, deviations may be too small by half. What pulls all parts alike is not in it: a wrong
+    // calibration, or the size of the print.
     Matrix6d covariance;
     PhotometricModel photometry;
     // In units of the known noise, or gray. 1.4826 times the median size of the residuals; 1 where
@@ -57,19 +52,18 @@ struct PhotometricPose {
     double loss = 0.0;             // sum of Huber's function of the residuals over the noise
     int pixels = 0;
     int renderings = 0;  // that it took, both solutions together
-    // The next step is below a hundredth of its formal uncertainty, or, where a picture that no
-    // model fits has a far larger one, below a tenth of the stated one.
+    // The next step is below a hundredth of its formal uncertainty, or below a tenth of the stated
+    // one.
     bool converged = false;
     // Nothing where both starts end in one pose: the marker is seen frontally.
     std::optional<OtherPose> other;
 };
 
-// `photo.use` says which pixels: those of pixel_uses() at the start pose, or a part of them. Where
-// only a pose is known, starting_state() makes a start of it.
-// From a start whose edges are within about a blur width of the photograph's (any detector's is).
-// Throws NumericalError when the pixels do not determine pose and photometric model, or nothing can
-// be rendered at the start. For a tag of 900 to 22 000 px in a VGA image 3 to 30 ms of CPU time
-// (tests/evidence/photometric_pose.cpp has it beside a detector's).
+// `photo.use`: the pixels of pixel_uses() at the start pose, or a part of them. The start's edges
+// are within about a blur width of the photograph's (any detector's are); starting_state() makes it
+// of a pose. Throws NumericalError when the pixels do not determine pose and photometric model, or
+// nothing can be rendered at the start. For a tag of 900 to 22 000 px in a VGA image 3 to 30 ms of
+// CPU time (tests/evidence/photometric_pose.cpp).
 PhotometricPose photometric_pose(const PhotoOfMarker& photo,
                                  std::shared_ptr<const PhotometricCamera> camera,
                                  const PhotoState& start, const PhotometricTerms& terms);
@@ -79,17 +73,14 @@ Rigid tilt_mirrored(const Rigid& camera_from_marker, const CellGrid& grid);
 
 class PhotometricDetector {
 public:
-    // `marker` as parse_marker() makes it; `background` is the radiance beside it, whose white
-    // is 1. Throws ConfigError for a camera or marker that cannot be used, with `place`, and
-    // NumericalError for a telecentric camera.
+    // `background`: the radiance around the marker, whose white is 1. Throws ConfigError for a
+    // camera or marker that cannot be used, with `place`, and NumericalError for a telecentric
+    // camera.
     PhotometricDetector(const CameraModel& camera, const Marker& marker, const std::string& place,
                         double background = 1.0);
 
-    // Starts that displace the marker's image by up to this much are meant to be found. Measured
-    // with that shift, half of it again by turn and by scale, and 3 degrees of tilt: a tag of 50 mm
-    // in a VGA image 24 of 24 times at 300 and at 500 mm, 19 of 24 at 700 mm, where its cells are
-    // below 5 px; a chessboard of 10 mm squares, which looks alike one square on, 22, 18 and 13 of
-    // 24 (docs/photometric-pose.md). What is not found is mostly refused.
+    // Starts that displace the marker's image by up to this much are meant to be found; how often
+    // they are: docs/photometric-pose.md. What is not found is mostly refused.
     static constexpr double basin_px = 5.0;
 
     // `start_error_px`: how far the start's edges may be off. Throws NumericalError when the start
@@ -114,12 +105,12 @@ private:
     double background_;
 };
 
-// What is fitted beside the pose: planes of black and white, a Gaussian's width where the camera
+// What is fitted with the pose: planes of black and white, a Gaussian's width where the camera
 // has no lens section, a tone where it has no sensor section.
 PhotometricTerms detector_terms(const CameraModel& camera);
 
-// What counts of a marker: of a chessboard compared_area() with its margin, of any other marker all
-// but the outer half of its outermost cells, beside which anything may be seen.
+// Of a chessboard compared_area() with its margin, of any other marker all but the outer half of
+// its outermost cells.
 ComparedArea detector_area(const Marker& marker, const std::string& place);
 
 }  // namespace etalon

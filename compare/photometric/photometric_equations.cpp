@@ -3,32 +3,20 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/intrinsics/camera_fit.h"
-#include "compare/photometric/compared_area.h"
 #include "compare/photometric/photo_match.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
-#include "sim/sensor/sensor_model.h"
 
 namespace etalon {
 namespace {
 
 constexpr double huber_threshold = 3.0;
+constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
 constexpr int min_pixels = 50, blocks_a_side = 10;
-
-cv::Rect box_around(cv::InputArray pixels, int room) {
-    const cv::Rect box = cv::boundingRect(pixels);
-    return {box.x - room, box.y - room, box.width + 2 * room, box.height + 2 * room};
-}
-
-cv::Rect rendered_region(const cv::Mat& pixels, int room) {
-    return box_around(pixels, room) & cv::Rect({0, 0}, pixels.size());
-}
 
 Scene scene_of(const PhotoOfMarker& photo, const Rigid& camera_from_marker) {
     return {{{photo.grid, camera_from_marker}}, photo.background};
@@ -80,10 +68,6 @@ struct BlurredRendering {
     }
 };
 
-struct Levels {
-    double black, white;
-};
-
 // One pixel's prediction with its derivatives by the photometric parameters and by the radiance.
 struct PixelEquation {
     double gray = 0.0;
@@ -91,10 +75,9 @@ struct PixelEquation {
     bool clips = false;  // its noise is clipped too, and says little of the noise elsewhere
 
     PixelEquation(const PhotometricModel& model, const PhotometricTerms& terms,
-                  const MeanCode& mean_code, const Levels& levels, const Vector6d& level_terms,
-                  const LightCurve::Point& curve, const Eigen::Vector2d& by_variances,
-                  double* derivatives) {
-        const auto [black, white] = levels;
+                  const MeanCode& mean_code, double black, double white,
+                  const Vector6d& level_terms, const LightCurve::Point& curve,
+                  const Eigen::Vector2d& by_variances, double* derivatives) {
         const double s = curve.value, toned = s * (1.0 + model.tone * (1.0 - s));
         const double level = black + (white - black) * toned;
         const Saturation::Point point =
@@ -128,23 +111,7 @@ struct PixelEquation {
     }
 };
 
-// A pixel's derivatives by what changes the rendering and by what moves it.
-void put_moving(const PixelEquation& model, const cv::Point& at,
-                const std::vector<cv::Mat>& changed, const Eigen::RowVector2d& slope,
-                const Eigen::Matrix2Xd& moved, double* row) {
-    for (const cv::Mat& change : changed)
-        *row++ = model.by_radiance * change.at<float>(at);
-    for (Eigen::Index i = 0; i < moved.cols(); ++i)
-        *row++ = -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
-}
-
-double huber_loss(double size) {
-    return size <= huber_threshold ? 0.5 * size * size
-                                   : huber_threshold * (size - 0.5 * huber_threshold);
-}
-
-// Rows that are added to normal equations many at a time: their columns are the last ones of the
-// equations'.
+// Rows of the equations' last columns, added to the normal equations many at a time.
 class RowBlock {
 public:
     RowBlock(Eigen::Index columns, PhotoEquations& equations)
@@ -157,7 +124,10 @@ public:
     // there.
     void add(double noise, double residual, int image_block) {
         const double limited = std::clamp(residual, -huber_threshold, huber_threshold);
-        equations_.huber_sum += huber_loss(std::abs(residual));
+        const double size = std::abs(residual);
+        equations_.huber_sum += size <= huber_threshold
+                                    ? 0.5 * size * size
+                                    : huber_threshold * (size - 0.5 * huber_threshold);
         equations_.squares += limited * limited;
         ++equations_.pixels;
         const double weight = 1.0 / noise, weighted = weight * limited;
@@ -203,8 +173,7 @@ void add_known_saturation(const Saturation& saturation, const PhotometricTerms& 
     observe(at + 1, known.knee_gray - saturation.knee_gray, knee_deviation_gray);
 }
 
-// A pose that is held is no unknown, nor is a parameter that stands at the end of its range and
-// would leave it.
+// A held pose is no unknown, nor is a parameter that would leave its range.
 void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& terms,
                         PhotoEquations& equations) {
     const auto fix = [&](Eigen::Index at) {
@@ -237,10 +206,10 @@ void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& t
     }
 }
 
-// The straight line through all pixels used of gray against what the camera's curve makes of the
-// radiance. (Blurred cells may be neither black nor white anywhere.)
-Levels levels_of(const cv::Mat& gray, const Radiance& radiance, const cv::Mat& used,
-                 const LightCurve& curve) {
+// Black and white by the straight line through all pixels used of gray against what the camera's
+// curve makes of the radiance. (Blurred cells may be neither black nor white anywhere.)
+std::pair<double, double> levels_of(const cv::Mat& gray, const Radiance& radiance,
+                                    const cv::Mat& used, const LightCurve& curve) {
     constexpr double min_deviation = 0.01;  // of full scale: without contrast there is no line
     double count = 0.0, seen_sum = 0.0, gray_sum = 0.0, squares = 0.0, products = 0.0;
     for (int y = 0; y < gray.rows; ++y)
@@ -268,17 +237,6 @@ int image_block(const cv::Point& pixel, const cv::Rect& box) {
     return at.y * blocks_a_side / box.height * blocks_a_side + at.x * blocks_a_side / box.width;
 }
 
-constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
-
-// The upper triangle, and what is known beside the pixels.
-void complete(PhotoEquations& equations, const PhotometricModel& photometry,
-              const PhotometricTerms& terms) {
-    equations.information = Eigen::MatrixXd(equations.information.selfadjointView<Eigen::Lower>());
-    if (terms.saturation)
-        add_known_saturation(*photometry.saturation, terms, equations);
-    hold_what_is_fixed(photometry, terms, equations);
-}
-
 // Where the ray meets the marker's plane, in the camera's frame; nothing behind its start.
 std::optional<Eigen::Vector3d> point_on_marker(const Rigid& camera_from_marker,
                                                const Eigen::Vector3d& ray) {
@@ -287,18 +245,6 @@ std::optional<Eigen::Vector3d> point_on_marker(const Rigid& camera_from_marker,
     if (!(depth > 0) || !std::isfinite(depth))
         return std::nullopt;
     return depth * ray;
-}
-
-Eigen::Matrix<double, 3, 6> moved_by_pose(const Eigen::Vector3d& arm) {
-    Eigen::Matrix<double, 3, 6> moved;
-    moved << -cross_matrix(arm), Eigen::Matrix3d::Identity();
-    return moved;
-}
-
-// The marker displaced within its own plane.
-PlacedMarker displaced(PlacedMarker marker, const Eigen::Vector3d& shift_mm) {
-    marker.camera_from_marker.translation += marker.camera_from_marker.rotation * shift_mm;
-    return marker;
 }
 
 }  // namespace
@@ -322,19 +268,16 @@ void ImageMotion::evaluate(const Projector& projector, const Rigid& camera_from_
                            const CalibrationModel& parameters, int node_x, int node_y) {
     const Eigen::Vector2d pixel(region_.x + node_x * spacing_px_, region_.y + node_y * spacing_px_);
     const auto ray = projector.ray(pixel);
-    if (!ray)
-        return;
-    const auto point = point_on_marker(camera_from_marker, *ray);
-    if (!point)
-        return;
-    const auto projected = projector.project_with_jacobian(*point);
+    const auto point = ray ? point_on_marker(camera_from_marker, *ray) : std::nullopt;
+    const auto projected = point ? projector.project_with_jacobian(*point) : std::nullopt;
     if (!projected)
         return;
     Eigen::Matrix2Xd motion(2, columns_);
     if (columns_ > 6)
         motion.leftCols(columns_ - 6) = parameter_jacobian(projector.camera(), *ray, parameters);
-    motion.rightCols<6>() =
-        projected->jacobian * moved_by_pose(*point - camera_from_marker.translation);
+    Eigen::Matrix<double, 3, 6> moved;
+    moved << -cross_matrix(*point - camera_from_marker.translation), Eigen::Matrix3d::Identity();
+    motion.rightCols<6>() = projected->jacobian * moved;
     if (!motion.allFinite())
         return;
     const auto index = static_cast<std::size_t>(node_y * nodes_per_row_ + node_x);
@@ -356,52 +299,6 @@ bool ImageMotion::at(int x, int y, Eigen::Ref<Eigen::Matrix2Xd> motion) const {
     return true;
 }
 
-RenderedGradient rendered_gradient(const Renderer& renderer, const PlacedMarker& marker,
-                                   double background, const ImageMotion& motion,
-                                   double tolerance_gray, Differences differences) {
-    constexpr double shift_px = 0.1;
-    const cv::Rect& region = motion.region();
-    RenderOptions options;
-    options.region = region;
-    options.tolerance_gray = tolerance_gray;
-    const auto rendered = [&](const PlacedMarker& placed) {
-        return renderer.render_part({{placed}, background}, options).within(region);
-    };
-    // Displacement in the image by mm along the marker's x and y.
-    const Eigen::Matrix<double, 3, 2> axes =
-        marker.camera_from_marker.rotation.toRotationMatrix().leftCols<2>();
-    Eigen::Matrix2Xd moved(2, motion.columns());
-    const auto px_per_mm = [&]() -> Eigen::Matrix2d { return moved.rightCols<3>() * axes; };
-    if (!motion.at(region.x + region.width / 2, region.y + region.height / 2, moved))
-        throw NumericalError("the middle of the marker's image sees nothing of its plane");
-    const Eigen::Array2d shift_mm = shift_px / px_per_mm().colwise().norm().transpose().array();
-    RenderedGradient gradient{rendered(marker), {}, {}};
-    const auto slope = [&](const Eigen::Vector3d& shift) -> cv::Mat {
-        const cv::Mat ahead = rendered(displaced(marker, shift));
-        if (differences == Differences::forward)
-            return (ahead - gradient.radiance) / shift.norm();
-        return (ahead - rendered(displaced(marker, -shift))) / (2.0 * shift.norm());
-    };
-    gradient.by_x = slope({shift_mm.x(), 0, 0});
-    gradient.by_y = slope({0, shift_mm.y(), 0});
-    for (int y = 0; y < region.height; ++y)
-        for (int x = 0; x < region.width; ++x) {
-            float &along_x = gradient.by_x.at<float>(y, x),
-                  &along_y = gradient.by_y.at<float>(y, x);
-            if (along_x == 0.0F && along_y == 0.0F)
-                continue;
-            Eigen::RowVector2d in_image = Eigen::RowVector2d::Zero();
-            // The marker moved to the right shows at each pixel what was to the left of it.
-            if (motion.at(region.x + x, region.y + y, moved))
-                in_image = -Eigen::RowVector2d(along_x, along_y) * px_per_mm().inverse();
-            if (!in_image.allFinite())
-                in_image.setZero();
-            along_x = static_cast<float>(in_image.x());
-            along_y = static_cast<float>(in_image.y());
-        }
-    return gradient;
-}
-
 PhotometricCamera::PhotometricCamera(const CameraModel& camera, Predicts predicts)
     : projector_(camera), renderer_(camera), response_(SensorModel(camera).relative_response()) {
     if (!camera.sensor || !etalon::noise_gray(*camera.sensor, 0.0))
@@ -420,26 +317,64 @@ double PhotometricCamera::noise_gray(double gray) const {
     return std::lerp(noise_[below], noise_[below + 1], place - static_cast<double>(below));
 }
 
-cv::Mat PhotometricCamera::with_response(const cv::Mat& image, const cv::Rect& region) const {
-    return response_.empty() ? image : cv::Mat(image.mul(response_(region)));
-}
-
 Radiance PhotometricCamera::at_sensor(const Scene& scene, const cv::Rect& region,
                                       double tolerance_gray) const {
-    RenderOptions options;
-    options.region = region;
-    options.tolerance_gray = tolerance_gray;
-    return with_response(renderer_.render_part(scene, options).within(region), region);
+    const cv::Mat image =
+        renderer_.render_part(scene, {.tolerance_gray = tolerance_gray, .region = region})
+            .within(region);
+    return response_.empty() ? image : cv::Mat(image.mul(response_(region)));
 }
 
 RenderedGradient PhotometricCamera::gradient_at_sensor(const PlacedMarker& marker,
                                                        double background, const ImageMotion& motion,
-                                                       Differences differences) const {
-    RenderedGradient rendered =
-        rendered_gradient(renderer_, marker, background, motion, fine_tolerance_gray, differences);
-    for (cv::Mat* image : {&rendered.radiance, &rendered.by_x, &rendered.by_y})
-        *image = with_response(*image, motion.region());
-    return rendered;
+                                                       Differences differences,
+                                                       double tolerance_gray) const {
+    constexpr double shift_px = 0.1;
+    const cv::Rect& region = motion.region();
+    // Displacement in the image by mm along the marker's x and y.
+    const Eigen::Matrix<double, 3, 2> axes =
+        marker.camera_from_marker.rotation.toRotationMatrix().leftCols<2>();
+    Eigen::Matrix2Xd moved(2, motion.columns());
+    const auto px_per_mm = [&]() -> Eigen::Matrix2d { return moved.rightCols<3>() * axes; };
+    if (!motion.at(region.x + region.width / 2, region.y + region.height / 2, moved))
+        throw NumericalError("the middle of the marker's image sees nothing of its plane");
+    const Eigen::Array2d shift_mm = shift_px / px_per_mm().colwise().norm().transpose().array();
+    const auto rendered = [&](const Eigen::Vector3d& shift) {
+        PlacedMarker there = marker;
+        there.camera_from_marker.translation += marker.camera_from_marker.rotation * shift;
+        return renderer_
+            .render_part({{there}, background},
+                         {.tolerance_gray = tolerance_gray, .region = region})
+            .within(region);
+    };
+    RenderedGradient gradient{rendered(Eigen::Vector3d::Zero()), {}, {}};
+    const auto slope = [&](const Eigen::Vector3d& shift) -> cv::Mat {  // per mm
+        const cv::Mat ahead = rendered(shift);
+        if (differences == Differences::forward)
+            return (ahead - gradient.radiance) / shift.norm();
+        return (ahead - rendered(-shift)) / (2.0 * shift.norm());
+    };
+    gradient.by_x = slope({shift_mm.x(), 0, 0});
+    gradient.by_y = slope({0, shift_mm.y(), 0});
+    for (int y = 0; y < region.height; ++y)
+        for (int x = 0; x < region.width; ++x) {
+            float &along_x = gradient.by_x.at<float>(y, x),
+                  &along_y = gradient.by_y.at<float>(y, x);
+            if (along_x == 0.0F && along_y == 0.0F)
+                continue;
+            Eigen::RowVector2d in_image = Eigen::RowVector2d::Zero();
+            // The marker moved to the right shows at each pixel what was to the left of it.
+            if (motion.at(region.x + x, region.y + y, moved))
+                in_image = -Eigen::RowVector2d(along_x, along_y) * px_per_mm().inverse();
+            if (!in_image.allFinite())
+                in_image.setZero();
+            along_x = static_cast<float>(in_image.x());
+            along_y = static_cast<float>(in_image.y());
+        }
+    for (cv::Mat* image : {&gradient.radiance, &gradient.by_x, &gradient.by_y})
+        if (!response_.empty())
+            *image = image->mul(response_(region));
+    return gradient;
 }
 
 void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
@@ -458,7 +393,7 @@ cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& came
     if (cv::countNonZero(fitted) < min_pixels)
         throw NumericalError(
             fmt::format("fewer than {} pixels of the marker can be fitted", min_pixels));
-    return rendered_region(fitted, room_px);
+    return padded(cv::boundingRect(fitted), room_px, fitted.size());
 }
 
 PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera& camera,
@@ -528,7 +463,9 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 
     std::vector<cv::Point> places;
     cv::findNonZero(photo.use(region) == photo.fitted, places);
-    const cv::Rect box = box_around(places, gaussian_reach_px);
+    const cv::Rect fitted = cv::boundingRect(places);
+    const cv::Rect box(fitted.tl() - cv::Point(gaussian_reach_px, gaussian_reach_px),
+                       fitted.br() + cv::Point(gaussian_reach_px, gaussian_reach_px));
     PhotoEquations equations{
         .state = state,
         .noise_scale = noise_scale,
@@ -552,13 +489,14 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
         double* row = block.next();
         const LevelRow& level = levels[static_cast<std::size_t>(at.y)];
         const PixelEquation model(
-            state.photometry, terms, camera.mean_code(),
-            {level.black(pixel.x), level.white(pixel.x)},
+            state.photometry, terms, camera.mean_code(), level.black(pixel.x), level.white(pixel.x),
             level_terms(pixel.x, pixel.y, photo.use.size()), curve.at(seen.radiance.at<float>(at)),
             by_width ? seen.by_variances(at.x, at.y) : Eigen::Vector2d::Zero(),
             is_flat ? row : row + further + geometric);
-        if (!is_flat)
-            put_moving(model, at, changed, slope, moved, row);
+        for (std::size_t i = 0; !is_flat && i < changed.size(); ++i)
+            *row++ = model.by_radiance * changed[i].at<float>(at);
+        for (Eigen::Index i = 0; !is_flat && i < geometric; ++i)
+            *row++ = -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
         const double noise = noise_scale * camera.noise_gray(model.gray);
         const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
         if (!model.clips && (is_flat || ++beside_edges % photo.stands_for == 0))
@@ -568,7 +506,10 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     edges.flush();
     flats.flush();
     equations.score = equations.block_scores.rowwise().sum();
-    complete(equations, state.photometry, terms);
+    equations.information = Eigen::MatrixXd(equations.information.selfadjointView<Eigen::Lower>());
+    if (terms.saturation)
+        add_known_saturation(*state.photometry.saturation, terms, equations);
+    hold_what_is_fixed(state.photometry, terms, equations);
     if (equations.pixels < min_pixels || sizes.empty() || !std::isfinite(equations.huber_sum))
         throw NumericalError(fmt::format("{} pixels of the marker can be fitted, with a loss of {}",
                                          equations.pixels, equations.huber_sum));
@@ -579,7 +520,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                      const PhotoState& state) {
     require_fitting(photo, camera);
-    const cv::Rect region = rendered_region(photo.use != pixel_outside, gaussian_reach_px);
+    const cv::Rect region =
+        padded(cv::boundingRect(photo.use != pixel_outside), gaussian_reach_px, photo.use.size());
     Radiance lit(photo.gray.size(), CV_32FC1, cv::Scalar(0));
     camera.at_sensor(scene_of(photo, state.camera_from_marker), region).copyTo(lit(region));
     return predicted_gray(state.photometry, lit, camera.curve(state.photometry));
@@ -624,11 +566,11 @@ PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& c
     state.photometry.black[0] = min_gray;
     state.photometry.white[0] = full_gray;
     for (int round = 0; round < curve_rounds; ++round) {
-        const Levels levels =
+        const auto [black, white] =
             levels_of(photo.gray(region), radiance, photo.use(region) == photo.fitted,
                       camera.curve(state.photometry));
-        state.photometry.black[0] = levels.black;
-        state.photometry.white[0] = levels.white;
+        state.photometry.black[0] = black;
+        state.photometry.white[0] = white;
     }
     state.photometry.psf_sigma_px = terms.psf ? typical_sigma_px : 0.0;
     if (terms.saturation)
@@ -653,16 +595,6 @@ DampedStep step_of(const PhotoEquations& equations, double damping) {
     return {delta, gain};
 }
 
-// To the last bit: then their renderings are the same.
-bool same_pose(const Rigid& a, const Rigid& b) {
-    return a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
-}
-
-// Without a Gaussian, what central differences reach.
-int room_px(const PhotometricTerms& terms, const PhotometricModel& photometry) {
-    return terms.psf || !photometry.psf_sigmas_px().isZero() ? gaussian_reach_px : 1;
-}
-
 }  // namespace
 
 PhotometricSteps::PhotometricSteps(const PhotoOfMarker& photo, const PhotometricCamera& camera,
@@ -671,10 +603,14 @@ PhotometricSteps::PhotometricSteps(const PhotoOfMarker& photo, const Photometric
       camera_(&camera),
       terms_(terms),
       motion_(camera.projector(), near.camera_from_marker, {},
-              fitted_region(photo, camera, room_px(terms, near.photometry))) {}
+              fitted_region(
+                  photo, camera,
+                  terms.psf || !near.photometry.psf_sigmas_px().isZero() ? gaussian_reach_px : 1)) {
+}  // what central differences reach
 
 void PhotometricSteps::render(const Rigid& camera_from_marker) {
-    if (rendered_ && same_pose(*rendered_, camera_from_marker))
+    if (rendered_ && rendered_->rotation.coeffs() == camera_from_marker.rotation.coeffs() &&
+        rendered_->translation == camera_from_marker.translation)
         return;
     ++renderings_;
     gradient_.radiance = camera_->at_sensor(

@@ -14,34 +14,28 @@
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "compare/photometric/photometric_model.h"
-#include "core/geometry/rigid.h"
 #include "core/optimize/least_squares.h"
 #include "sim/render/renderer.h"
 
 namespace etalon {
 
 // How the rendering of a planar marker changes with the marker's pose and with the camera's
-// parameters. Whatever moves a flat marker, or bends its image, displaces what each pixel sees:
-// with q'(pixel) the derivative of the displacement by a parameter, in px,
+// parameters, which displace what each pixel sees: with q'(pixel) the derivative of the
+// displacement by a parameter, in px,
 //     d radiance / d parameter = -(gradient of the rendering) . q'.
-// The gradient is of the image that the pixels integrate: the marker is displaced in its own plane
-// by +- 0.1 px, which changes nothing else of its image, and the two directions in the plane are
-// turned into those of the image. Filters on the pixel grid would do with one rendering, but a
-// pixel's box lets structure pass that they cannot see: with a Gaussian PSF of 0.5 px the best
-// filter of nine taps is wrong by 11 % (RMS), this by 0.3 %.
-// Left out: that the blur does not grow with the marker, and changes with its depth: 2 % (RMS) of
-// the derivatives by depth and tilt for a marker of 70 px, 8 % of that by k3. Across an edge it is
-// even where displacement is odd, so that a fit's steps and covariance hardly see it.
+// The gradient is of the image that the pixels integrate: of renderings with the marker displaced
+// in its own plane by +- 0.1 px (error 0.3 % RMS behind a Gaussian of 0.5 px; filters on the pixel
+// grid have 11 %). Neglected: the blur's growth with the marker and its change with depth, 2 %
+// (RMS) of the derivatives by depth and tilt for a marker of 70 px, 8 % of that by k3. They are
+// even across an edge, displacement is odd: a fit's steps and covariance hardly see them.
 // Perspective cameras.
 
 // The displacement of what the pixels see by a small left perturbation of the marker's pose (rx ry
 // rz tx ty tz: px per rad and px per mm) and by the camera's parameters. Evaluated every 4 px and
-// interpolated linearly: right to 1e-3 of the largest displacement in the image. About 0.3 us a
-// node.
+// interpolated linearly: right to 1e-3 of the largest displacement. About 0.3 us a node.
 class ImageMotion {
 public:
-    // `parameters` may be empty. The field covers `region`, which is not empty. Throws
-    // NumericalError for a telecentric camera.
+    // `parameters` may be empty, `region` may not. Throws NumericalError for a telecentric camera.
     ImageMotion(const Projector& projector, const Rigid& camera_from_marker,
                 const CalibrationModel& parameters, const cv::Rect& region);
 
@@ -73,25 +67,17 @@ struct RenderedGradient {
     cv::Mat by_x, by_y;  // d radiance / d position, per px
 };
 
-// Renderings with the marker displaced by 0.1 px: to both sides, five in all, or to one side,
-// three: the gradient of a place 0.05 px aside, enough for a search.
+// The marker displaced by 0.1 px to both sides, five renderings in all, or to one side, three: the
+// gradient of a place 0.05 px away, enough for a search.
 enum class Differences { central, forward };
-
-// Of the region of `motion`, which is that of this marker's pose. 0 where there is no motion.
-// Throws NumericalError when the region's middle sees nothing of the marker's plane, and what the
-// renderer throws. Safe from every thread.
-RenderedGradient rendered_gradient(const Renderer& renderer, const PlacedMarker& marker,
-                                   double background, const ImageMotion& motion,
-                                   double tolerance_gray,
-                                   Differences differences = Differences::central);
 
 // A camera as photographs are compared with it. Making it takes some 20 ms of CPU time for a VGA
 // camera, and its first rendering as much where a lens section asks for filters. Safe from every
 // thread once built.
 class PhotometricCamera {
 public:
-    // What photographs are predicted to be: the light's own gray, or the mean of the codes that the
-    // sensor makes of it. A pose hardly feels the difference; a lens' blur does.
+    // What is predicted: the light's own gray, or the mean of the codes that the sensor makes of
+    // it. A pose hardly feels the difference; a lens' blur does.
     enum class Predicts { light, mean_codes };
     explicit PhotometricCamera(const CameraModel& camera, Predicts predicts = Predicts::light);
 
@@ -107,21 +93,22 @@ public:
     // Standard deviation of a pixel's noise at a predicted gray; 1 where it is not known.
     double noise_gray(double gray) const;
 
+    // Rough ones find the way, fine ones the result.
+    static constexpr double rough_tolerance_gray = 0.5, fine_tolerance_gray = 0.1;
+
     // What arrives at the sensor's pixels within the region, CV_32FC1 of its size.
     Radiance at_sensor(const Scene& scene, const cv::Rect& region,
                        double tolerance_gray = fine_tolerance_gray) const;
 
-    // And its derivatives, in the region of `motion`, which is that of this marker's pose.
+    // And its derivatives, in the region of `motion`, which is that of this marker's pose; 0 where
+    // there is no motion. Throws NumericalError when the region's middle sees nothing of the
+    // marker's plane, and what the renderer throws.
     RenderedGradient gradient_at_sensor(const PlacedMarker& marker, double background,
                                         const ImageMotion& motion,
-                                        Differences differences = Differences::central) const;
-
-    // Rough ones find the way, fine ones the result.
-    static constexpr double rough_tolerance_gray = 0.5, fine_tolerance_gray = 0.1;
+                                        Differences differences = Differences::central,
+                                        double tolerance_gray = fine_tolerance_gray) const;
 
 private:
-    cv::Mat with_response(const cv::Mat& image, const cv::Rect& region) const;
-
     Projector projector_;
     Renderer renderer_;
     cv::Mat response_;           // relative, by pixel; empty: 1
@@ -137,8 +124,8 @@ struct PhotometricTerms {
     bool pose = true;  // the marker's; the equations have its place in either case
     bool psf_anisotropy = false;
     bool saturation = false;  // its level and knee
-    // The logarithm of the stated noise, by which mean codes change. It is not a photograph's own:
-    // its column says what a noise that is stated wrongly does to the others, no step follows it.
+    // The logarithm of the stated noise, by which mean codes change: its column says what a wrong
+    // noise does to the others, no step follows it.
     bool noise = false;
 
     // Photometric parameters.
@@ -154,20 +141,18 @@ struct PhotoOfMarker {
     CellGrid grid;
     cv::Mat use;              // CV_8UC1 of PixelUse, the photograph's size
     uchar fitted;             // which of them count
-    double background = 1.0;  // radiance beside the marker
-    // Of flat places `use` holds one pixel in so many: the noise is taken from them all the same.
-    int stands_for = 1;
+    double background = 1.0;  // radiance around the marker
+    int stands_for = 1;       // of flat places `use` holds one pixel in so many
 };
 
-// Flat places say little of a pose, and enough of levels and noise with far fewer pixels: in a
-// photograph with more than 100 000 fitted pixels, those over 8 px from every edge of the rendering
-// at this pose are left out but for every seventh in x and y (7: JPEG's blocks are of 8). Others
-// stay as they are.
+// Of a photograph with more than 100 000 fitted pixels those over 8 px from every edge of the
+// rendering at this pose are left out but for every seventh in x and y (JPEG's blocks are of 8):
+// levels and noise need no more, the pose none.
 PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                              const Rigid& camera_from_marker);
 
-// Where more than twice as many pixels are fitted: one in so many that about that many are left. On
-// a lattice that meets every row and every column, and so each edge in each of its places.
+// Where more than twice as many pixels are fitted, about that many of them, on a lattice that meets
+// every row and every column.
 PhotoOfMarker with_few_pixels(const PhotoOfMarker& photo, int enough_pixels);
 
 struct PhotoState {
@@ -178,10 +163,9 @@ struct PhotoState {
 // At a state, in the order: camera parameters, pose (left perturbation), photometric parameters
 // (black levels, white levels, mean variance and anisotropy of the Gaussian in px^2, tone,
 // saturation's level and knee, logarithm of the noise). A width or tone at the end of its range
-// that would leave it has no score and an information of 1, and so has a pose that is held. A
-// saturation that is free is also held by what is known beforehand of cameras, as if it had been
-// measured: its level 255 +- 10 gray, its knee 15 +- 15; most photographs are not bright enough to
-// show it.
+// that would leave it has no score and an information of 1, and so has a pose that is held. A free
+// saturation has a prior, as most photographs are not bright enough to show it: level 255 +- 10
+// gray, knee 15 +- 15.
 struct PhotoEquations {
     PhotoState state;
     double noise_scale = 1.0;      // multiplies the noise
@@ -202,10 +186,10 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                                const PhotoState& state, const PhotometricTerms& terms,
                                const CalibrationModel& parameters, double noise_scale);
 
-// The same from a rendering that is at hand, of the region of `motion`. Its derivatives may be
-// those of a pose nearby; where they are empty, central differences on the pixel grid stand for
-// them: right to some 10 % for blurred edges, enough to find the way. `changes` are the derivatives
-// of the rendering by further parameters, CV_32FC1 of the region's size; their columns come first.
+// The same from a rendering of the region of `motion`. Its derivatives may be those of a pose
+// nearby; without them central differences on the pixel grid are taken (right to some 10 % for
+// blurred edges). `changes` are the derivatives of the rendering by further parameters, CV_32FC1 of
+// the region's size; their columns come first.
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const RenderedGradient& rendered, const ImageMotion& motion,
@@ -214,8 +198,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 // Throws NumericalError unless photograph and mask have the camera's size and their types.
 void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera);
 
-// From where the photometric model's Gaussian blurs into a pixel: five times its largest width, and
-// one.
+// Reach of the photometric model's Gaussian: five times its largest width, and one.
 inline constexpr int gaussian_reach_px = 16;
 
 // The part of the image with the fitted pixels and some room around them. Throws NumericalError for
@@ -239,14 +222,10 @@ PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& c
 
 // Steps of one photograph's own unknowns (pose and photometric model) towards the least Huber loss:
 // Gauss and Newton's, damped where they lead uphill (Levenberg, Marquardt). Each takes one
-// rendering.
-//
-// The gradient comes from central differences on that rendering (wrong by some 10 %: it costs
-// steps) until render_gradient() makes it better; then it is kept. With J kept the steps end at the
-// root of J^T r = 0 for the residuals r of the last rendering.
-//
-// Another noise scale or photometric model takes no new rendering. Refers to photograph and camera,
-// which must outlive it. One thread.
+// rendering, unless only noise scale or photometric model change. The gradient comes from central
+// differences on it (wrong by some 10 %) until render_gradient() makes a better one, which is kept:
+// the steps then end at the root of J^T r. Refers to photograph and camera, which must outlive it.
+// One thread.
 class PhotometricSteps {
 public:
     // `near` is about where the steps will be: within some px. Throws as photo_equations() does.
@@ -267,8 +246,8 @@ public:
     bool descend(PhotoEquations& place, DescentRule rule);
 
     // To the root of J^T r, from where the gradient was rendered: full steps as long as each
-    // promises less than half of the one before. The loss is no guide there: the renderer's own
-    // steps move it by more. Whether the last one promises no more than `enough_gain`.
+    // promises less than half of the one before (the loss itself moves more with the renderer's own
+    // steps). Whether the last one promises no more than `enough_gain`.
     bool settle(PhotoEquations& place, double enough_gain);
 
     int renderings() const { return renderings_; }
@@ -289,9 +268,9 @@ private:
 // By how much a step from there should lower the loss.
 double promised_gain(const PhotoEquations& equations);
 
-// The noise scale that the residuals show: 1.4826 times the median of their size, that of a normal
-// distribution. Where the camera knows its noise, 1 unless it is larger by three of its own
-// standard errors; else not below 0.2 gray.
+// 1.4826 times the median size of the residuals, the deviation of normal ones. Where the camera
+// knows its noise, 1 unless it is larger by three of its own standard errors; else not below 0.2
+// gray.
 double noise_scale_of(const PhotoEquations& place, bool knows_noise);
 
 // Towards the photograph from a start whose residuals may be far above the noise: all pixels count,

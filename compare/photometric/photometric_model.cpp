@@ -2,9 +2,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "core/statistics/distributions.h"
 #include "sim/sensor/sensor_model.h"
@@ -12,20 +10,18 @@
 namespace etalon {
 namespace {
 
-// Half of the second difference of fourth order, (-1 16 -30 16 -1) / 24, at a frequency.
-double half_second_difference(double frequency) {
-    return (-15.0 + 16.0 * std::cos(frequency) - std::cos(2.0 * frequency)) / 12.0;
-}
-
-// exp(variance * half_second_difference) as a kernel: the inverse Fourier transform by the
-// trapezoidal rule, which for a periodic function is exact but for what wraps around.
+// exp(variance * half of the second difference at a frequency) as a kernel: the inverse Fourier
+// transform by the trapezoidal rule, which for a periodic function is exact but for what wraps
+// around.
 cv::Mat discrete_gaussian(double sigma_px) {
     const int radius = static_cast<int>(std::ceil(5.0 * sigma_px)) + 4;
     const int steps = 4 * radius;
     cv::Mat kernel(1, 2 * radius + 1, CV_64F, cv::Scalar(0.0));
     for (int k = 0; k < steps; ++k) {
         const double frequency = 2.0 * std::numbers::pi * k / steps;
-        const double gain = std::exp(sigma_px * sigma_px * half_second_difference(frequency));
+        const double half_second_difference =
+            (-15.0 + 16.0 * std::cos(frequency) - std::cos(2.0 * frequency)) / 12.0;
+        const double gain = std::exp(sigma_px * sigma_px * half_second_difference);
         for (int n = -radius; n <= radius; ++n)
             kernel.at<double>(n + radius) += gain * std::cos(n * frequency) / steps;
     }
@@ -151,14 +147,6 @@ namespace {
 
 constexpr int samples_per_code = 16, most_bits = 10;
 
-double normal_density(double z) {
-    return std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
-}
-
-double normal_distribution(double z) {
-    return 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0);
-}
-
 // Linear signals in DN between which codes change, and those of codes themselves.
 class CodeScale {
 public:
@@ -193,8 +181,8 @@ public:
         Mean mean{static_cast<double>(threshold - thresholds_.begin())};
         for (; threshold != thresholds_.end() && *threshold < s + certain * sigma; ++threshold) {
             const double z = (s - *threshold) / sigma;
-            mean.code += normal_distribution(z);
-            mean.by_log_noise -= z * normal_density(z);
+            mean.code += 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0);
+            mean.by_log_noise -= z * (std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi));
         }
         return mean;
     }

@@ -1,16 +1,14 @@
 // How bright a rendering's black and white are in one photograph, how much blurrier it is than the
-// rendering, and where its white clips: what a calibration does not know and every photograph has
-// anew.
+// rendering, and where its white clips: what every photograph has anew.
 //
 //     gray = S(black + (white - black) * C(T(Gaussian * radiance)))     at each pixel
 //
-// Black and white are surfaces over the image: planes, or of second order. The Gaussian (*:
-// convolution) stands for what the camera's lens section leaves out; without a lens section it is
-// the whole lens. Its variances along x and y may differ: pixels of a mosaic and fields of a video
-// signal are interpolated differently in the two directions. T is what the camera's transfer curve
-// makes of light between this photograph's black and white (class LightCurve), not fitted. C(s) = s
-// + tone s (1 - s) stands for what is left of a curve that no calibration told. S is saturation
-// (struct Saturation). Photographs are in gray = code value / full scale * 255.
+// Black and white are surfaces over the image, of second order at most. The Gaussian (*:
+// convolution) is the blur that the camera's lens section leaves out, the whole blur without one.
+// Its variances along x and y may differ (mosaic, fields of a video signal). T is what the camera's
+// transfer curve makes of light between this photograph's black and white (LightCurve), not fitted.
+// C(s) = s + tone s (1 - s) is an unknown rest of that curve. S is saturation (Saturation). Gray =
+// code value / full scale * 255.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -26,8 +24,8 @@
 namespace etalon {
 
 // White that clips, and the shoulder below: the expectation of min(gray + n, level) with n normal
-// of standard deviation `knee`. For a sensor that clips hard the knee is the pixels' noise; that of
-// a camera that compresses its highlights is some 20 gray.
+// of standard deviation `knee`: the pixels' noise where a sensor clips hard, some 20 gray where a
+// camera compresses its highlights.
 struct Saturation {
     double level_gray = 255.0;  // 225 .. 265
     double knee_gray = 15.0;    // 0.5 .. 60
@@ -91,8 +89,7 @@ private:
 cv::Mat gray_of(const CodeImage& image);
 
 // The half tones that a sensor's curve makes of a radiance between a photograph's black (radiance
-// 0, half tone 0) and white (1 and 1). Curves other than a pure power look different between other
-// levels, so these are taken to light first; those of the image's centre stand for all of it.
+// 0, half tone 0) and white (1 and 1), at the levels of the image's centre.
 class LightCurve {
 public:
     LightCurve() = default;  // of a linear sensor
@@ -115,26 +112,23 @@ cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
                        const LightCurve& curve);
 
 // Convolution with a discrete Gaussian: the solution of the diffusion equation with the second
-// difference of fourth order, (-1 16 -30 16 -1) / 12. However small sigma is, its variance is
-// sigma^2 and its fourth moment 3 sigma^4, where a sampled Gaussian below half a pixel hardly blurs
-// at all and the one that solves the equation with (1 -2 1) (Lindeberg, "Scale-space for discrete
-// signals", PAMI 1990) is peaked. Edges are replicated.
+// difference of fourth order, (-1 16 -30 16 -1) / 12. Its variance is sigma^2 and its fourth moment
+// 3 sigma^4 however small sigma is (a sampled Gaussian below 0.5 px hardly blurs). Edges are
+// replicated.
 cv::Mat blurred(const cv::Mat& image, double sigma_px);
 cv::Mat blurred(const cv::Mat& image, const Eigen::Vector2d& sigmas_px);
 
 // The mean of a sensor's code values, which is not the light's own value where the noise is small
-// against a code: light at 16.3 codes with a noise of 0.17 codes is nearly always code 16. Dark
-// cells of a camera with 8 bits are such places, and a lens' blur shows in what it spills there.
-// A code is at least k where the linear signal s with its noise passes the threshold t_k at which
-// the transfer curve reaches k - 1/2. Noise is normal (sim/sensor/sensor_model.h), so that exactly
+// against a code: light at 16.3 codes with a noise of 0.17 codes is nearly always code 16. A code
+// is at least k where the linear signal s with its normal noise (sim/sensor/sensor_model.h) passes
+// the threshold t_k at which the transfer curve reaches k - 1/2:
 //     mean code = sum over k = 1 .. F of Phi((s - t_k) / sigma(s))
-// The sawtooth about a straight line is 0.32 exp(-2 pi^2 sigma^2) codes high, sigma in codes:
-// nothing beyond 0.6 (Widrow and Kollar, "Quantization Noise", Cambridge 2008, chapter 5). Made in
-// some 5 ms for 8 bits. Safe from every thread.
+// The deviation from a straight line is 0.32 exp(-2 pi^2 sigma^2) codes, sigma in codes (Widrow and
+// Kollar, "Quantization Noise", Cambridge 2008, chapter 5). Made in some 5 ms for 8 bits. Safe from
+// every thread.
 class MeanCode {
 public:
-    // The codes are those of light itself: of a sensor whose noise is not stated, and beyond 10
-    // bits, where rounding is below 0.06 gray however it falls.
+    // The codes of light itself: of a sensor whose noise is not stated, and beyond 10 bits.
     MeanCode() = default;
     explicit MeanCode(const Sensor& sensor);
 
@@ -142,9 +136,8 @@ public:
         double gray = 0.0, slope = 1.0;
         double by_log_noise = 0.0;  // gray that a noise larger by the factor e adds, first order
     };
-    // Of the gray that the light has without noise and rounding; any. Gray = code / F * 255.
-    // Below 0.1 codes of noise the mean is a staircase, and that of 0.1 codes is given: steep, but
-    // no step.
+    // Of the gray that the light has without noise and rounding. Noise counts as 0.1 codes at
+    // least.
     Point at(double gray) const;
 
 private:

@@ -6,10 +6,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
-#include <cmath>
+#include <numeric>
 
 #include "compare/photometric/photometric_detector.h"
-#include "core/optimize/least_squares.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 
@@ -71,9 +70,9 @@ public:
     Adjuster(std::span<const PhotoOfMarker> photos, const CalibrationModel& parameters)
         : photos_(photos), parameters_(parameters), scales_(photos.size(), 1.0) {}
 
-    // The noise scale of each photograph is 1.4826 times the median size of its residuals (that of
-    // a normal distribution), not below 1 where the camera knows its noise, and found again until
-    // it no longer changes. Same result for any number of threads.
+    // The noise scale of each photograph is 1.4826 times the median size of its residuals, not
+    // below 1 where the camera knows its noise, found again until it no longer changes. The same
+    // result for any number of threads.
     Place run(const std::shared_ptr<const PhotometricCamera>& camera,
               const std::vector<PhotoState>& start) {
         constexpr int max_rounds = 3;
@@ -108,8 +107,7 @@ private:
         for (std::size_t i = 0; i < photos_.size(); ++i) {
             const double least = place.camera->knows_noise() ? 1.0 : min_gray;
             const double scale = std::max(1.4826 * place.photos[i].median_size * scales_[i], least);
-            const bool first = steps_ == 0;
-            change = std::max(change, first ? 1.0 : std::abs(scale / scales_[i] - 1.0));
+            change = std::max(change, steps_ == 0 ? 1.0 : std::abs(scale / scales_[i] - 1.0));
             scales_[i] = scale;
         }
         return change;
@@ -181,8 +179,7 @@ ViewEquations camera_equations(const PhotoEquations& equations, std::size_t para
     const Damped one(equations, static_cast<Eigen::Index>(parameters), 0.0);
     const Eigen::MatrixXd information = one.information();
     const Eigen::VectorXd score = one.score();
-    // A square root of the information, which one photograph need not determine fully, made
-    // triangular. Scaled to a unit diagonal: the parameters' units differ by orders of magnitude.
+    // A triangular square root of the information, scaled to a unit diagonal.
     constexpr double rounding = 1e-12;
     const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt();
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(Eigen::MatrixXd(
@@ -234,32 +231,19 @@ PhotoOfMarker training_photo(const Job& job, std::size_t photo, const Photometri
     return photo_of(job, photo, use, 255);
 }
 
-Place refined_on_all(const Job& job, const CameraFit& corners) {
-    const auto camera = std::make_shared<const PhotometricCamera>(corners.camera);
-    const PhotometricTerms terms = refinement_terms(corners.camera);
-    std::vector<PhotoOfMarker> photos;
-    std::vector<PhotoState> start;
-    for (std::size_t i = 0; i < job.gray.size(); ++i) {
-        const Rigid& pose = corners.camera_from_target[i];
-        photos.push_back(training_photo(job, i, *camera, pose));
-        start.push_back(starting_state(photos.back(), *camera, pose, terms));
-    }
-    return Adjuster(photos, job.model).run(camera, start);
-}
-
-// From the corners' camera of the training photographs alone; the photometric models start where
-// they were with all photographs, which saves time and decides nothing.
-std::shared_ptr<const PhotometricCamera> refined_on(
-    const Job& job, const Indices& training, const CameraFit& corners,
-    const std::shared_ptr<const PhotometricCamera>& camera, const Place& all) {
+// The photometric models start where they were with all photographs, if given, to save time.
+Place refined_on(const Job& job, const Indices& training, const CameraFit& corners,
+                 const std::shared_ptr<const PhotometricCamera>& camera, const Place* all) {
     std::vector<PhotoOfMarker> photos;
     std::vector<PhotoState> start;
     for (std::size_t i = 0; i < training.size(); ++i) {
         const Rigid& pose = corners.camera_from_target[i];
         photos.push_back(training_photo(job, training[i], *camera, pose));
-        start.push_back({pose, all.photos[training[i]].state.photometry});
+        start.push_back(
+            all ? PhotoState{pose, all->photos[training[i]].state.photometry}
+                : starting_state(photos.back(), *camera, pose, refinement_terms(corners.camera)));
     }
-    return Adjuster(photos, job.model).run(camera, start).camera;
+    return Adjuster(photos, job.model).run(camera, start);
 }
 
 // RMS residual on the squares that neither pose nor photometric model were fitted to.
@@ -285,7 +269,7 @@ void validate_fold(const Job& job, const CameraFit& corners, const Place& all, s
         (i % PhotometricRefinement::folds == fold ? held_out : training).push_back(i);
     const CameraFit without = corner_fit(job, training, corners);
     const auto from_corners = std::make_shared<const PhotometricCamera>(without.camera);
-    const auto from_pixels = refined_on(job, training, without, from_corners, all);
+    const auto from_pixels = refined_on(job, training, without, from_corners, &all).camera;
     for (const std::size_t i : held_out) {
         const PhotometricModel& start = all.photos[i].state.photometry;
         photos[i].corners_rms_gray = held_out_rms(job, i, from_corners, start);
@@ -322,28 +306,9 @@ void state_covariance(const Place& fit, const CalibrationModel& model,
         freedom += photo.pixels - static_cast<double>(photo.score.size()) +
                    static_cast<double>(model.parameters.size());
     }
-    const Eigen::MatrixXd formal = formal_covariance(equations, model, squares / freedom),
-                          robust = cluster_robust_covariance(equations, model),
-                          stated = stated_covariance(equations, model, squares / freedom);
-    for (Eigen::Index i = 0; i < formal.rows(); ++i)
-        result.deviations.push_back({model.parameters[static_cast<std::size_t>(i)],
-                                     std::sqrt(formal(i, i)),
-                                     std::sqrt(robust(i, i)),
-                                     {},
-                                     std::sqrt(stated(i, i))});
-    result.camera.covariance = ParameterCovariance{model.parameters, stated};
-}
-
-void require_usable(std::span<const CodeImage> photos, std::span<const CalibrationView> views,
-                    const CameraFit& corners) {
-    if (photos.size() != views.size() || corners.camera_from_target.size() != views.size())
-        throw NumericalError(fmt::format("{} photographs, {} views and {} poses do not match",
-                                         photos.size(), views.size(),
-                                         corners.camera_from_target.size()));
-    constexpr std::size_t min_photos = 6;
-    if (photos.size() < min_photos)
-        throw NumericalError(fmt::format("photometric refinement needs {} photographs, not {}",
-                                         min_photos, photos.size()));
+    const CalibrationCovariances covariances = covariances_of(equations, model, squares / freedom);
+    result.deviations = deviations_of(model, covariances);
+    result.camera.covariance = ParameterCovariance{model.parameters, covariances.stated};
 }
 
 }  // namespace
@@ -353,12 +318,22 @@ PhotometricRefinement refine_photometrically(std::span<const CodeImage> photos,
                                              const CellGrid& target, const ComparedArea& area,
                                              const CameraFit& corners,
                                              const CalibrationModel& model) {
-    require_usable(photos, views, corners);
+    if (photos.size() != views.size() || corners.camera_from_target.size() != views.size())
+        throw NumericalError(fmt::format("{} photographs, {} views and {} poses do not match",
+                                         photos.size(), views.size(),
+                                         corners.camera_from_target.size()));
+    constexpr std::size_t min_photos = 6;
+    if (photos.size() < min_photos)
+        throw NumericalError(fmt::format("photometric refinement needs {} photographs, not {}",
+                                         min_photos, photos.size()));
     Job job{{}, views, target, area, model, {corners.camera.width, corners.camera.height}};
     for (const CodeImage& photo : photos)
         job.gray.push_back(gray_of(photo));
 
-    const Place fit = refined_on_all(job, corners);
+    Indices all(photos.size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    const Place fit = refined_on(
+        job, all, corners, std::make_shared<const PhotometricCamera>(corners.camera), nullptr);
     PhotometricRefinement result;
     result.camera = fit.camera->model();
     for (const PhotoEquations& photo : fit.photos)

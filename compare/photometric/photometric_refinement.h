@@ -1,26 +1,22 @@
 // Intrinsics from all pixels of the calibration photographs instead of their corners: the
-// parameters for which the renderings are closest to the photographs, every photograph's pose and
-// photometric model found alongside.
+// parameters for which the renderings are closest to the photographs.
 //
 // Bundle adjustment with pixels in place of points: what belongs to one photograph only is
 // eliminated from its normal equations (Schur complement), Levenberg and Marquardt's damping,
-// Huber's loss. To each photograph are fitted, beside its pose, black and white surfaces of second
-// order, a tone parameter, and a Gaussian's width where the camera has no lens section; 14 at most.
-// It finds the minimum that the start leads to: the start's edges must be within about a blur width
-// of the photograph's.
+// Huber's loss. Each photograph has its pose, black and white surfaces of second order, a tone
+// parameter, and a Gaussian's width where the camera has no lens section. The start's edges must be
+// within about a blur width of the photograph's.
 //
-// A corner is what a detector makes of some fifty pixels; here every edge counts over its whole
-// length, and blur and levels are modelled. But a rendering also meets what corners do not care
-// for: a curled board, JPEG, a camera that sharpens. Whether the refined camera is better is
-// therefore shown on photographs that it has not seen (k-fold cross-validation, Stone 1974):
+// Every edge counts over its whole length, and blur and levels are modelled; but a curled board,
+// JPEG or a camera that sharpens disturb a rendering more than corners. The refined camera must
+// therefore be better on photographs that it has not seen (k-fold cross-validation, Stone 1974):
 //   1. both cameras come from the training photographs only, one from their corners, the other
 //      refined from it on their pixels;
 //   2. the held-out photograph's pose and photometric model are fitted on half of its squares, once
 //      with each camera;
 //   3. the residuals of the other half of the squares are compared, paired by photograph. The gain
-//      must be above zero by a one-sided t test at 95 %.
-// Else the refinement is refused, with the figures. The folds share training photographs, so that
-// the test's 95 % are approximate (Bengio and Grandvalet, JMLR 5, 2004).
+//      must be above zero by a one-sided t test at 95 % (approximately: the folds share training
+//      photographs; Bengio and Grandvalet, JMLR 5, 2004).
 #pragma once
 
 #include <span>
@@ -61,8 +57,7 @@ struct PhotometricRefinement {
 // `corners` is fit_camera()'s result for all views with this model. The covariance takes
 // photographs as independent, not pixels. Throws NumericalError for fewer than six photographs,
 // numbers that do not match, and photographs that do not determine the camera. About 5 s of CPU
-// time per photograph of 640x480 px that a board fills; on all cores, with the same result for any
-// number of them.
+// time per photograph of 640x480 px, on all cores; the same result for any number of them.
 PhotometricRefinement refine_photometrically(std::span<const CodeImage> photos,
                                              std::span<const CalibrationView> views,
                                              const CellGrid& target, const ComparedArea& area,

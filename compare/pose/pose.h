@@ -3,14 +3,8 @@
 // run began.
 #pragma once
 
-#include <Eigen/Core>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "capture/frame/frame_log.h"
 #include "compare/pose/pose_bias.h"
-#include "core/geometry/rigid.h"
 
 namespace etalon {
 
@@ -77,7 +71,7 @@ struct VisitedPose : PlannedPose {
 struct AnalysedPose : VisitedPose {
     bool used = false;      // in the registration (training) or in the field (hold-out)
     bool outlying = false;  // left out of both (compare/diagnosis/outlier_poses.h)
-    std::optional<CornerNoise> noise = {};  // that counts (compare/pose/corner_noise.h)
+    std::optional<CornerNoise> noise = {};  // that counts (find_noise)
     PoseBias bias = {};  // of training poses B2 alone, for the record; never judged
     bool is_judged() const { return hold_out && used; }
     // Of hold-out poses: the render at the registered pose, with the camera's bit depth and
@@ -85,5 +79,14 @@ struct AnalysedPose : VisitedPose {
     std::string render_file = {};
     std::optional<PhotoResidual> residual = {};
 };
+
+// Sets `noise` of each detected pose: that of its own frames; else that of the other poses' frames,
+// pooled by degrees of freedom; else what the calibration's sensor states for it or, pooled, for
+// others; else nothing. A variance of 0 counts as not known.
+void find_noise(std::span<AnalysedPose> poses);
+
+// Poses with several frames that left the corners at the same places to the last bit: the camera
+// gave one picture again and again, or its noise is below rounding. Their indices in the plan.
+std::vector<int> poses_of_equal_frames(std::span<const VisitedPose> poses);
 
 }  // namespace etalon

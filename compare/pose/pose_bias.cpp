@@ -20,50 +20,33 @@ void require_corners(const Pixels& corners, std::size_t count) {
                                          corners.size(), count));
 }
 
-RegistrationPose freed_of(const Pixels& bias, RegistrationPose pose) {
-    pose.pixels = differences(pose.pixels, bias);
-    return pose;
-}
-
 // Registered poses with the detector's bias subtracted, and their indices among those given.
 struct CorrectedPoses {
     std::vector<RegistrationPose> poses;
     std::vector<std::size_t> used;
-
-    void add(std::size_t index, RegistrationPose pose) {
-        poses.push_back(std::move(pose));
-        used.push_back(index);
-    }
 };
 
-// Poses whose bias is not known stay as they are.
-CorrectedPoses freed_of_known(std::span<const RegistrationPose> poses,
-                              std::span<const Pixels> known_bias) {
-    CorrectedPoses corrected;
-    for (std::size_t i = 0; i < poses.size(); ++i)
-        corrected.add(i, known_bias.empty() || known_bias[i].empty()
-                             ? poses[i]
-                             : freed_of(known_bias[i], poses[i]));
-    return corrected;
-}
-
-// Renders those whose bias is not known where `registration` has them; one whose render is not
-// detected is left out.
+// Poses whose bias is not known are rendered where `registration` has them, and left out where that
+// render is not detected. Without a registration they stay as they are.
 CorrectedPoses bias_corrected(const Projector& projector, const Points& points,
                               std::span<const RegistrationPose> poses,
-                              std::span<const Pixels> known_bias, const Registration& registration,
+                              std::span<const Pixels> known_bias, const Registration* registration,
                               const RenderAndDetect& render_and_detect) {
     CorrectedPoses corrected;
     for (std::size_t i = 0; i < poses.size(); ++i) {
+        RegistrationPose pose = poses[i];
         if (!known_bias.empty() && !known_bias[i].empty()) {
-            corrected.add(i, freed_of(known_bias[i], poses[i]));
-            continue;
+            pose.pixels = differences(pose.pixels, known_bias[i]);
+        } else if (registration) {
+            const Rigid predicted = registration->camera_from_marker(pose.base_from_carriage);
+            const std::optional<Pixels> rendered = render_and_detect(predicted);
+            if (!rendered)
+                continue;
+            pose.pixels = differences(
+                pose.pixels, differences(*rendered, projected(projector, points, predicted)));
         }
-        const Rigid predicted = registration.camera_from_marker(poses[i].base_from_carriage);
-        if (const std::optional<Pixels> rendered = render_and_detect(predicted))
-            corrected.add(i,
-                          freed_of(differences(*rendered, projected(projector, points, predicted)),
-                                   poses[i]));
+        corrected.poses.push_back(std::move(pose));
+        corrected.used.push_back(i);
     }
     return corrected;
 }
@@ -136,7 +119,8 @@ BiasCorrectedRegistration register_bias_corrected(
     const auto registered = [&](const CorrectedPoses& corrected) {
         return register_stage(projector, points_mm, corrected.poses, nominal_carriage_from_marker);
     };
-    const CorrectedPoses known = freed_of_known(poses, known_bias);
+    const CorrectedPoses known =
+        bias_corrected(projector, points_mm, poses, known_bias, nullptr, render_and_detect);
     BiasCorrectedRegistration result;
     result.registration = registered(known);
     keep(known, result);
@@ -144,7 +128,7 @@ BiasCorrectedRegistration register_bias_corrected(
         return result;
     do {
         const CorrectedPoses corrected = bias_corrected(projector, points_mm, poses, known_bias,
-                                                        result.registration, render_and_detect);
+                                                        &result.registration, render_and_detect);
         const Registration next = registered(corrected);
         result.last_change_px =
             largest_move_px(projector, points_mm, poses, result.registration, next);

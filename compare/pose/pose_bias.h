@@ -8,17 +8,12 @@
 // The detector's own bias must not enter X and Y, or B3 shows it with its sign turned: so X and Y
 // are registered on corners from which the bias seen on a render is subtracted.
 //
-// That bias changes within a pixel. Where camera or stage are off, the photograph shows the marker
-// elsewhere than X S(q) Y says, and a render there has another bias. So the bias is best taken from
-// a render at the photograph's photometric pose, which depends neither on X and Y nor on the
-// detector: `detector(render)` is then the projected truth and that bias.
+// That bias changes within a pixel, so it is best taken from a render at the photograph's
+// photometric pose, which depends neither on X and Y nor on the detector: `detector(render)` is
+// then the projected truth and that bias.
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
-#include <optional>
-#include <span>
-#include <vector>
 
 #include "calib/registration/registration.h"
 #include "compare/detect/detector.h"
@@ -58,10 +53,9 @@ std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& cor
                                          const std::vector<Eigen::Vector2d>& others);
 
 // Registers on corners(photo) - bias. `known_bias`: of each pose, from a render where the
-// photograph shows the marker (one entry a pose; an empty one, or none at all: not known). Where it
-// is not known it is [corners(render at the current X S Y) - projected truth], and so iterated
-// until no predicted corner moves by more than 0.002 px or `max_rounds` are done (the detector's
-// bias hardly changes over a hundredth of a pixel: two rounds are usual). Calls `render_and_detect`
+// photograph shows the marker (an empty one, or none at all: not known). One that is not known is
+// corners(render at the current X S Y) - projected truth, iterated until no predicted corner moves
+// by more than 0.002 px or `max_rounds` are done (two rounds are usual). Calls `render_and_detect`
 // once per such pose and round. Throws what register_stage throws, and NumericalError for sizes
 // that do not agree.
 BiasCorrectedRegistration register_bias_corrected(

@@ -6,7 +6,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/qualification.h"
@@ -18,30 +17,18 @@ namespace {
 
 using State = AcceptanceCondition::State;
 
-constexpr double min_share = 0.5;
-constexpr int min_planned = 2;
-
-AcceptanceCondition not_compared(std::string name, State state, std::string why) {
-    AcceptanceCondition condition;
-    condition.name = std::move(name);
-    condition.state = state;
-    condition.text = std::move(why);
-    return condition;
+AcceptanceCondition not_checked(const char* name, std::string why) {
+    return {name, State::not_checked, 0.0, 0.0, "", std::move(why)};
 }
 
-AcceptanceCondition not_checked(std::string name, std::string why) {
-    return not_compared(std::move(name), State::not_checked, std::move(why));
+AcceptanceCondition checked(const char* name, bool is_met, double value, double limit,
+                            const char* unit, std::string text) {
+    return {name, is_met ? State::met : State::not_met, value, limit, unit, std::move(text)};
 }
-
-AcceptanceCondition checked(std::string name, bool is_met, double value, double limit,
-                            std::string unit, std::string text) {
-    return {std::move(name), is_met ? State::met : State::not_met, value, limit, std::move(unit),
-            std::move(text)};
-}
-
-// ---------------------------------------------------------------------------------- coverage
 
 AcceptanceCondition volume_coverage(const std::vector<AnalysedPose>& poses) {
+    constexpr double min_share = 0.5;
+    constexpr int min_planned = 2;
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
     for (const AnalysedPose& pose : poses)
         centre += pose.bias.predicted.translation / static_cast<double>(poses.size());
@@ -66,8 +53,6 @@ AcceptanceCondition volume_coverage(const std::vector<AnalysedPose>& poses) {
                                100.0 * smallest, 100.0 * min_share));
 }
 
-// ------------------------------------------------------------------------------------ outliers
-
 AcceptanceCondition poses_that_fit(const Qualification& result) {
     std::vector<std::string> outlying;
     for (const RejectedPose& pose : result.outlying)
@@ -80,8 +65,6 @@ AcceptanceCondition poses_that_fit(const Qualification& result) {
                                        "marker: {}; left out",
                                        fmt::join(outlying, ", ")));
 }
-
-// --------------------------------------------------------------------------------- residuals
 
 AcceptanceCondition residuals(const Qualification& result) {
     const char* title = "residuals against noise";
@@ -115,8 +98,6 @@ AcceptanceCondition residuals_over_image(const QualificationInput& input,
                 ? ": a distortion, or an error of the stage, that no named error follows"
                 : ""));
 }
-
-// ---------------------------------------------------------------------- what cancels in the field
 
 // "20 ppm", "2.75 mrad", "0.02 mm".
 std::string size_text(double size, const std::string& unit) {
@@ -154,7 +135,7 @@ AcceptanceCondition declared_inputs(const Qualification& result) {
 }
 
 // A field that some errors make by themselves against the limits of the judged one.
-AcceptanceCondition alone(std::string title, const std::string& whose, const FieldSummary& field,
+AcceptanceCondition alone(const char* title, const char* whose, const FieldSummary& field,
                           const QualificationInput& input) {
     const double rms_limit = input.limits.b3_position_field_rms_mm.value(),
                  max_limit = input.limits.b3_position_field_max_mm.value();
@@ -167,16 +148,11 @@ AcceptanceCondition alone(std::string title, const std::string& whose, const Fie
         max_limit);
     const bool is_within = rms == Outcome::pass && max == Outcome::pass;
     if (is_within || rms == Outcome::fail || max == Outcome::fail)
-        return checked(std::move(title), is_within, field.rms, rms_limit, "mm", text);
-    return not_checked(std::move(title),
+        return checked(title, is_within, field.rms, rms_limit, "mm", text);
+    return not_checked(title,
                        "this run does not tell whether it is within its limits, "
                        "as other errors could hide it; " +
                            text);
-}
-
-AcceptanceCondition camera_alone(const QualificationInput& input, const Qualification& result) {
-    return alone("camera alone", "the field that the camera's errors make by themselves",
-                 result.corners->camera_alone, input);
 }
 
 AcceptanceCondition edges_alone(const QualificationInput& input, const Qualification& result) {
@@ -186,21 +162,6 @@ AcceptanceCondition edges_alone(const QualificationInput& input, const Qualifica
                        "edges are not seen to lie elsewhere than in the renders");
     return alone(title, "the field that edges make which lie elsewhere than in the renders",
                  *result.corners->edges_alone, input);
-}
-
-// ------------------------------------------------------------------------------------- drift
-
-// When each used hold-out pose was taken; empty when a time is missing.
-std::vector<double> hold_out_times(const std::vector<AnalysedPose>& poses) {
-    std::vector<double> times;
-    for (const AnalysedPose& pose : poses) {
-        if (!pose.is_judged())
-            continue;
-        if (!pose.settled_s)
-            return {};
-        times.push_back(*pose.settled_s);
-    }
-    return times;
 }
 
 struct Drift {
@@ -239,9 +200,13 @@ Drift fitted_drift(const BiasField& field, std::span<const FieldSample> samples,
 AcceptanceCondition drift(const QualificationInput& input, const Qualification& result,
                           std::span<const FieldSample> samples) {
     const char* title = "drift over the run";
-    const std::vector<double> times = hold_out_times(result.poses);
-    if (times.empty())
-        return not_checked(title, "the poses carry no times");
+    std::vector<double> times;
+    for (const AnalysedPose& pose : result.poses) {
+        if (pose.is_judged() && !pose.settled_s)
+            return not_checked(title, "the poses carry no times");
+        if (pose.is_judged())
+            times.push_back(*pose.settled_s);
+    }
     if (times.size() != samples.size())
         throw NumericalError("acceptance: times and samples do not agree");
     const Drift found = fitted_drift(*result.position_field, samples, times);
@@ -255,59 +220,47 @@ AcceptanceCondition drift(const QualificationInput& input, const Qualification& 
                                size, found.uncertainty_mm, limit));
 }
 
-// ----------------------------------------------------------------------------- repeatability
-
-struct RepeatedPair {
-    Eigen::Vector3d difference_mm;
-    Eigen::Matrix3d covariance;
-};
-
-// Both at the same target: camera model, detector and stage errors other than random ones are alike
-// and drop out.
-std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input,
-                                         const Qualification& result) {
+// Of both poses at the same target: camera model, detector and stage errors other than random ones
+// are alike and drop out.
+AcceptanceCondition repeatability(const QualificationInput& input, const Qualification& result) {
+    const char* title = "repeatability";
     const auto usable = [](const AnalysedPose& pose) {
         return pose.bias.b2 && pose.noise && !pose.outlying;
     };
-    std::vector<RepeatedPair> pairs;
+    double sum = 0.0;
+    int repeats = 0, pairs = 0;
     for (std::size_t i = 0; i < result.poses.size(); ++i) {
         const AnalysedPose& pose = result.poses[i];
         if (!pose.repeats)
             continue;
+        ++repeats;
         if (*pose.repeats >= i)
             throw NumericalError(fmt::format(
                 "acceptance: pose {} repeats pose {}, which is not before it", i, *pose.repeats));
         const AnalysedPose& before = result.poses[*pose.repeats];
-        if (usable(pose) && usable(before))
-            pairs.push_back(
-                {pose.bias.b2->translation_mm - before.bias.b2->translation_mm,
-                 position_covariance(input, pose) + position_covariance(input, before)});
-    }
-    return pairs;
-}
-
-AcceptanceCondition repeatability(const QualificationInput& input, const Qualification& result) {
-    const char* title = "repeatability";
-    if (std::ranges::none_of(result.poses,
-                             [](const AnalysedPose& pose) { return pose.repeats.has_value(); }))
-        return not_compared(title, State::not_asked, "the plan visits no pose twice");
-    const std::vector<RepeatedPair> pairs = repeated_pairs(input, result);
-    if (pairs.empty())
-        return not_checked(title, "no pose was seen twice by corners whose noise is known");
-    double sum = 0.0;
-    for (const RepeatedPair& pair : pairs) {
-        const Eigen::LDLT<Eigen::MatrixXd> solver{Eigen::MatrixXd(pair.covariance)};
-        if (!solver.isPositive() || !(pair.covariance.determinant() > 0.0))
+        if (!usable(pose) || !usable(before))
+            continue;
+        ++pairs;
+        const Eigen::VectorXd difference =
+            pose.bias.b2->translation_mm - before.bias.b2->translation_mm;
+        const Eigen::Matrix3d covariance =
+            position_covariance(input, pose) + position_covariance(input, before);
+        const Eigen::LDLT<Eigen::MatrixXd> solver{Eigen::MatrixXd(covariance)};
+        if (!solver.isPositive() || !(covariance.determinant() > 0.0))
             return not_checked(title, "frames that are alike to the last bit tell no noise");
-        sum += pair.difference_mm.dot(solver.solve(Eigen::VectorXd(pair.difference_mm)));
+        sum += difference.dot(solver.solve(difference));
     }
-    const double freedom = 3.0 * static_cast<double>(pairs.size());
+    if (repeats == 0)
+        return {title, State::not_asked, 0.0, 0.0, "", "the plan visits no pose twice"};
+    if (pairs == 0)
+        return not_checked(title, "no pose was seen twice by corners whose noise is known");
+    const double freedom = 3.0 * pairs;
     const double ratio = sum / freedom, limit = chi_square_limit(freedom);
     return checked(
         title, ratio <= limit, ratio, limit, "1",
         fmt::format("{} poses visited again: chi-square per degree of freedom is {:.2f}; "
                     "{:.2f} is the most",
-                    pairs.size(), ratio, limit));
+                    pairs, ratio, limit));
 }
 
 }  // namespace
@@ -325,7 +278,8 @@ std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput&
             residuals(result),
             residuals_over_image(input, result),
             declared_inputs(result),
-            camera_alone(input, result),
+            alone("camera alone", "the field that the camera's errors make by themselves",
+                  result.corners->camera_alone, input),
             edges_alone(input, result),
             drift(input, result, samples),
             repeatability(input, result)};

@@ -4,7 +4,6 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <cmath>
 
 #include "compare/qualification/qualification.h"
 #include "core/program/errors.h"
@@ -27,21 +26,10 @@ std::vector<Value> of_used(const std::vector<Value>& values, const std::vector<A
     return used;
 }
 
-}  // namespace
-
-std::vector<StageError> stage_errors_of(const DeclaredStation& station,
-                                        const std::vector<AnalysedPose>& poses) {
-    std::vector<StageError> errors;
-    for (const auto& [error, is_linear_scale, in_budget, uncertainty] : station.stage_terms)
-        errors.push_back({error.name, error.unit, error.size,
-                          of_used(error.base_from_carriage, poses, error.name)});
-    return errors;
-}
-
 std::vector<StageAxisMotion> axis_motions_of(const std::vector<StageAxisMotion>& all,
                                              const std::vector<AnalysedPose>& poses) {
-    std::vector<StageAxisMotion> motions;
-    for (StageAxisMotion axis : all) {
+    std::vector<StageAxisMotion> motions = all;
+    for (StageAxisMotion& axis : motions) {
         axis.position = of_used(axis.position, poses, axis.name);
         axis.advanced = of_used(axis.advanced, poses, axis.name);
         if (!axis.approach.empty())
@@ -49,9 +37,20 @@ std::vector<StageAxisMotion> axis_motions_of(const std::vector<StageAxisMotion>&
         for (std::vector<Rigid>& aside : axis.aside)
             if (!aside.empty())
                 aside = of_used(aside, poses, axis.name);
-        motions.push_back(std::move(axis));
     }
     return motions;
+}
+
+}  // namespace
+
+std::vector<StageError> stage_errors_of(const DeclaredStation& station,
+                                        const std::vector<AnalysedPose>& poses) {
+    std::vector<StageError> errors;
+    for (const DeclaredStageTerm& term : station.stage_terms) {
+        StageError& error = errors.emplace_back(term.error);
+        error.base_from_carriage = of_used(error.base_from_carriage, poses, error.name);
+    }
+    return errors;
 }
 
 double repeatability_mm2(const DeclaredStation& station) {
@@ -77,7 +76,7 @@ std::map<std::string, double> declared_uncertainties(const DeclaredStation& stat
     for (const DeclaredStageTerm& term : station.stage_terms)
         if (term.standard_uncertainty)
             declared[term.error.name] =
-                term.is_linear_scale
+                term.error.is_linear_scale
                     ? warmed(*term.standard_uncertainty, temperature.stage_expansion_per_k)
                     : *term.standard_uncertainty;
     if (station.marker_size_uncertainty)
@@ -107,15 +106,6 @@ Eigen::MatrixXd declared_fields(const DeclaredStation& station,
 
 namespace {
 
-// Of a corner's coordinate in the mean over the frames, and as much more as the render has; where
-// it is not known, what registration has left.
-double corner_variance_px2(const QualificationInput& input, const AnalysedPose& pose,
-                           const Qualification& result) {
-    const double left = result.registration->registration.residual_rms_px;
-    const double seen = pose.noise ? pose.noise->variance_px2 : left * left;
-    return std::max(seen, 1e-12) * (1.0 + input.render_noise_ratio);
-}
-
 Eigen::VectorXd stacked_pixels(const std::vector<Eigen::Vector2d>& pixels) {
     return Eigen::Map<const Eigen::VectorXd>(pixels.front().data(), 2 * std::ssize(pixels));
 }
@@ -137,10 +127,9 @@ Eigen::MatrixXd marker_axes_from_image(const SignatureChain& chain, std::size_t 
     return all;
 }
 
-// How the noise of a marker's corners hangs together, with the mean variance 1: corners that two
-// fitted edges make do not move on their own. Pooled over the frames of all poses in the marker's
-// axes, drawn towards independence by one frame's weight a coordinate. Independent where frames
-// keep no corners.
+// Correlation of the noise of a marker's corners, with the mean variance 1: corners where two
+// fitted edges meet do not move on their own. Pooled over the frames of all poses in the marker's
+// axes, drawn towards independence by one frame's weight a coordinate.
 Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
     const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows, rows);
@@ -165,29 +154,22 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
     return sum / (freedom + prior);
 }
 
-// How far the detector's corners lie from where the pixels of the same photograph put them, as a
-// square over the corners' noise; nothing where that is not known.
-std::optional<double> slip_square(const SignatureChain& chain, std::size_t i,
-                                  const Eigen::MatrixXd& noise_px2) {
-    const AnalysedPose& pose = chain.poses[i];
-    if (!pose.seen_at)
-        return std::nullopt;
-    const auto expected = projected(chain.projector, chain.points_mm, *pose.seen_at);
-    const Eigen::VectorXd slip =
-        stacked_pixels(differences(differences(pose.corners, expected), pose.detector_bias_px));
-    return slip.dot(noise_px2.llt().solve(slip));
-}
-
-// A detector slips now and then: its corners in one photograph are off by several times their
-// noise, though the stage and the camera did nothing. In such poses, those beyond 99.9 % of what
-// most poses show, the corners' noise is as large as the slip. A marker that was elsewhere slips by
-// nothing.
+// A detector slips now and then: its corners are off by several times their noise from where the
+// pixels of the same photograph put them. In poses beyond 99.9 % of what most poses show the
+// corners' noise is as large as the slip. A marker that was elsewhere slips by nothing.
 void widen_where_slipped(const SignatureChain& chain, std::vector<Eigen::MatrixXd>& noise_px2) {
     const auto freedom = static_cast<double>(2 * chain.points_mm.size());
     constexpr double normal_999 = 3.0902;
-    std::vector<double> squares;
-    for (std::size_t i = 0; i < noise_px2.size(); ++i)
-        squares.push_back(slip_square(chain, i, noise_px2[i]).value_or(0.0));
+    std::vector<double> squares(noise_px2.size(), 0.0);
+    for (std::size_t i = 0; i < noise_px2.size(); ++i) {
+        const AnalysedPose& pose = chain.poses[i];
+        if (!pose.seen_at)
+            continue;
+        const auto expected = projected(chain.projector, chain.points_mm, *pose.seen_at);
+        const Eigen::VectorXd slip =
+            stacked_pixels(differences(differences(pose.corners, expected), pose.detector_bias_px));
+        squares[i] = slip.dot(noise_px2[i].llt().solve(slip));
+    }
     const double usual = std::max(1.0, median(squares) / freedom);
     for (std::size_t i = 0; i < noise_px2.size(); ++i) {
         const double times = squares[i] / (usual * freedom);
@@ -215,7 +197,6 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
     DiagnosisInput evidence{{chain,
                              stage_errors_of(input, result.poses),
                              axis_motions_of(input.axis_motions, result.poses),
-                             {},
                              {}},
                             {},
                             {},
@@ -234,7 +215,11 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
         const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
         evidence.difference_px.push_back(stacked_pixels(pose.bias.difference_px));
         evidence.corner_modes.push_back(turned.transpose() * modes);
-        evidence.covariance_px2.push_back(corner_variance_px2(input, pose, result) *
+        // Where noise is not known, it is what registration has left.
+        const double left_px = result.registration->registration.residual_rms_px;
+        const double variance_px2 =
+            std::max(pose.noise ? pose.noise->variance_px2 : left_px * left_px, 1e-12);
+        evidence.covariance_px2.push_back(variance_px2 * (1.0 + input.render_noise_ratio) *
                                           turned.transpose() * correlation * turned);
     }
     widen_where_slipped(chain, evidence.covariance_px2);

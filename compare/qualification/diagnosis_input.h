@@ -1,27 +1,19 @@
 // What the search for causes takes of a judged run: corners of photographs less expected ones, with
-// the covariance of all that is stated for them (docs/causes.md); and of what a station declares,
-// in the form that a run's figures are compared with: stage errors of the used poses, standard
-// uncertainties by name, variances of positions.
+// the covariance of all that is stated for them (docs/causes.md), and what the station declares.
 #pragma once
 
-#include <Eigen/Core>
-#include <map>
-#include <string>
-#include <vector>
-
 #include "compare/diagnosis/causes.h"
-#include "compare/diagnosis/error_candidates.h"
 #include "compare/diagnosis/error_signatures.h"
 
 namespace etalon {
 
 struct DeclaredStation;
+struct QualificationInput;
+struct Qualification;
 
 // Of the used poses. Throws NumericalError when one has not a transform for each pose.
 std::vector<StageError> stage_errors_of(const DeclaredStation& station,
                                         const std::vector<AnalysedPose>& poses);
-std::vector<StageAxisMotion> axis_motions_of(const std::vector<StageAxisMotion>& all,
-                                             const std::vector<AnalysedPose>& poses);
 
 // Variance of the marker's centre in each direction, mm^2: by random errors of the stage, and by
 // what the uncertainty of its error maps leaves.
@@ -42,16 +34,13 @@ std::map<std::string, double> declared_uncertainties(const DeclaredStation& stat
 Eigen::MatrixXd declared_fields(const DeclaredStation& station,
                                 const std::vector<ErrorSignature>& signatures);
 
-struct QualificationInput;
-struct Qualification;
-
-// `chain` holds the used poses, `result` the registration. Throws NumericalError for sizes that do
-// not agree and a marker point without a projection. `chain` must outlive it.
+// `chain` holds the used poses and must outlive it, `result` the registration. Throws
+// NumericalError for sizes that do not agree and a marker point without a projection.
 DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureChain& chain,
                                const Qualification& result);
 
-// Of the used poses (`chain`), with a word on each that was left out; unless an error that explains
-// the used ones explains those, too, as a distortion that is far off does near the image's corners.
+// Of the used poses (`chain`), with a misplaced pose for each that was left out, unless what
+// explains the used ones explains those as well (a distortion far off near the image's corners).
 // Throws as diagnosis_input(). Some 0.5 s, twice that where poses were left out.
 Causes causes_of_run(const QualificationInput& input, SignatureChain chain, Qualification result);
 

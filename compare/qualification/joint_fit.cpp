@@ -2,8 +2,6 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <cmath>
-#include <optional>
 #include <set>
 
 #include "compare/diagnosis/cause_rows.h"
@@ -17,16 +15,6 @@ constexpr double free_norm = 1e5;  // of a free column at its prior, in standard
 constexpr double scene_alike = 1e-3;
 constexpr int max_beside = 8;
 constexpr double doubtful_deviations = 2.5;
-
-bool is_edge_error(const std::string& name) {
-    return name == "edge shrink" || name == "tone curve";
-}
-
-// Others do the same: half a pixel is a principal point, and X absorbs a constant offset.
-bool is_left_to_others(const std::string& name) {
-    return name == "half pixel" || name == "constant pose offset" ||
-           name == "stage scale, all linear axes";
-}
 
 std::set<std::string> camera_names(const CameraModel& camera) {
     std::set<std::string> names{"skew"};
@@ -44,6 +32,7 @@ struct FittedError {
     Part part = Part::beside;
     Eigen::MatrixXd columns;  // whitened and freed of X and Y, at the prior
     Eigen::VectorXd prior;    // in units of the error's size, by column
+    Eigen::Index first = 0;   // of its numbers among all that are fitted
 };
 
 // As wide as no error is: free of the prior.
@@ -61,7 +50,7 @@ public:
 
     void add(FittedError error) {
         const Eigen::Index before = columns_.cols(), count = error.columns.cols();
-        firsts_.push_back(before);
+        error.first = before;
         columns_.conservativeResize(observed_.size(), before + count);
         columns_.rightCols(count) = error.columns;
         const Eigen::MatrixXd mixed = columns_.transpose() * error.columns;
@@ -99,7 +88,6 @@ public:
         return static_cast<double>(normal_.rows()) - inverse.trace();
     }
     const std::vector<FittedError>& errors() const { return errors_; }
-    Eigen::Index first(std::size_t error) const { return firsts_[error]; }
     const Eigen::VectorXd& numbers() const { return numbers_; }
     Eigen::VectorXd residual() const { return observed_ - columns_ * numbers_; }
     // L^-1 B, of which the square is B^T N^-1 B.
@@ -112,7 +100,6 @@ private:
     Eigen::MatrixXd columns_, normal_;
     Eigen::LLT<Eigen::MatrixXd> solver_;
     std::vector<FittedError> errors_;
-    std::vector<Eigen::Index> firsts_;
     double square_ = 0.0, rest_ = 0.0;
 };
 
@@ -134,18 +121,16 @@ public:
         find_beside();
         JointFit fit;
         fit.scatter = std::sqrt(variance());
-        for (std::size_t i = 0; i < equations_.errors().size(); ++i) {
-            const FittedError& error = equations_.errors()[i];
+        for (const FittedError& error : equations_.errors()) {
             const std::string& name = candidate_of(error).name;
-            if (error.part != Part::beside)
-                continue;
-            if (declared_of(name))
-                fit.contradicted.push_back(contradicted(i, fit.scatter));
-            else
+            if (error.part == Part::beside && declared_of(name))
+                fit.contradicted.push_back(contradicted(error, fit.scatter));
+            else if (error.part == Part::beside)
                 fit.beside.push_back(name);
         }
-        fit.edges = alone(fit.scatter, [](const FittedError&, const ErrorCandidate& one) {
-            return is_edge_error(one.name);
+        fit.edges = alone(fit.scatter, [&](const FittedError& error) {
+            const std::string& name = candidate_of(error).name;
+            return name == "edge shrink" || name == "tone curve";
         });
         fit.residual_px = residuals();
         fit.camera = camera_alone();  // the last, as it may add an error
@@ -164,7 +149,9 @@ private:
 
     void add(std::size_t index, bool is_camera) {
         const ErrorCandidate& one = effects_.errors[index];
-        if (is_left_to_others(one.name))
+        // Others do the same: half a pixel is a principal point, and X absorbs a constant offset.
+        if (one.name == "half pixel" || one.name == "constant pose offset" ||
+            one.name == "stage scale, all linear axes")
             return;
         const Eigen::MatrixXd freed = rows_.freed(one);
         if (!rows_.leaves_a_trace(one, freed))
@@ -234,30 +221,25 @@ private:
     // An error that is there and not yet shown would be taken for the camera's, or hide it: where
     // one is in doubt the camera's effect is the larger of that with it and that without.
     EffectAlone camera_alone() {
-        const auto is_camera = [](const FittedError& error, const ErrorCandidate&) {
-            return error.part == Part::camera;
-        };
+        const auto is_camera = [](const FittedError& error) { return error.part == Part::camera; };
         const EffectAlone without = alone(std::sqrt(variance()), is_camera);
         const auto next = most_needed();
         if (!next || !(next->over(doubtful_deviations) > 1.0))
             return without;
         add_candidate(next->index);
         const EffectAlone with = alone(std::sqrt(variance()), is_camera);
+        const auto upper_size = [](const EffectAlone& effect) {
+            return effect.mean_mm.norm() + 2.0 * effect.factor_mm.norm();
+        };
         return upper_size(with) > upper_size(without) ? with : without;
     }
 
-    static double upper_size(const EffectAlone& effect) {
-        return effect.mean_mm.norm() + 2.0 * effect.factor_mm.norm();
-    }
-
-    ContradictedInput contradicted(std::size_t position, double scatter) const {
-        const FittedError& error = equations_.errors()[position];
+    ContradictedInput contradicted(const FittedError& error, double scatter) const {
         const ErrorCandidate& one = candidate_of(error);
         Eigen::VectorXd unit = Eigen::VectorXd::Zero(equations_.numbers().size());
-        const Eigen::Index at = equations_.first(position);
-        unit[at] = one.size * error.prior[0];
+        unit[error.first] = one.size * error.prior[0];
         ContradictedInput input{one.name, one.unit, *declared_of(one.name)};
-        input.found = unit[at] * equations_.numbers()[at];
+        input.found = unit[error.first] * equations_.numbers()[error.first];
         const double deviation = scatter * equations_.half_inverse(unit).norm();
         input.expanded_uncertainty = 2.0 * deviation;
         input.deviations = std::abs(input.found) / std::hypot(deviation, input.declared);
@@ -293,12 +275,10 @@ private:
     EffectAlone alone(double scatter, const IsOfIt& is_of_it) const {
         const Eigen::Index rows = effects_.after_mm.front().rows();
         Eigen::MatrixXd effects = Eigen::MatrixXd::Zero(rows, equations_.numbers().size());
-        for (std::size_t i = 0; i < equations_.errors().size(); ++i) {
-            const FittedError& error = equations_.errors()[i];
-            if (is_of_it(error, candidate_of(error)))
-                effects.middleCols(equations_.first(i), error.prior.size()) =
+        for (const FittedError& error : equations_.errors())
+            if (is_of_it(error))
+                effects.middleCols(error.first, error.prior.size()) =
                     effects_.after_mm[error.index] * error.prior.asDiagonal();
-        }
         return {effects * equations_.numbers(),
                 scatter * equations_.half_inverse(effects.transpose()).transpose()};
     }

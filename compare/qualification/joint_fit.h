@@ -1,24 +1,16 @@
 // Everything that moves a run's corners, fitted at once: what the camera does by itself, whether
-// what the station declares holds, and what is left.
+// what the station declares holds, and what is left. Errors of camera, stage and marker can cancel
+// in the judged field; each moves the corners in its own way.
 //
-// The judged field is what camera, stage and marker do together: errors of two of them can cancel
-// in it. The corners tell them apart, as each moves them in its own way. Fitted to the corners of
-// all used poses, with their covariance (compare/qualification/diagnosis_input.h), are X and Y,
-// every error of the camera that has a name, all free, and what the station declares, drawn towards
-// 0 by its standard uncertainty (generalised least squares with pseudo-observations). Then, one by
-// one, what must be there beside it, the best first: an input that is off by more than is declared,
-// or an error of the stage for which nothing is declared. Each must lower the sum of squares by
-// what chance does as seldom as 4 standard deviations (the w-test of W. Baarda, A testing procedure
-// for use in geodetic networks, 1968; data snooping). Should the corners scatter by more than is
-// stated, all deviations are enlarged by it.
-//
-// In sets that cannot be told apart at all each is as large as its prior lets it be, and so is the
-// uncertainty.
+// Generalised least squares on the corners of all used poses, with their covariance
+// (diagnosis_input.h): X and Y and every named error of the camera are free; what the station
+// declares has its standard uncertainty as prior. Then, the best first, what must be added: an
+// input that is off by more than is declared, or an undeclared error of the stage. Each must lower
+// the sum of squares by what chance does as seldom as 4 standard deviations (data snooping; W.
+// Baarda, A testing procedure for use in geodetic networks, 1968). Corners that scatter by more
+// than is stated enlarge all deviations. Errors that cannot be told apart at all are as large and
+// uncertain as their priors allow.
 #pragma once
-
-#include <Eigen/Core>
-#include <string>
-#include <vector>
 
 #include "compare/diagnosis/causes.h"
 

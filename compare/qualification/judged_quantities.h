@@ -1,10 +1,6 @@
-// The quantities that a run is judged by, each said once: its name in files, its unit, its words,
-// its limit, and where an analysis has its value. Whoever lists, reads, judges or reports them goes
-// by this table.
+// The quantities that a run is judged by: name in files, unit, words, limit, and where an analysis
+// has the value. Lists, readers, judgements and reports go by this table.
 #pragma once
-
-#include <optional>
-#include <span>
 
 #include "compare/qualification/limits_file.h"
 #include "compare/uncertainty/budget_monte_carlo.h"
@@ -47,8 +43,7 @@ struct QuantityKind {
     const char* missing = "";                              // why there may be no value
     double MonteCarloUncertainty::*monte_carlo = nullptr;  // null: not propagated
     bool is_required = false;                              // every limits file has a limit for it
-    bool is_of_pixels =
-        false;  // size of a difference of photographs and renders; not in the budget
+    bool is_of_pixels = false;  // photographs less renders; not in the budget
 };
 
 // In the order of reports.

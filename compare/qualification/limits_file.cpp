@@ -12,11 +12,6 @@ DecisionRule read_rule(const Value& value) {
     return {value.one_of({"guarded", "simple"}) == "simple" ? 0.0 : 1.0};
 }
 
-ValuePrior read_prior(const Value& value, const Unit& unit) {
-    return {value.at("mean").number(unit.non_negative()),
-            value.at("deviation").number(unit.positive())};
-}
-
 }  // namespace
 
 Limits read_limits(const std::filesystem::path& path) {
@@ -30,10 +25,12 @@ Limits read_limits(const std::filesystem::path& path) {
         const auto given = kind.is_required ? root.at(kind.name) : root.find(kind.name);
         if (!given)
             continue;
-        limits.*kind.limit = given->at("limit").number(unit_named(kind.unit).positive());
+        const Unit& unit = unit_named(kind.unit);
+        limits.*kind.limit = given->at("limit").number(unit.positive());
         given->at("unit").one_of({kind.unit});
         if (const auto prior = given->find("prior"))
-            limits.priors[kind.name] = read_prior(*prior, unit_named(kind.unit));
+            limits.priors[kind.name] = {prior->at("mean").number(unit.non_negative()),
+                                        prior->at("deviation").number(unit.positive())};
     }
     if (const auto pixels = root.find("pixels")) {
         pixels->one_of({"must_match"});
@@ -52,26 +49,15 @@ Limits read_limits(const std::filesystem::path& path) {
     return limits;
 }
 
-namespace {
-
-std::optional<DecisionRisk> risk_of(const JudgedQuantity& quantity, const Limits& limits) {
-    if (!(quantity.expanded_uncertainty > 0.0))
-        return std::nullopt;
-    const MeasuredAgainstLimit measured{
-        quantity.value, quantity.expanded_uncertainty / quantity.coverage_factor,
-        quantity.coverage_factor, quantity.degrees_of_freedom, quantity.limit};
-    const auto prior = limits.priors.find(quantity.name);
-    return decision_risk(
-        measured, limits.rule,
-        prior == limits.priors.end() ? std::nullopt : std::optional(prior->second));
-}
-
-}  // namespace
-
 void decide(JudgedQuantity& quantity, const Limits& limits) {
     quantity.outcome =
         decide(quantity.value, quantity.expanded_uncertainty, quantity.limit, limits.rule);
-    quantity.risk = risk_of(quantity, limits);
+    const auto prior = limits.priors.find(quantity.name);
+    quantity.risk.reset();
+    if (quantity.expanded_uncertainty > 0.0)
+        quantity.risk = decision_risk(
+            quantity, limits.rule,
+            prior == limits.priors.end() ? std::nullopt : std::optional(prior->second));
     if (quantity.outcome == Outcome::inconclusive)
         quantity.reason = limits.rule.guard_factor == 1.0
                               ? "the limit lies within the uncertainty of the value"

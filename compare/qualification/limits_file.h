@@ -27,11 +27,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
-#include <optional>
-#include <string>
 #include <vector>
 
-#include "compare/decision/decision_rule.h"
 #include "compare/decision/verdict.h"
 
 namespace etalon {
@@ -70,8 +67,6 @@ struct Limits {
 // Throws ConfigError with file, line and key: unknown, missing or doubled keys, a limit that is not
 // a positive number, a unit other than the one in the quantity's name.
 Limits read_limits(const std::filesystem::path& path);
-
-// A measured quantity judged by the limits file: its outcome, and what that risks.
 
 // Sets outcome, risk and, where it is INCONCLUSIVE, the reason. Without an uncertainty, as in a
 // simulation without noise, there is no risk. Throws NumericalError as decide() does.

@@ -9,10 +9,8 @@
 
 #include "calib/registration/stage_motion.h"
 #include "compare/diagnosis/outlier_poses.h"
-#include "compare/pose/corner_noise.h"
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
-#include "compare/qualification/limits_file.h"
 #include "compare/qualification/qualification_budget.h"
 #include "core/program/errors.h"
 
@@ -20,29 +18,31 @@ namespace etalon {
 namespace {
 
 void require_usable(const QualificationInput& input) {
-    if (!input.camera)
-        throw NumericalError("qualification: a camera is needed");
-    if (!input.expected_poses.empty() && input.expected_poses.size() != input.poses.size())
-        throw NumericalError("qualification: the expected poses are not of these poses");
+    const auto require = [](bool is_usable, std::string_view otherwise) {
+        if (!is_usable)
+            throw NumericalError(fmt::format("qualification: {}", otherwise));
+    };
+    require(input.camera, "a camera is needed");
+    require(input.expected_poses.empty() || input.expected_poses.size() == input.poses.size(),
+            "the expected poses are not of these poses");
     for (const VisitedPose& pose : input.poses) {
-        if (!vector_from_rigid(pose.base_from_carriage).allFinite())
-            throw NumericalError("qualification: a stage position is not finite");
+        require(vector_from_rigid(pose.base_from_carriage).allFinite(),
+                "a stage position is not finite");
         if (!pose.is_detected())
             continue;
+        const std::vector<Eigen::Vector2d>& bias = pose.detector_bias_px;
         if (pose.corners.size() != input.points_mm.size())
             throw NumericalError(fmt::format("qualification: {} corners for a marker of {} points",
                                              pose.corners.size(), input.points_mm.size()));
         for (const Eigen::Vector2d& corner : pose.corners)
-            if (!corner.allFinite())
-                throw NumericalError("qualification: a corner is not finite");
-        if (!pose.detector_bias_px.empty() && pose.detector_bias_px.size() != pose.corners.size())
-            throw NumericalError("qualification: a detector's bias is not of the marker's points");
-        if (pose.detector_bias_px.empty() && !input.render_and_detect)
-            throw NumericalError("qualification: a way to render is needed");
-        if (pose.photometric &&
-            !(vector_from_rigid(pose.photometric->camera_from_marker).allFinite() &&
-              pose.photometric->covariance.allFinite()))
-            throw NumericalError("qualification: a photometric pose is not finite");
+            require(corner.allFinite(), "a corner is not finite");
+        require(bias.empty() || bias.size() == pose.corners.size(),
+                "a detector's bias is not of the marker's points");
+        require(!bias.empty() || input.render_and_detect, "a way to render is needed");
+        require(!pose.photometric ||
+                    (vector_from_rigid(pose.photometric->camera_from_marker).allFinite() &&
+                     pose.photometric->covariance.allFinite()),
+                "a photometric pose is not finite");
     }
 }
 
@@ -98,26 +98,10 @@ Qualification skipped(Qualification result, const std::string& reason) {
 
 // Where white clips, edges lie elsewhere than in the renders, and nothing else can be told.
 Qualification overexposed(Qualification result) {
-    Causes causes;
-    causes.ranked.push_back(
+    result.causes.emplace().ranked.push_back(
         {{{{"overexposed"}, 0.0, 0.0, "", {"expose less and measure again"}}}, 1.0});
-    result.causes = causes;
     return skipped(std::move(result),
                    "overexposed: white is at the end of the scale, so nothing was measured");
-}
-
-// --------------------------------------------------------------------------- poses and biases
-
-// What the detected poses show must be what the plan was made for: poses that were lost may leave
-// the others in a plane or on a line.
-void require_motion_of(const std::vector<RegistrationPose>& training,
-                       const std::vector<Rigid>& stage_reach) {
-    if (stage_reach.empty())
-        return;
-    std::vector<Rigid> plan;
-    for (const RegistrationPose& pose : training)
-        plan.push_back(pose.base_from_carriage);
-    require_full_motion(plan, stage_reach);
 }
 
 // With the marker at `predicted`: where the detector's bias is known, that is what it adds there.
@@ -131,15 +115,6 @@ std::optional<std::vector<Eigen::Vector2d>> expected_corners(const Qualification
     for (std::size_t k = 0; k < corners.size(); ++k)
         corners[k] += pose.detector_bias_px[k];
     return corners;
-}
-
-// A first estimate of a pose, for the registration to begin with.
-std::optional<Rigid> first_estimate(const QualificationInput& input, const Projector& projector,
-                                    std::size_t pose) {
-    if (!input.expected_poses.empty())
-        return input.expected_poses[pose];
-    const auto estimate = estimate_pose(projector, input.points_mm, input.poses[pose].corners);
-    return estimate ? std::optional(estimate->camera_from_marker) : std::nullopt;
 }
 
 // Those to register on, and their indices among the input's.
@@ -156,10 +131,14 @@ TrainingPoses training_poses(const QualificationInput& input, const Projector& p
         const AnalysedPose& pose = result.poses[i];
         if (pose.hold_out || pose.outlying || !pose.is_detected())
             continue;
-        const auto estimate = first_estimate(input, projector, i);
-        if (!estimate)
+        std::optional<Rigid> first_estimate;
+        if (!input.expected_poses.empty())
+            first_estimate = input.expected_poses[i];
+        else if (const auto seen = estimate_pose(projector, input.points_mm, pose.corners))
+            first_estimate = seen->camera_from_marker;
+        if (!first_estimate)
             continue;
-        training.poses.push_back({pose.base_from_carriage, *estimate, pose.corners});
+        training.poses.push_back({pose.base_from_carriage, *first_estimate, pose.corners});
         training.known_bias.push_back(pose.detector_bias_px);
         training.indices.push_back(i);
     }
@@ -175,16 +154,26 @@ bool was_elsewhere(const VisitedPose& pose, const Registration& registration,
            (pose.seen_at->translation - predicted.translation).norm() > 0.5 * off_mm.norm();
 }
 
-void leave_out(const QualificationInput& input, std::size_t pose, const Eigen::Vector3d& off_mm,
-               Qualification& result) {
+// Leaves out those of these outliers (`indices`: which of the result's poses each is) that were
+// elsewhere; false where none was.
+bool leave_out(const QualificationInput& input, const std::vector<OutlierPose>& outliers,
+               const std::vector<std::size_t>& indices, Qualification& result) {
     const Registration& registration = result.registration->registration;
-    result.poses[pose].outlying = true;
-    result.poses[pose].used = false;
-    const int index = result.poses[pose].index;
-    const std::string off =
-        off_text(registration.camera_from_base.rotation.conjugate() * off_mm, input.axis_motions,
-                 result.poses[pose].base_from_carriage, registration.carriage_from_marker, pose);
-    result.outlying.push_back({index, fmt::format("pose {}{}", index, off)});
+    bool is_any = false;
+    for (const OutlierPose& outlier : outliers) {
+        const std::size_t i = indices[outlier.index];
+        AnalysedPose& pose = result.poses[i];
+        if (!was_elsewhere(pose, registration, outlier.off_mm))
+            continue;
+        is_any = true;
+        pose.outlying = true;
+        pose.used = false;
+        const std::string off = off_text(
+            registration.camera_from_base.rotation.conjugate() * outlier.off_mm, input.axis_motions,
+            pose.base_from_carriage, registration.carriage_from_marker, i);
+        result.outlying.push_back({pose.index, fmt::format("pose {}{}", pose.index, off)});
+    }
+    return is_any;
 }
 
 // Registers on the training poses with a pose estimate, but for those that are outlying; false when
@@ -194,23 +183,23 @@ bool registered(const QualificationInput& input, const Projector& projector,
     TrainingPoses training = training_poses(input, projector, result);
     if (std::ssize(training.poses) < min_training_poses)
         return false;
-    require_motion_of(training.poses, input.stage_reach);
+    if (!input.stage_reach.empty()) {
+        // Poses that were lost may leave the others in a plane or on a line.
+        std::vector<Rigid> seen;
+        for (const RegistrationPose& pose : training.poses)
+            seen.push_back(pose.base_from_carriage);
+        require_full_motion(seen, input.stage_reach);
+    }
     const auto register_all = [&] {
         result.registration = register_bias_corrected(projector, input.points_mm, training.poses,
                                                       input.nominal_carriage_from_marker,
                                                       input.render_and_detect, training.known_bias);
     };
     register_all();
-    auto outlying =
+    const auto outliers =
         outlying_registered(projector, input.points_mm, *result.registration, training.poses,
                             input.limits.b3_position_field_rms_mm.value());
-    std::erase_if(outlying, [&](const OutlierPose& each) {
-        return !was_elsewhere(result.poses[training.indices[each.index]],
-                              result.registration->registration, each.off_mm);
-    });
-    for (const OutlierPose& each : outlying)
-        leave_out(input, training.indices[each.index], each.off_mm, result);
-    if (!outlying.empty()) {
+    if (leave_out(input, outliers, training.indices, result)) {
         training = training_poses(input, projector, result);
         register_all();
     }
@@ -254,62 +243,48 @@ void find_training_differences(const QualificationInput& input, const Projector&
     }
 }
 
-// ------------------------------------------------------------------------------------ fields
-
-double deviation_along(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& axis) {
-    return std::sqrt(axis.dot(covariance * axis));
+// `covariance` gives the levels of noise along the axis and across it.
+FieldSample sample_of(const PoseBias& bias, const Eigen::Vector3d& error,
+                      const Eigen::Vector3d& axis, const Eigen::Matrix3d& covariance) {
+    const double along = axis.dot(covariance * axis);
+    return {bias.predicted.translation, error, axis, std::sqrt(along),
+            std::sqrt(0.5 * std::max(0.0, covariance.trace() - along))};
 }
 
-double deviation_across(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& axis) {
-    return std::sqrt(0.5 * std::max(0.0, covariance.trace() - axis.dot(covariance * axis)));
-}
-
-// Levels of noise along the sample's axis and across it.
-void set_levels(FieldSample& sample, const Eigen::Matrix3d& covariance) {
-    sample.sigma_along = deviation_along(covariance, sample.axis);
-    sample.sigma_across = deviation_across(covariance, sample.axis);
-}
-
-FieldSample position_sample(const PoseBias& bias, const Eigen::Vector3d& error,
+FieldSample position_sample(const PoseBias& bias, const PoseError& error,
                             const Matrix6d& covariance) {
-    FieldSample sample;
-    sample.position_mm = bias.predicted.translation;
-    sample.error = error;
-    sample.axis = bias.predicted.translation.normalized();
-    set_levels(sample, covariance.bottomRightCorner<3, 3>());
-    return sample;
-}
-
-FieldSample rotation_sample(const PoseBias& bias) {
-    FieldSample sample;
-    sample.position_mm = bias.predicted.translation;
-    sample.error = bias.predicted.rotation * bias.b3->rotation_rad;
-    sample.axis = bias.predicted.rotation * Eigen::Vector3d::UnitZ();
-    set_levels(sample, bias.photo->covariance_per_px2.topLeftCorner<3, 3>());
-    return sample;
-}
-
-template <class Sample>
-std::vector<FieldSample> samples_of(const std::vector<AnalysedPose>& poses, Sample sample) {
-    std::vector<FieldSample> samples;
-    for (const AnalysedPose& pose : poses)
-        if (pose.is_judged())
-            samples.push_back(sample(pose.bias));
-    return samples;
+    return sample_of(bias, error.translation_mm, bias.predicted.translation.normalized(),
+                     covariance.bottomRightCorner<3, 3>());
 }
 
 std::vector<FieldSample> position_samples(const std::vector<AnalysedPose>& poses) {
-    return samples_of(poses, [](const PoseBias& bias) {
-        return position_sample(bias, bias.b3->translation_mm, bias.photo->covariance_per_px2);
-    });
+    std::vector<FieldSample> samples;
+    for (const AnalysedPose& pose : poses)
+        if (pose.is_judged())
+            samples.push_back(
+                position_sample(pose.bias, *pose.bias.b3, pose.bias.photo->covariance_per_px2));
+    return samples;
+}
+
+std::vector<FieldSample> rotation_samples(const std::vector<AnalysedPose>& poses) {
+    std::vector<FieldSample> samples;
+    for (const AnalysedPose& pose : poses) {
+        if (!pose.is_judged())
+            continue;
+        const PoseBias& bias = pose.bias;
+        samples.push_back(sample_of(bias, bias.predicted.rotation * bias.b3->rotation_rad,
+                                    bias.predicted.rotation * Eigen::Vector3d::UnitZ(),
+                                    bias.photo->covariance_per_px2.topLeftCorner<3, 3>()));
+    }
+    return samples;
 }
 
 std::vector<FieldSample> photometric_samples(const std::vector<AnalysedPose>& poses) {
     std::vector<FieldSample> samples;
     for (const AnalysedPose& pose : poses)
         if (pose.hold_out && !pose.outlying && pose.bias.b4)
-            samples.push_back(position_sample(pose.bias, pose.bias.b4->translation_mm,
-                                              pose.photometric->covariance));
+            samples.push_back(
+                position_sample(pose.bias, *pose.bias.b4, pose.photometric->covariance));
     return samples;
 }
 
@@ -329,17 +304,10 @@ void fit_position_field(const QualificationInput& input, Qualification& result) 
     for (std::size_t i = 0; i < result.poses.size(); ++i)
         if (result.poses[i].is_judged())
             judged.push_back(i);
-    auto outlying = outlying_samples(positions, *result.position_field,
-                                     input.limits.b3_position_field_rms_mm.value());
-    std::erase_if(outlying, [&](const OutlierPose& each) {
-        return !was_elsewhere(result.poses[judged[each.index]], result.registration->registration,
-                              each.off_mm);
-    });
-    if (outlying.empty())
-        return;
-    for (const OutlierPose& each : outlying)
-        leave_out(input, judged[each.index], each.off_mm, result);
-    result.position_field = fit_smooth_field(position_samples(result.poses), basis);
+    const auto outliers = outlying_samples(positions, *result.position_field,
+                                           input.limits.b3_position_field_rms_mm.value());
+    if (leave_out(input, outliers, judged, result))
+        result.position_field = fit_smooth_field(position_samples(result.poses), basis);
 }
 
 bool is_listed(const Qualification& result, const char* quantity) {
@@ -355,7 +323,7 @@ void fit_fields(const QualificationInput& input, const NoiseDraws& draws, Qualif
     result.position_summary = summarize(*result.position_field, volume, draws);
     if (is_listed(result, quantity::rotation_rms) || is_listed(result, quantity::rotation_max)) {
         result.rotation_field =
-            fit_smooth_field(samples_of(result.poses, rotation_sample), FieldBasis::linear);
+            fit_smooth_field(rotation_samples(result.poses), FieldBasis::linear);
         result.rotation_summary = summarize(*result.rotation_field, volume, draws);
     }
     if (is_listed(result, quantity::length_max))
@@ -364,14 +332,11 @@ void fit_fields(const QualificationInput& input, const NoiseDraws& draws, Qualif
     const std::vector<FieldSample> photometric = photometric_samples(result.poses);
     if (std::ssize(photometric) < min_hold_out_poses)
         return;
-    PhotometricField field;
+    PhotometricField& field = result.photometric.emplace();
     field.poses = static_cast<int>(photometric.size());
     field.position_field = fit_smooth_field(photometric, position_basis(input.camera->projection));
     field.position_summary = summarize(field.position_field, volume, draws);
-    result.photometric = field;
 }
-
-// -------------------------------------------------------------------------------- signatures
 
 SignatureChain chain_of(const QualificationInput& input, const Projector& projector,
                         const Qualification& result) {
@@ -385,36 +350,24 @@ SignatureChain chain_of(const QualificationInput& input, const Projector& projec
     return chain;
 }
 
-// Those that are known already, where they are of as many hold-out poses.
-bool take_known_signatures(const QualificationInput& input, Qualification& result) {
-    if (!input.options.known_run || input.options.known_run->signatures.empty())
-        return false;
-    const auto used = std::ranges::count_if(result.poses, &AnalysedPose::is_judged);
-    if (input.options.known_run->signatures.front().after.size() != 3 * used)
-        return false;
-    result.signatures = input.options.known_run->signatures;
-    return true;
-}
-
+// Those that are known already are taken where they are of as many hold-out poses.
 void find_signatures(const QualificationInput& input, const SignatureChain& chain,
                      Qualification& result) {
-    if (take_known_signatures(input, result))
+    const Qualification* known = input.options.known_run;
+    const auto judged = std::ranges::count_if(result.poses, &AnalysedPose::is_judged);
+    if (known && !known->signatures.empty() &&
+        known->signatures.front().after.size() == 3 * judged) {
+        result.signatures = known->signatures;
         return;
-    const std::vector<StageError> errors = stage_errors_of(input, result.poses);
-    std::vector<std::size_t> linear_scale;
-    for (std::size_t i = 0; i < input.stage_terms.size(); ++i)
-        if (input.stage_terms[i].is_linear_scale)
-            linear_scale.push_back(i);
+    }
     HoldOutNoise noise;
     for (const FieldSample& sample : position_samples(result.poses)) {
         noise.along_mm.push_back(result.position_field->scale_along * sample.sigma_along);
         noise.across_mm.push_back(result.position_field->scale_across * sample.sigma_across);
     }
-    result.signatures = error_signatures(chain, errors, linear_scale, noise,
+    result.signatures = error_signatures(chain, stage_errors_of(input, result.poses), noise,
                                          input.limits.b3_position_field_rms_mm.value());
 }
-
-// ------------------------------------------------------------------------- all corners at once
 
 // Whether these are of as many poses, and of the same pixel errors.
 bool are_of(const ErrorEffects& effects, const DiagnosisInput& evidence,
@@ -465,13 +418,12 @@ double residual_rms_mm(const SignatureChain& chain, const JointFit& fit) {
 void find_corner_figures(const QualificationInput& input, const SignatureChain& chain,
                          const NoiseDraws& draws, Qualification& result) {
     const DiagnosisInput evidence = diagnosis_input(input, chain, result);
-    const bool is_known = input.options.known_run && input.options.known_run->effects &&
-                          are_of(*input.options.known_run->effects, evidence, result);
+    const Qualification* known = input.options.known_run;
+    const bool is_known = known && known->effects && are_of(*known->effects, evidence, result);
     if (!is_known)
         result.effects = error_effects(evidence.request);
-    CornerFigures figures;
-    figures.fit =
-        joint_fit(evidence, is_known ? *input.options.known_run->effects : *result.effects);
+    CornerFigures& figures = result.corners.emplace();
+    figures.fit = joint_fit(evidence, is_known ? *known->effects : *result.effects);
     figures.camera_alone = field_alone(figures.fit.camera, draws, result);
     if (!figures.fit.edges.mean_mm.isZero(0.0))
         figures.edges_alone = field_alone(figures.fit.edges, draws, result);
@@ -479,10 +431,7 @@ void find_corner_figures(const QualificationInput& input, const SignatureChain& 
                                         input.camera->width, input.camera->height);
     figures.coherent_rms_mm =
         residual_rms_mm(chain, figures.fit) * std::sqrt(figures.coherence.share);
-    result.corners = std::move(figures);
 }
-
-// ---------------------------------------------------------------------------------- the rest
 
 // What the noise of each used hold-out pose's corners makes of its position, with the declared
 // stage noise and the error maps' uncertainty on top. Nothing when it is not known.
@@ -494,13 +443,11 @@ std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput&
             continue;
         if (!pose.noise)
             return std::nullopt;
-        SampleNoise one;
-        one.covariance = position_covariance(input, pose, 1.0 + input.render_noise_ratio) +
-                         error_maps_mm2(input) * Eigen::Matrix3d::Identity();
-        one.degrees_of_freedom = pose.noise->degrees_of_freedom;
-        if (!(one.covariance.trace() > 0.0))
+        noise.push_back({position_covariance(input, pose, 1.0 + input.render_noise_ratio) +
+                             error_maps_mm2(input) * Eigen::Matrix3d::Identity(),
+                         pose.noise->degrees_of_freedom});
+        if (!(noise.back().covariance.trace() > 0.0))
             return std::nullopt;
-        noise.push_back(one);
     }
     return noise;
 }
@@ -512,8 +459,6 @@ void find_position_rest(const QualificationInput& input, Qualification& result) 
             lack_of_fit(*result.position_field, position_samples(result.poses), *noise,
                         declared_fields(input, result.signatures));
 }
-
-// ----------------------------------------------------------------------------------- verdict
 
 // Value and U; false, with the reason, when the run has no value.
 bool measure(JudgedQuantity& quantity, const Qualification& result) {
@@ -541,7 +486,7 @@ bool measure(JudgedQuantity& quantity, const Qualification& result) {
 std::string unknown_in_the_way(const JudgedQuantity& quantity, const DecisionRule& rule,
                                const Qualification& result) {
     auto sources = unknown_sources(result.budget, quantity.name, true);
-    const double widest = combined_at_widest(result.budget, quantity.name).expanded;
+    const double widest = combined(result.budget, quantity.name, true).expanded;
     if (sources.empty() && decide(quantity.value, widest, quantity.limit, rule) != Outcome::pass)
         sources = unknown_sources(result.budget, quantity.name, false);
     if (sources.empty())
@@ -593,10 +538,9 @@ void require_conditions(const QualificationInput& input, Qualification& result) 
 
 void add_monte_carlo(const QualificationInput& input, std::span<const FieldInput> inputs,
                      Qualification& result) {
-    const std::vector<Eigen::Vector3d> volume = volume_of(result.poses);
-    const auto samples = position_samples(result.poses);
     const MonteCarloUncertainty b3 = monte_carlo_uncertainty(
-        *result.position_field, samples, volume, inputs, input.options.seed, input.options.stop);
+        *result.position_field, position_samples(result.poses), volume_of(result.poses), inputs,
+        input.options.seed, input.options.stop);
     for (std::vector<JudgedQuantity>* list : {&result.quantities, &result.reported})
         for (JudgedQuantity& quantity : *list)
             if (const auto figure = quantity_kind(quantity.name).monte_carlo)
@@ -626,14 +570,6 @@ void judge_pixels(const QualificationInput& input, Qualification& result) {
         result.reasons.emplace_back("the pixels do not match, as the limits ask for");
         result.verdict = Outcome::fail;
     }
-}
-
-void explain_verdict(Qualification& result) {
-    if (result.verdict == Outcome::pass)
-        return;
-    for (const JudgedQuantity& quantity : result.quantities)
-        if (quantity.outcome != Outcome::pass)
-            result.reasons.push_back(why_not_pass(quantity));
 }
 
 }  // namespace
@@ -686,7 +622,9 @@ Qualification qualify(const QualificationInput& input) {
     judge_pixels(input, result);
     if (input.options.monte_carlo)
         add_monte_carlo(input, budget.inputs, result);
-    explain_verdict(result);
+    for (const JudgedQuantity& quantity : result.quantities)
+        if (result.verdict != Outcome::pass && quantity.outcome != Outcome::pass)
+            result.reasons.push_back(why_not_pass(quantity));
     if (input.options.look_for_causes)
         result.causes = causes_of_run(input, chain, result);
     return result;

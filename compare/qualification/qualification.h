@@ -1,31 +1,16 @@
-// Everything between "the run has measured" and "the report is written": registration, biases,
-// the fields that are judged, their uncertainty budget, error signatures and the verdict.
-//
-//     QualificationInput  what its station declares, what a run measured, and options
-//     qualify()           one function; renders through a callback, touches no device or file
-//     Qualification       everything that the report and the record show
-//
+// The analysis of a run: registration, biases, the fields that are judged, their uncertainty
+// budget, error signatures and the verdict. Renders through a callback, touches no device or file.
 // Method: docs/metrology.md.
 #pragma once
 
-#include <Eigen/Core>
-#include <cstdint>
-#include <optional>
 #include <stop_token>
-#include <string>
-#include <vector>
 
-#include "calib/registration/registration.h"
-#include "compare/decision/verdict.h"
-#include "compare/diagnosis/causes.h"
 #include "compare/diagnosis/error_signatures.h"
 #include "compare/diagnosis/image_agreement.h"
 #include "compare/diagnosis/image_coherence.h"
-#include "compare/pose/pose.h"
 #include "compare/qualification/acceptance.h"
 #include "compare/qualification/joint_fit.h"
 #include "compare/qualification/limits_file.h"
-#include "compare/uncertainty/bias_field.h"
 #include "compare/uncertainty/lack_of_fit.h"
 #include "compare/uncertainty/length_error.h"
 #include "compare/uncertainty/uncertainty_budget.h"
@@ -36,8 +21,7 @@ struct Qualification;
 
 // A standard uncertainty that the station declares, with the stage error it belongs to.
 struct DeclaredStageTerm {
-    StageError error;              // any small size; the field is scaled to the uncertainty
-    bool is_linear_scale = false;  // the scale of a linear axis
+    StageError error;  // any small size; the field is scaled to the uncertainty
     // True: a term of the budget; without a value it is `unknown` and the verdict cannot be PASS.
     // False: only a signature (squareness that nobody has measured, say).
     bool in_budget = false;
@@ -52,19 +36,18 @@ struct DeclaredRepeatability {
     std::optional<double> marker_mm;
 };
 
-// What the uncertainty of an axis' error map leaves at the marker's centre, standard, mm.
-// Neighbouring points of a map may be wrong together, in whatever way hurts most: it counts in
-// full.
+// What the uncertainty of an axis' error map leaves at the marker's centre, standard, mm. It counts
+// in full: neighbouring points of a map may be wrong together, in the worst way.
 struct DeclaredErrorMap {
     std::string axis;
     double marker_rms_mm = 0.0, marker_max_mm = 0.0;  // over the poses
 };
 
-// How far the temperature may be from the one at which marker and stage have their declared sizes.
+// How far the temperature may be from that of the declared sizes.
 struct DeclaredTemperature {
     double standard_uncertainty_k = 0.0;
     double marker_expansion_per_k = 0.0, stage_expansion_per_k = 0.0;  // relative
-    double reference_c = 20.0;  // the one at which the sizes are declared (ISO 1)
+    double reference_c = 20.0;                                         // of these sizes (ISO 1)
     // Of a measured one, and how it was measured; empty: declared.
     double degrees_of_freedom = std::numeric_limits<double>::infinity();
     std::string basis = {};
@@ -75,18 +58,15 @@ struct DeclaredStation {
     const CameraModel* camera = nullptr;     // the calibration under test
     std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
     Rigid nominal_carriage_from_marker;      // as mounted by design: fixes the gauge freedoms only
-    // Transforms that show what the plan's volume lets the stage do
-    // (calib/registration/stage_motion.h); training poses that move less are degenerate. Empty: not
-    // checked.
+    // What the plan's volume lets the stage do (calib/registration/stage_motion.h); training poses
+    // that move less are degenerate. Empty: not checked.
     std::vector<Rigid> stage_reach;
-    // For poses without a detector's bias of their own, else not needed: called once per training
-    // pose and round, then once per hold-out pose; may throw Interrupted.
+    // For poses without a detector's bias of their own: called once per training pose and round,
+    // then once per hold-out pose; may throw Interrupted.
     RenderAndDetect render_and_detect;
-    // Variance by noise of the corners that it finds, in units of that of a pose's mean corners in
-    // the photographs.
+    // Variance of its corners by noise, in units of that of a pose's mean corners in photographs.
     double render_noise_ratio = 0.0;
-    // How far the edges of a render may lie from where they belong; 0 for exact ones, as of a
-    // simulation of corners.
+    // How far a render's edges may lie from where they belong; 0 for exact ones.
     double render_edge_bound_px = 0.0;
     std::vector<DeclaredStageTerm> stage_terms;
     std::vector<DeclaredRepeatability> repeatability;
@@ -100,14 +80,13 @@ struct DeclaredStation {
 };
 
 struct RunMeasurements {
-    // Corner noise, photometric poses, times and repeats may be left out: what cannot be said
-    // without one is then SKIPPED or not checked.
+    // Without corner noise, photometric poses, times or repeats what rests on them is SKIPPED or
+    // not checked.
     std::vector<VisitedPose> poses;
     // Of all poses, to look for backlash, bent guides and errors that repeat; empty: not looked
     // for.
     std::vector<StageAxisMotion> axis_motions = {};
-    // Of each pose about where the marker is before the camera: first estimates for the
-    // registration. Empty: from the corners.
+    // First estimates of each camera_from_marker. Empty: from the corners.
     std::vector<Rigid> expected_poses = {};
     // Of the hold-out photographs against their renders; nothing: not compared.
     std::optional<ImageAgreement> pixels = {};
@@ -116,18 +95,14 @@ struct RunMeasurements {
 // Of the calculation.
 struct QualificationOptions {
     std::uint64_t seed = 1;  // of the simultaneous band's draws
-    // Signatures and effects of errors from another run of the same plan, for studies of thousands
-    // of runs: they follow from the geometry, and making them takes most of qualify()'s time. Taken
-    // when they are of as many poses; nothing: made from this run.
+    // For studies of thousands of runs: signatures and effects of errors from another run of the
+    // same plan, which take most of the time. Taken when they are of as many poses.
     const Qualification* known_run = nullptr;
     const NoiseDraws* known_draws = nullptr;  // for the same; nothing: drawn by `seed`
-    // Also measure what has no limit. Studies of thousands of runs that read verdicts do without.
-    bool measure_reported = true;
-    // Also propagate the budget by Monte Carlo: beside U, for comparison. Some 0.3 s.
-    bool monte_carlo = false;
-    // Also look for what causes the differences. Some 0.5 s.
-    bool look_for_causes = false;
-    std::stop_token stop = {};  // asked while it takes long
+    bool measure_reported = true;             // also measure what has no limit
+    bool monte_carlo = false;      // also propagate the budget by Monte Carlo. Some 0.3 s
+    bool look_for_causes = false;  // some 0.5 s
+    std::stop_token stop = {};
 };
 
 struct QualificationInput : DeclaredStation, RunMeasurements {
@@ -167,8 +142,7 @@ struct Qualification {
     std::vector<AnalysedPose> poses;  // of the input, with what was found of each
     Outcome verdict = Outcome::inconclusive;
     // Those that have a limit, in the order of compare/qualification/judged_quantities.h, and those
-    // that have none: they are SKIPPED with a limit of 0, and their value and U are there where
-    // they were measured.
+    // that have none: SKIPPED, with a limit of 0, and value and U where they were measured.
     std::vector<JudgedQuantity> quantities, reported;
     DecisionRule rule;                 // that they are judged by
     FamilyRisk risk;                   // of the judged ones together

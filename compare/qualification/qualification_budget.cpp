@@ -4,12 +4,9 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <cmath>
 
-#include "compare/diagnosis/error_signatures.h"
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
-#include "compare/uncertainty/length_error.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -19,8 +16,6 @@ constexpr double mrad = 1e-3;
 // The widest plausible value of what a station may leave undeclared.
 constexpr double max_flatness = 0.01;  // of the distance from the marker's centre to its edge
 
-constexpr const char* not_declared = "unknown: the station does not declare it";
-
 double checked(const std::string& source, double uncertainty) {
     if (!std::isfinite(uncertainty) || uncertainty < 0.0)
         throw NumericalError(
@@ -29,13 +24,13 @@ double checked(const std::string& source, double uncertainty) {
 }
 
 BudgetRow declared(std::string source, std::string unit, const std::optional<double>& uncertainty) {
-    BudgetRow row;
-    row.source = std::move(source);
-    row.unit = std::move(unit);
-    row.basis = uncertainty ? "declared by the station" : not_declared;
     if (uncertainty)
-        row.standard_uncertainty = checked(row.source, *uncertainty);
-    return row;
+        checked(source, *uncertainty);
+    return {.source = std::move(source),
+            .standard_uncertainty = uncertainty,
+            .unit = std::move(unit),
+            .basis = uncertainty ? "declared by the station"
+                                 : "unknown: the station does not declare it"};
 }
 
 // The sensitivity that gives this contribution at the row's own standard uncertainty.
@@ -67,21 +62,13 @@ void contribute_positions(BudgetRow& row, double rms, double max, double length)
         contribute(row, name, contribution);
 }
 
-// Hold-out errors per unit of an input.
-struct Effect {
-    Eigen::VectorXd position_mm, rotation_rad;
-
-    Effect& operator+=(const Effect& other) {
-        position_mm += other.position_mm;
-        rotation_rad += other.rotation_rad;
-        return *this;
-    }
-    Effect operator*(double factor) const { return {factor * position_mm, factor * rotation_rad}; }
-};
+// Hold-out errors per unit of an input: of positions, mm, and of rotations, rad.
+using Effect = Eigen::MatrixX2d;
 
 Effect effect_of(const ErrorSignature& signature) {
-    const double per_unit = 1.0 / std::abs(signature.size);
-    return Effect{signature.after, signature.rotation_after} * per_unit;
+    Effect effect(signature.after.size(), 2);
+    effect << signature.after, signature.rotation_after;
+    return effect * (1.0 / std::abs(signature.size));
 }
 
 class Builder {
@@ -99,13 +86,13 @@ public:
         for (const DeclaredStageTerm& term : input_.stage_terms)
             if (term.in_budget)
                 add_effect(declared(term.error.name, term.error.unit, term.standard_uncertainty),
-                           effect_of(signature(term.error.name)));
+                           effect_of(*signature(term.error.name)));
         for (const DeclaredRepeatability& each : input_.repeatability)
             add_repeatability(each);
         for (const DeclaredErrorMap& map : input_.error_maps)
             add_error_map(map);
         add_effect(declared("marker print size", "1", input_.marker_size_uncertainty),
-                   effect_of(signature("marker print size")));
+                   effect_of(*signature("marker print size")));
         add_flatness();
         add_temperature();
         add_render();
@@ -115,15 +102,14 @@ public:
     }
 
 private:
-    const ErrorSignature& signature(const std::string& name) const {
+    // That of marker twist, bow and edge shrink may be missing.
+    const ErrorSignature* signature(const std::string& name, bool may_be_missing = false) const {
         const auto found = std::ranges::find(result_.signatures, name, &ErrorSignature::name);
-        if (found == result_.signatures.end())
+        if (found != result_.signatures.end())
+            return &*found;
+        if (!may_be_missing)
             throw NumericalError(fmt::format("qualification: '{}' has no signature", name));
-        return *found;
-    }
-    bool has_signature(const std::string& name) const {
-        return std::ranges::find(result_.signatures, name, &ErrorSignature::name) !=
-               result_.signatures.end();
+        return nullptr;
     }
 
     // By which shifts, a column each, change a length at most; 0 where no lengths are measured.
@@ -132,61 +118,52 @@ private:
     }
 
     void set_sensitivity(BudgetRow& row, const Effect& effect) const {
-        row.sensitivity = by_position(rms_norm(effect.position_mm), max_norm(effect.position_mm),
-                                      largest_lengthening(effect.position_mm));
-        row.sensitivity[quantity::rotation_rms] = rms_norm(effect.rotation_rad) / mrad;
-        row.sensitivity[quantity::rotation_max] = max_norm(effect.rotation_rad) / mrad;
+        const Eigen::VectorXd position_mm = effect.col(0), rotation_rad = effect.col(1);
+        row.sensitivity = by_position(rms_norm(position_mm), max_norm(position_mm),
+                                      largest_lengthening(position_mm));
+        row.sensitivity[quantity::rotation_rms] = rms_norm(rotation_rad) / mrad;
+        row.sensitivity[quantity::rotation_max] = max_norm(rotation_rad) / mrad;
     }
 
     void add_effect(BudgetRow row, const Effect& effect) {
         set_sensitivity(row, effect);
         if (row.counted && row.standard_uncertainty)
-            budget_.inputs.push_back({*row.standard_uncertainty * effect.position_mm,
-                                      row.distribution, row.degrees_of_freedom});
+            budget_.inputs.push_back({*row.standard_uncertainty * effect.col(0), row.distribution,
+                                      row.degrees_of_freedom});
         budget_.rows.push_back(std::move(row));
     }
 
-    // --------------------------------------------------------------------- from the run itself
-
-    static BudgetRow noise_row(const char* source, const char* unit, double residual,
-                               const BiasField& field) {
-        BudgetRow row;
-        row.source = source;
-        row.unit = unit;
-        row.standard_uncertainty = residual;
-        row.degrees_of_freedom = field.degrees_of_freedom;
-        row.basis = fmt::format("residuals of {} hold-out poses", field.samples);
-        return row;
+    void add_noise_of(const char* source, const char* unit, double residual, const BiasField& field,
+                      const std::string& basis, std::initializer_list<const char*> quantities) {
+        BudgetRow& row = budget_.rows.emplace_back(
+            BudgetRow{.source = source,
+                      .standard_uncertainty = residual,
+                      .unit = unit,
+                      .degrees_of_freedom = 1.0 * field.degrees_of_freedom,
+                      .basis = basis});
+        contribute_noise(row, result_, quantities);
     }
 
     void add_noise() {
+        const auto residuals = [](const BiasField& field) {
+            return fmt::format("residuals of {} hold-out poses", field.samples);
+        };
+        const std::string along = ", along the line of sight";
         const BiasField& field = *result_.position_field;
-        BudgetRow row = noise_row("image noise", "mm", field.residual_along, field);
-        row.basis += ", along the line of sight";
-        contribute_noise(row, result_,
-                         {quantity::position_rms, quantity::position_max, quantity::length_max});
-        budget_.rows.push_back(row);
-
-        if (const auto& turns = result_.rotation_field) {
-            row = noise_row("image noise, rotations", "mrad",
-                            std::max(turns->residual_along, turns->residual_across) / mrad, *turns);
-            contribute_noise(row, result_, {quantity::rotation_rms, quantity::rotation_max});
-            budget_.rows.push_back(row);
-        }
-
-        if (const auto& rest = result_.position_lack_of_fit) {
-            row = noise_row("image noise, rest", "mm", rest->noise_rms, field);
-            row.basis = "repeated frames and declared repeatability";
-            contribute_noise(row, result_, {quantity::lack_of_fit_rms});
-            budget_.rows.push_back(row);
-        }
-        if (const auto& photometric = result_.photometric) {
-            row =
-                noise_row("image noise, photometric poses", "mm",
-                          photometric->position_field.residual_along, photometric->position_field);
-            row.basis += ", along the line of sight";
-            contribute_noise(row, result_, {quantity::photometric_rms, quantity::photometric_max});
-            budget_.rows.push_back(row);
+        add_noise_of("image noise", "mm", field.residual_along, field, residuals(field) + along,
+                     {quantity::position_rms, quantity::position_max, quantity::length_max});
+        if (const auto& turns = result_.rotation_field)
+            add_noise_of("image noise, rotations", "mrad",
+                         std::max(turns->residual_along, turns->residual_across) / mrad, *turns,
+                         residuals(*turns), {quantity::rotation_rms, quantity::rotation_max});
+        if (const auto& rest = result_.position_lack_of_fit)
+            add_noise_of("image noise, rest", "mm", rest->noise_rms, field,
+                         "repeated frames and declared repeatability", {quantity::lack_of_fit_rms});
+        if (result_.photometric) {
+            const BiasField& b4 = result_.photometric->position_field;
+            add_noise_of("image noise, photometric poses", "mm", b4.residual_along, b4,
+                         residuals(b4) + along,
+                         {quantity::photometric_rms, quantity::photometric_max});
         }
     }
 
@@ -211,22 +188,20 @@ private:
 
     void add_registration() {
         const Registration& registration = result_.registration->registration;
-        BudgetRow row;
-        row.source = "registration";
-        row.unit = "px";
-        row.standard_uncertainty = registration.residual_rms_px;
-        const auto poses = result_.registration->used.size();
-        row.degrees_of_freedom = std::max(
-            1.0, 2.0 * static_cast<double>(input_.points_mm.size() * poses) - registration.rank);
-        row.basis = fmt::format("corner residuals of {} training poses", poses);
-
+        const auto used = result_.registration->used.size();
+        const double residuals = 2.0 * static_cast<double>(input_.points_mm.size() * used);
+        BudgetRow row{.source = "registration",
+                      .standard_uncertainty = registration.residual_rms_px,
+                      .unit = "px",
+                      .degrees_of_freedom = std::max(1.0, residuals - registration.rank),
+                      .basis = fmt::format("corner residuals of {} training poses", used)};
         const Matrix12d covariance =
             registration.covariance * std::pow(registration.residual_rms_px, 2);
         const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen{Eigen::MatrixXd(covariance)};
         const Matrix12d factor =
             eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
         double shift = 0.0, turn = 0.0, largest_shift = 0.0, largest_turn = 0.0;
-        std::vector<Eigen::Matrix<double, 3, 12>> hold_out;
+        Eigen::MatrixXd shifts(0, 12);  // of the hold-out poses
         for (const AnalysedPose& pose : result_.poses) {
             const Eigen::Matrix<double, 6, 12> ways =
                 moved_by_registration(pose.base_from_carriage) * factor;
@@ -236,13 +211,11 @@ private:
             shift += shifted / static_cast<double>(result_.poses.size());
             largest_turn = std::max(largest_turn, turned);
             largest_shift = std::max(largest_shift, shifted);
-            if (pose.is_judged())
-                hold_out.emplace_back(ways.bottomRows<3>());
+            if (!pose.is_judged())
+                continue;
+            shifts.conservativeResize(shifts.rows() + 3, Eigen::NoChange);
+            shifts.bottomRows<3>() = ways.bottomRows<3>();
         }
-        Eigen::MatrixXd shifts(3 * std::ssize(hold_out), 12);
-        for (std::size_t i = 0; i < hold_out.size(); ++i)
-            shifts.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = hold_out[i];
-
         contribute_positions(row, std::sqrt(shift), std::sqrt(largest_shift),
                              largest_lengthening(shifts));
         contribute(row, quantity::rotation_rms, std::sqrt(turn) / mrad);
@@ -260,19 +233,15 @@ private:
                 squares += pose.bias.b1->translation_mm.squaredNorm();
                 ++count;
             }
-        BudgetRow row;
-        row.source = "detector bias (B1)";
-        row.unit = "mm";
-        row.standard_uncertainty = std::sqrt(squares / std::max(1, count));
-        row.basis = "in photograph and render alike: drops out of B3, is not in B4";
-        row.counted = false;
-        budget_.rows.push_back(std::move(row));
+        budget_.rows.push_back(
+            {.source = "detector bias (B1)",
+             .standard_uncertainty = std::sqrt(squares / std::max(1, count)),
+             .unit = "mm",
+             .basis = "in photograph and render alike: drops out of B3, is not in B4",
+             .counted = false});
     }
 
-    // ------------------------------------------------------------------ declared by the station
-
-    // As independent noise on every hold-out pose. Part of the residuals too; kept because a few
-    // poses may show less than was declared.
+    // Part of the residuals too; kept because a few poses may show less than was declared.
     void add_repeatability(const DeclaredRepeatability& each) {
         BudgetRow row = declared("stage repeatability " + each.axis, "mm", each.marker_mm);
         const BiasField& field = *result_.position_field;
@@ -280,11 +249,9 @@ private:
         const double coefficients = static_cast<double>(field.coefficients.size()) / 3.0;
         const double rms = 1.0 / std::sqrt(samples), max = std::sqrt(coefficients / samples);
         row.sensitivity = by_position(rms, max, std::sqrt(2.0) * max);
-        // It is taken out of the rest as noise: with its value unknown the rest is too large.
         budget_.rows.push_back(std::move(row));
     }
 
-    // Its points may be wrong together in whatever way hurts most: it counts in full.
     void add_error_map(const DeclaredErrorMap& map) {
         BudgetRow row = declared("stage error map " + map.axis, "mm", map.marker_rms_mm);
         row.basis = "the map's own uncertainties";
@@ -300,12 +267,13 @@ private:
         for (const Eigen::Vector3d& point : input_.points_mm)
             reach = std::max(reach, point.norm());
         for (const char* name : {"marker twist", "marker bow"}) {
-            if (!has_signature(name))
+            const ErrorSignature* bent = signature(name, true);
+            if (!bent)
                 continue;
             BudgetRow row = declared(name, "mm", input_.marker_flatness_mm);
             if (!input_.marker_flatness_mm)
                 row.widest = max_flatness * reach;
-            add_effect(std::move(row), effect_of(signature(name)));
+            add_effect(std::move(row), effect_of(*bent));
         }
     }
 
@@ -313,7 +281,7 @@ private:
     // with their signs.
     void add_temperature() {
         BudgetRow row = declared("temperature", "K", std::nullopt);
-        const Effect marker = effect_of(signature("marker print size"));
+        const Effect marker = effect_of(*signature("marker print size"));
         if (!input_.temperature) {
             row.widest = max_temperature_k;
             add_effect(std::move(row), marker * max_expansion_per_k);
@@ -328,35 +296,35 @@ private:
                         temperature.marker_expansion_per_k, temperature.stage_expansion_per_k);
         Effect effect = marker * temperature.marker_expansion_per_k;
         for (const DeclaredStageTerm& term : input_.stage_terms)
-            if (term.is_linear_scale)
-                effect += effect_of(signature(term.error.name)) * temperature.stage_expansion_per_k;
+            if (term.error.is_linear_scale)
+                effect +=
+                    effect_of(*signature(term.error.name)) * temperature.stage_expansion_per_k;
         add_effect(std::move(row), effect);
     }
 
     // A bound, not a scatter: anything within it is as likely. Corners of a chessboard are saddle
     // points and stay where they are when edges move.
     void add_render() {
-        if (input_.render_edge_bound_px == 0.0 || !has_signature("edge shrink"))
+        const double bound_px = input_.render_edge_bound_px;
+        const ErrorSignature* edges = signature("edge shrink", true);
+        if (bound_px == 0.0 || !edges)
             return;
-        BudgetRow row;
-        row.source = "render convergence";
-        row.unit = "px";
-        row.distribution = Distribution::uniform;
-        row.standard_uncertainty =
-            checked(row.source, input_.render_edge_bound_px) / std::sqrt(3.0);
-        row.basis = fmt::format("the renderer's tolerance: edges within {:.2g} px",
-                                input_.render_edge_bound_px);
-        add_effect(std::move(row), effect_of(signature("edge shrink")));
+        const char* source = "render convergence";
+        add_effect(
+            {.source = source,
+             .standard_uncertainty = checked(source, bound_px) / std::sqrt(3.0),
+             .unit = "px",
+             .distribution = Distribution::uniform,
+             .basis = fmt::format("the renderer's tolerance: edges within {:.2g} px", bound_px)},
+            effect_of(*edges));
     }
 
-    // The field that the calibration's own covariance lets expect. Not of the measurement: what the
-    // calibration is off by is what is measured.
+    // What the calibration is off by is measured: shown, not counted.
     void add_calibration(std::span<const ErrorSignature> calibration) {
-        BudgetRow row;
-        row.source = "calibration covariance";
-        row.unit = "1";
-        row.counted = false;
-        row.basis = "unknown: the calibration states none";
+        BudgetRow row{.source = "calibration covariance",
+                      .unit = "1",
+                      .basis = "unknown: the calibration states none",
+                      .counted = false};
         if (!calibration.empty()) {
             row.standard_uncertainty = 1.0;
             row.basis = fmt::format(

@@ -1,11 +1,7 @@
 // The uncertainty budget of a qualification: every input that moves the judged fields, with its
-// sensitivity from this run's own geometry (error signatures) and residuals.
-//
-// docs/metrology.md has the list of inputs and what each one assumes.
+// sensitivity from this run's own geometry (error signatures) and residuals. docs/metrology.md has
+// the list of inputs and what each one assumes.
 #pragma once
-
-#include <span>
-#include <vector>
 
 #include "compare/qualification/qualification.h"
 #include "compare/uncertainty/budget_monte_carlo.h"

@@ -4,7 +4,6 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <cmath>
 
 #include "compare/uncertainty/uncertainty_budget.h"
 #include "core/program/errors.h"
@@ -26,7 +25,8 @@ struct Rows {
     Eigen::MatrixXd design;  // per row in units of the sample's sigma
     Eigen::VectorXd value;   // the same
     Eigen::VectorXd sigma;   // to get back to the error's unit
-    std::vector<bool> is_along;
+
+    static bool is_along(Eigen::Index row) { return row % 3 == 0; }
 };
 
 bool has_value_at(FieldBasis basis, const Eigen::Vector3d& position_mm) {
@@ -52,7 +52,7 @@ void require_usable(std::span<const FieldSample> samples, FieldBasis basis) {
 Rows rows_of(const BiasField& field, std::span<const FieldSample> samples) {
     const auto columns = field.design(samples.front().position_mm).cols();
     const auto count = static_cast<Eigen::Index>(3 * samples.size());
-    Rows rows{Eigen::MatrixXd(count, columns), Eigen::VectorXd(count), Eigen::VectorXd(count), {}};
+    Rows rows{Eigen::MatrixXd(count, columns), Eigen::VectorXd(count), Eigen::VectorXd(count)};
     Eigen::Index r = 0;
     for (const FieldSample& sample : samples) {
         const Eigen::MatrixXd design = field.design(sample.position_mm);
@@ -62,7 +62,6 @@ Rows rows_of(const BiasField& field, std::span<const FieldSample> samples) {
             rows.sigma[r] = k == 0 ? sample.sigma_along : sample.sigma_across;
             rows.design.row(r) = directions[k].transpose() * design / rows.sigma[r];
             rows.value[r] = directions[k].dot(sample.error) / rows.sigma[r];
-            rows.is_along.push_back(k == 0);
         }
     }
     return rows;
@@ -104,7 +103,7 @@ void estimate_scales(BiasField& field, const Rows& rows, const Eigen::VectorXd& 
     for (const bool along : {true, false}) {
         double sum = 0.0, plain = 0.0, freedom = 0.0;
         for (Eigen::Index r = 0; r < residual.size(); ++r) {
-            if (rows.is_along[static_cast<std::size_t>(r)] != along)
+            if (Rows::is_along(r) != along)
                 continue;
             const double huber = weight[r] * std::pow(scale_of(field, along), 2);
             sum += huber * residual[r] * residual[r];
@@ -121,7 +120,7 @@ Eigen::VectorXd weights(BiasField& field, const Rows& rows, const Eigen::VectorX
     Eigen::VectorXd weight(residual.size());
     field.down_weighted = 0;
     for (Eigen::Index r = 0; r < residual.size(); ++r) {
-        const double scale = scale_of(field, rows.is_along[static_cast<std::size_t>(r)]);
+        const double scale = scale_of(field, Rows::is_along(r));
         const double length = std::abs(residual[r]) / scale;
         weight[r] = std::min(1.0, huber_sigmas / std::max(length, 1e-300)) / (scale * scale);
         field.down_weighted += length > huber_sigmas ? 1 : 0;
@@ -248,6 +247,16 @@ Eigen::MatrixXd covariance_factor(const BiasField& field) {
     return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
+Eigen::MatrixXd mean_power(const BiasField& field, std::span<const Eigen::Vector3d> positions_mm) {
+    const Eigen::Index coefficients = field.coefficients.size();
+    Eigen::MatrixXd power = Eigen::MatrixXd::Zero(coefficients, coefficients);
+    for (const Eigen::Vector3d& position : positions_mm) {
+        const Eigen::MatrixXd design = field.design(position);
+        power += design.transpose() * design / static_cast<double>(positions_mm.size());
+    }
+    return power;
+}
+
 NoiseDraws::NoiseDraws(std::uint64_t seed) : deviates(max_coefficients, draw_count) {
     for (int i = 0; i < draw_count; ++i) {
         RandomStream random(seed, 0, static_cast<std::uint64_t>(i));
@@ -336,12 +345,8 @@ namespace {
 // interval is the R with R^2 = rms^2 + k sqrt(4 R^2 l + t); for R well above the noise U = k
 // sqrt(l), which for equal noise on n poses is k s / sqrt(n).
 void summarize_rms(const BiasField& field, std::span<const Eigen::Vector3d> positions,
-                   const Eigen::MatrixXd& factor, FieldSummary& summary) {
-    Eigen::MatrixXd power = Eigen::MatrixXd::Zero(factor.rows(), factor.rows());
-    for (const Eigen::Vector3d& position : positions) {
-        const Eigen::MatrixXd design = field.design(position);
-        power += design.transpose() * design / static_cast<double>(positions.size());
-    }
+                   FieldSummary& summary) {
+    const Eigen::MatrixXd factor = covariance_factor(field), power = mean_power(field, positions);
     const Eigen::VectorXd noise = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
                                       Eigen::MatrixXd(factor.transpose() * power * factor))
                                       .eigenvalues()
@@ -356,18 +361,6 @@ void summarize_rms(const BiasField& field, std::span<const Eigen::Vector3d> posi
     summary.noise_rms = std::sqrt(noise.sum());
 }
 
-double largest_noise(const BiasField& field, std::span<const Eigen::Vector3d> positions,
-                     const NoiseDraws& draws) {
-    const auto spread = [&](Eigen::Index first, Eigen::Index count) {
-        Eigen::MatrixXd rows(3 * count, field.coefficients.size());
-        for (Eigen::Index i = 0; i < count; ++i)
-            rows.middleRows<3>(3 * i) =
-                field.design(positions[static_cast<std::size_t>(first + i)]);
-        return rows;
-    };
-    return noise_quantile(field, draws, {std::ssize(positions), 3, spread});
-}
-
 }  // namespace
 
 FieldSummary summarize(const BiasField& field, std::span<const Eigen::Vector3d> positions_mm,
@@ -378,8 +371,7 @@ FieldSummary summarize(const BiasField& field, std::span<const Eigen::Vector3d> 
         if (!has_value_at(field.basis, position))
             throw NumericalError("smooth field: a position is not finite or behind the camera");
     FieldSummary summary;
-    const Eigen::MatrixXd factor = covariance_factor(field);
-    summarize_rms(field, positions_mm, factor, summary);
+    summarize_rms(field, positions_mm, summary);
     for (const Eigen::Vector3d& position : hull_positions(positions_mm)) {
         const double length = field.at(position).norm();
         if (length >= summary.max) {
@@ -387,7 +379,14 @@ FieldSummary summarize(const BiasField& field, std::span<const Eigen::Vector3d> 
             summary.max_position_mm = position;
         }
     }
-    summary.max_uncertainty = largest_noise(field, positions_mm, draws);
+    const auto designs = [&](Eigen::Index first, Eigen::Index count) {
+        Eigen::MatrixXd rows(3 * count, field.coefficients.size());
+        for (Eigen::Index i = 0; i < count; ++i)
+            rows.middleRows<3>(3 * i) =
+                field.design(positions_mm[static_cast<std::size_t>(first + i)]);
+        return rows;
+    };
+    summary.max_uncertainty = noise_quantile(field, draws, {std::ssize(positions_mm), 3, designs});
     return summary;
 }
 

@@ -6,7 +6,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
 #include <functional>
 #include <span>
 #include <vector>
@@ -72,22 +71,21 @@ Eigen::MatrixXd stacked_design(const BiasField& field, std::span<const FieldSamp
 std::vector<Eigen::Matrix3d> sample_weights(const BiasField& field,
                                             std::span<const FieldSample> samples);
 
-// `left` times the block-diagonal matrix of these blocks; `left` has 3 columns for each. In full
-// that product would cost as many times more as there are blocks.
+// `left` times the block-diagonal matrix of these blocks; `left` has 3 columns for each.
 Eigen::MatrixXd times_blocks(const Eigen::MatrixXd& left, std::span<const Eigen::Matrix3d> blocks);
 
 // Coefficients x (3 per sample): what the fit makes of the samples' errors, Huber's weights aside.
 Eigen::MatrixXd estimator(const BiasField& field, std::span<const FieldSample> samples);
 
-// Normal deviates for 2000 draws of a field's noise, each a column. They depend on the seed alone:
-// a field of fewer coefficients takes the first rows, and all figures of a run take the same.
+// Normal deviates for 2000 draws of a field's noise, each a column, the same for all figures of a
+// run: a field of fewer coefficients takes the first rows.
 struct NoiseDraws {
     explicit NoiseDraws(std::uint64_t seed);
     Eigen::MatrixXd deviates;  // 15 x 2000
 };
 
 // Vectors that are linear in a field's coefficients: rows(first, count) times the coefficients are
-// `count` of them below one another, each of `components`. They may be too many to be kept.
+// `count` of them below one another, each of `components`. May be too many for memory.
 struct LinearVectors {
     Eigen::Index size = 0;
     int components = 1;
@@ -95,13 +93,16 @@ struct LinearVectors {
 };
 
 // The 97.7 % quantile, over the draws of the coefficients' noise from their covariance, of the
-// largest length among the vectors. Exact, though most vectors are left out of most draws: those
-// that by the Cauchy-Schwarz inequality cannot matter.
+// largest length among the vectors. Exact: only vectors are left out that by the Cauchy-Schwarz
+// inequality cannot matter.
 double noise_quantile(const BiasField& field, const NoiseDraws& draws,
                       const LinearVectors& vectors);
 
 // A matrix F with F F^T the coefficients' covariance.
 Eigen::MatrixXd covariance_factor(const BiasField& field);
+
+// M of the field's mean power c^T M c over these positions.
+Eigen::MatrixXd mean_power(const BiasField& field, std::span<const Eigen::Vector3d> positions_mm);
 
 // A field over given positions, as vector norms, with expanded uncertainties (k = 2) from noise.
 // The RMS is over the positions; the maximum over them and the midpoints of all pairs

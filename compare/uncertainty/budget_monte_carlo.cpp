@@ -6,7 +6,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
 #include <numbers>
 #include <numeric>
 
@@ -26,10 +25,9 @@ void throw_if_stopped(const std::stop_token& stop) {
         throw Interrupted();
 }
 
-// The largest length of a field at many positions, for one field after another. The positions are
-// parted into boxes; from the range of each number of the design within a box follows what a field
-// can reach there, and few boxes can hold its largest length. No more than the positions is kept of
-// what grows with the square of the poses.
+// The largest length of a field at many positions, for one field after another. From the range of
+// the design's numbers in a box of positions follows what a field can reach there: few boxes can
+// hold its largest length.
 class LargestLength {
 public:
     LargestLength(const BiasField& field, std::vector<Eigen::Vector3d> positions)
@@ -112,8 +110,7 @@ private:
             for (Eigen::Index k = 0; k < c.size(); ++k)
                 v += design.col(k).array() * c[k];
             const Eigen::Array3d s = v.square();
-            // Which squares are added first decides the last bit: as it was when all positions
-            // stood in one vector, so that old reports stay what they are to the bit.
+            // Which squares are added first decides the last bit: old reports stay as they are.
             const double sum = order_[i] % 2 == 0 ? (s[0] + s[1]) + s[2] : (s[1] + s[2]) + s[0];
             largest = std::max(largest, std::sqrt(sum));
         }
@@ -133,14 +130,9 @@ public:
                  std::span<const Eigen::Vector3d> positions)
         : lengthening_(samples),
           design_(stacked_design(field, samples)),
-          power_(Eigen::MatrixXd::Zero(field.coefficients.size(), field.coefficients.size())),
-          largest_(field, hull_positions(positions)) {
-        for (const Eigen::Vector3d& position : positions) {
-            const Eigen::MatrixXd design = field.design(position);
-            power_ += design.transpose() * design / static_cast<double>(positions.size());
-        }
-        noise_power_ = power_.cwiseProduct(field.covariance).sum();
-    }
+          power_(mean_power(field, positions)),
+          noise_power_(power_.cwiseProduct(field.covariance).sum()),
+          largest_(field, hull_positions(positions)) {}
 
     // Coefficients that carry noise `times` over: each puts its power into the square.
     double rms(const Eigen::VectorXd& c, double times) const {
@@ -172,31 +164,22 @@ public:
 private:
     PairLengthening lengthening_;
     Eigen::MatrixXd design_, power_;
+    double noise_power_;
     LargestLength largest_;
-    double noise_power_ = 0.0;
 };
 
-// The square root of degrees of freedom over chi-square: a normal deviate times it is one of
-// Student's distribution.
-double student_scale(RandomStream& random, double degrees_of_freedom) {
-    if (!std::isfinite(degrees_of_freedom))
-        return 1.0;
-    return 1.0 / std::sqrt(std::max(1e-3, reduced_chi_square(random.normal(), degrees_of_freedom)));
-}
-
-double deviate(RandomStream& random, Distribution distribution) {
-    return distribution == Distribution::uniform
-               ? std::numbers::sqrt3 * (2.0 * random.uniform() - 1.0)
-               : random.normal();
-}
-
-// The coefficients' change in one draw.
+// The coefficients' change in one draw. The square root of degrees of freedom over chi-square makes
+// normal deviates those of Student's distribution.
 Eigen::VectorXd drawn(RandomStream& random, const Eigen::MatrixXd& ways, Distribution distribution,
                       double degrees_of_freedom) {
-    const double scale = student_scale(random, degrees_of_freedom);
+    double scale = 1.0;
+    if (std::isfinite(degrees_of_freedom))
+        scale /= std::sqrt(std::max(1e-3, reduced_chi_square(random.normal(), degrees_of_freedom)));
     Eigen::VectorXd amplitude(ways.cols());
     for (double& value : amplitude)
-        value = scale * deviate(random, distribution);
+        value = scale * (distribution == Distribution::uniform
+                             ? std::numbers::sqrt3 * (2.0 * random.uniform() - 1.0)
+                             : random.normal());
     return ways * amplitude;
 }
 

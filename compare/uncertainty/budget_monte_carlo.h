@@ -1,13 +1,8 @@
-// The uncertainty budget by Monte Carlo (JCGM 101:2008), beside its linear propagation: all inputs
-// are drawn from their distributions, the field moves as they say, and the judged figures are taken
-// again, with their squares, maxima and absolute values.
+// The uncertainty budget by Monte Carlo (JCGM 101:2008), to compare with linear propagation: all
+// inputs are drawn from their distributions, and the judged figures of the moved field taken again.
 #pragma once
 
-#include <cstdint>
-#include <limits>
-#include <span>
 #include <stop_token>
-#include <vector>
 
 #include "compare/uncertainty/bias_field.h"
 #include "compare/uncertainty/uncertainty_budget.h"

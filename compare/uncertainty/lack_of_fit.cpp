@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <cmath>
 
 #include "compare/uncertainty/uncertainty_budget.h"
 #include "core/program/errors.h"
@@ -16,17 +15,18 @@ constexpr double limit_sigmas = 3.0902;  // one-sided 99.9 %
 
 void require_usable(std::span<const FieldSample> samples, std::span<const SampleNoise> noise,
                     const Eigen::MatrixXd& declared) {
-    if (samples.size() != noise.size())
-        throw NumericalError(fmt::format("field rest: {} samples with the noise of {}",
-                                         samples.size(), noise.size()));
-    if (declared.cols() > 0 && declared.rows() != 3 * std::ssize(samples))
-        throw NumericalError("field rest: a declared error is not of these samples");
-    if (!declared.allFinite())
-        throw NumericalError("field rest: a declared error is not finite");
+    const auto require = [](bool is_usable, std::string_view otherwise) {
+        if (!is_usable)
+            throw NumericalError(fmt::format("lack of fit: {}", otherwise));
+    };
+    require(samples.size() == noise.size(), "samples and their noise do not agree");
+    require(declared.cols() == 0 || declared.rows() == 3 * std::ssize(samples),
+            "a declared error is not of these samples");
+    require(declared.allFinite(), "a declared error is not finite");
     for (const SampleNoise& each : noise)
-        if (!each.covariance.allFinite() || !(each.covariance.trace() > 0.0) ||
-            !(each.degrees_of_freedom > 0.0))
-            throw NumericalError("field rest: a sample's noise is not finite and positive");
+        require(each.covariance.allFinite() && each.covariance.trace() > 0.0 &&
+                    each.degrees_of_freedom > 0.0,
+                "a sample's noise is not finite and positive");
 }
 
 Eigen::VectorXd stacked_errors(std::span<const FieldSample> samples) {
@@ -86,9 +86,8 @@ double trace_of_product(const BlocksAndThin& a, const BlocksAndThin& c) {
 }
 
 // The residuals r = M e of a fit with the weights W: M = I - D E, of the design D and the estimator
-// E = (D^T W D)^-1 D^T W, has a symmetric W M. Declared errors S are fitted beside the field, each
-// drawn towards 0 as its standard uncertainty says: D becomes (D S), and to (D S)^T W (D S) a 1 is
-// added for each.
+// E = (D^T W D)^-1 D^T W, has a symmetric W M. Declared errors S are fitted with the field, their
+// standard uncertainty as prior: D becomes (D S), and to (D S)^T W (D S) a 1 is added for each.
 class Residuals {
 public:
     Residuals(const BiasField& field, std::span<const FieldSample> samples,

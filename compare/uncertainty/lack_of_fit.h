@@ -3,8 +3,6 @@
 // show. And whether the residuals are as large as both say (chi-square, pooled over the samples).
 #pragma once
 
-#include <span>
-
 #include "compare/uncertainty/bias_field.h"
 
 namespace etalon {
@@ -31,11 +29,11 @@ struct LackOfFit {
 };
 
 // `samples` are those that the field was fitted to, `noise` one for each. `declared`: what each
-// declared error does to the samples' errors, stacked (3 rows per sample), at its standard
-// uncertainty; a column each. The expectation of the residuals' power and its variance follow from
-// the fit's own weights (quadratic forms of normal deviates). Throws NumericalError when the sizes
-// do not agree, a covariance is not finite and positive, or a declared error not finite. A
-// millisecond for 60 samples, time and memory in proportion to their number.
+// declared error does to the samples' errors (3 rows per sample) at its standard uncertainty; a
+// column each. Mean and variance of the residuals' power follow from the fit's own weights
+// (quadratic forms of normal deviates). Throws NumericalError when the sizes do not agree, a
+// covariance is not finite and positive, or a declared error not finite. A millisecond for 60
+// samples, time and memory in proportion to their number.
 LackOfFit lack_of_fit(const BiasField& field, std::span<const FieldSample> samples,
                       std::span<const SampleNoise> noise, const Eigen::MatrixXd& declared = {});
 

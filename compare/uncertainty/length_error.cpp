@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -13,13 +11,6 @@ constexpr double min_distance_mm = 1e-6;
 
 struct Pair {
     Eigen::Index i = 1, k = 0;  // k < i
-
-    void advance() {
-        if (++k == i) {
-            ++i;
-            k = 0;
-        }
-    }
 };
 
 // Pairs (1, 0), (2, 0), (2, 1), (3, 0), ...
@@ -66,18 +57,18 @@ double PairLengthening::distance_mm(Eigen::Index pair) const {
 Eigen::MatrixXd PairLengthening::of(const Eigen::MatrixXd& shifts, Eigen::Index first,
                                     Eigen::Index count) const {
     Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(count, shifts.cols());
-    Pair pair = pair_at(first);
-    for (Eigen::Index row = 0; row < count; ++row, pair.advance()) {
-        const Eigen::Vector3d way = positions_[static_cast<std::size_t>(pair.i)] -
-                                    positions_[static_cast<std::size_t>(pair.k)];
+    for (Eigen::Index row = 0; row < count; ++row) {
+        const auto [i, k] = pair_at(first + row);
+        const Eigen::Vector3d way =
+            positions_[static_cast<std::size_t>(i)] - positions_[static_cast<std::size_t>(k)];
         const double distance = way.norm();
         // Repeated poses are no length.
         if (!(distance > min_distance_mm))
             continue;
         for (Eigen::Index axis = 0; axis < 3; ++axis)
-            rows.row(row) -= way[axis] / distance * shifts.row(3 * pair.k + axis);
+            rows.row(row) -= way[axis] / distance * shifts.row(3 * k + axis);
         for (Eigen::Index axis = 0; axis < 3; ++axis)
-            rows.row(row) += way[axis] / distance * shifts.row(3 * pair.i + axis);
+            rows.row(row) += way[axis] / distance * shifts.row(3 * i + axis);
     }
     return rows;
 }

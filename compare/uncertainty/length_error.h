@@ -1,14 +1,8 @@
 // Length error: by how much the distance between two positions of the marker comes out too long.
-// Neither the registered stage pose nor any constant offset is in it, so it stands where absolute
-// positions do not. After the length tests of ISO 10360 and VDI/VDE 2634, over all pairs of
-// hold-out poses instead of a ball bar in a few places.
-//
-// Judged is what the smooth field does to lengths; single pairs, reported beside it, carry the
-// noise of two poses.
+// Neither the registered stage pose nor any constant offset is in it. After the length tests of ISO
+// 10360 and VDI/VDE 2634, over all pairs of hold-out poses instead of a ball bar in a few places.
+// What the smooth field does to lengths is judged; single pairs carry the noise of two poses.
 #pragma once
-
-#include <span>
-#include <vector>
 
 #include "compare/uncertainty/bias_field.h"
 
@@ -32,8 +26,7 @@ LengthErrors length_errors(const BiasField& field, std::span<const FieldSample> 
                            const NoiseDraws& draws);
 
 // By how much shifts of the samples lengthen the distances of all their pairs, to first order.
-// Pairs are numbered; they grow with the square of the samples, so that what is known of each is
-// made again whenever it is asked for, and nothing is kept.
+// Nothing of a pair is kept: there are as many as the square of the samples.
 class PairLengthening {
 public:
     explicit PairLengthening(std::span<const FieldSample> samples);
@@ -58,7 +51,6 @@ private:
     Eigen::Index n_;
 };
 
-// How many pairs to ask for at a time: their rows stay in the cache.
-constexpr Eigen::Index pairs_at_a_time = 1024;
+constexpr Eigen::Index pairs_at_a_time = 1024;  // their rows stay in the cache
 
 }  // namespace etalon

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "core/program/errors.h"
@@ -14,35 +13,6 @@ namespace {
 double sensitivity_of(const BudgetRow& row, const std::string& quantity) {
     const auto found = row.sensitivity.find(quantity);
     return found == row.sensitivity.end() ? 0.0 : found->second;
-}
-
-void require_usable(const BudgetRow& row, double contribution) {
-    if (!std::isfinite(contribution) || contribution < 0.0 || !(row.degrees_of_freedom >= 1.0))
-        throw NumericalError(
-            fmt::format("uncertainty budget: '{}' contributes {} with {} degrees of freedom",
-                        row.source, contribution, row.degrees_of_freedom));
-}
-
-CombinedUncertainty combined_from(std::span<const BudgetRow> budget, const std::string& quantity,
-                                  bool at_widest) {
-    double variance = 0.0, fourth = 0.0;
-    for (const BudgetRow& row : budget) {
-        if (!row.counted)
-            continue;
-        const auto size =
-            at_widest && !row.standard_uncertainty ? row.widest : row.standard_uncertainty;
-        const double contribution = sensitivity_of(row, quantity) * size.value_or(0.0);
-        require_usable(row, contribution);
-        variance += contribution * contribution;
-        fourth += std::pow(contribution, 4) / row.degrees_of_freedom;
-    }
-    CombinedUncertainty result;
-    result.standard = std::sqrt(variance);
-    if (fourth > 0.0)
-        result.degrees_of_freedom = variance * variance / fourth;
-    result.coverage_factor = coverage_factor(result.degrees_of_freedom);
-    result.expanded = result.coverage_factor * result.standard;
-    return result;
 }
 
 }  // namespace
@@ -63,13 +33,29 @@ double coverage_factor(double degrees_of_freedom) {
                               static_cast<int>(std::floor(degrees_of_freedom)));
 }
 
-CombinedUncertainty combined(std::span<const BudgetRow> budget, const std::string& quantity) {
-    return combined_from(budget, quantity, false);
-}
-
-CombinedUncertainty combined_at_widest(std::span<const BudgetRow> budget,
-                                       const std::string& quantity) {
-    return combined_from(budget, quantity, true);
+CombinedUncertainty combined(std::span<const BudgetRow> budget, const std::string& quantity,
+                             bool at_widest) {
+    double variance = 0.0, fourth = 0.0;
+    for (const BudgetRow& row : budget) {
+        if (!row.counted)
+            continue;
+        const auto size =
+            at_widest && !row.standard_uncertainty ? row.widest : row.standard_uncertainty;
+        const double contribution = sensitivity_of(row, quantity) * size.value_or(0.0);
+        if (!std::isfinite(contribution) || contribution < 0.0 || !(row.degrees_of_freedom >= 1.0))
+            throw NumericalError(
+                fmt::format("uncertainty budget: '{}' contributes {} with {} degrees of freedom",
+                            row.source, contribution, row.degrees_of_freedom));
+        variance += contribution * contribution;
+        fourth += std::pow(contribution, 4) / row.degrees_of_freedom;
+    }
+    CombinedUncertainty result;
+    result.standard = std::sqrt(variance);
+    if (fourth > 0.0)
+        result.degrees_of_freedom = variance * variance / fourth;
+    result.coverage_factor = coverage_factor(result.degrees_of_freedom);
+    result.expanded = result.coverage_factor * result.standard;
+    return result;
 }
 
 std::vector<std::string> unknown_sources(std::span<const BudgetRow> budget,

@@ -60,13 +60,10 @@ double coverage_factor(double degrees_of_freedom);
 // degrees of freedom.
 inline constexpr double field_coverage_factor = 2.0;
 
-// Of the known, counted rows. Throws NumericalError for a row whose figures are negative or not
-// finite.
-CombinedUncertainty combined(std::span<const BudgetRow> budget, const std::string& quantity);
-
-// The same with every unknown input at its widest.
-CombinedUncertainty combined_at_widest(std::span<const BudgetRow> budget,
-                                       const std::string& quantity);
+// Of the known, counted rows; `at_widest`: with every unknown input at its widest. Throws
+// NumericalError for a row whose figures are negative or not finite.
+CombinedUncertainty combined(std::span<const BudgetRow> budget, const std::string& quantity,
+                             bool at_widest = false);
 
 // Sources of counted unknown inputs that the quantity depends on: `without_bound` those of which
 // there is no telling, otherwise those with a widest value.

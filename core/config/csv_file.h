@@ -2,14 +2,7 @@
 // mark, CRLF, blanks around cells and empty lines make no difference. Cells are not quoted.
 #pragma once
 
-#include <filesystem>
 #include <fstream>
-#include <initializer_list>
-#include <limits>
-#include <optional>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "core/config/strict_reader.h"
 

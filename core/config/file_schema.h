@@ -5,11 +5,7 @@
 // knows.
 #pragma once
 
-#include <filesystem>
 #include <map>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "core/config/strict_reader.h"
 

@@ -4,14 +4,8 @@
 #pragma once
 
 #include <cstdint>
-#include <initializer_list>
-#include <memory>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "core/config/strict_reader.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 

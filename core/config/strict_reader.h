@@ -11,12 +11,9 @@
 #pragma once
 
 #include <array>
-#include <filesystem>
 #include <initializer_list>
 #include <limits>
 #include <memory>
-#include <optional>
-#include <string>
 #include <string_view>
 #include <vector>
 

@@ -2,10 +2,8 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <unistd.h>
 
 #include <cerrno>
-#include <system_error>
 
 #include "core/program/errors.h"
 
@@ -13,24 +11,18 @@ namespace etalon {
 
 // For writing, though nothing is written: NFS grants exclusive locks only then.
 FileLock::FileLock(const std::filesystem::path& file)
-    : descriptor_(open(file.c_str(), O_RDWR | O_CLOEXEC)) {
-    if (descriptor_ < 0)
+    : file_(open(file.c_str(), O_RDWR | O_CLOEXEC)) {
+    if (!file_)
         throw ConfigError({file.string()}, errno == ENOENT
                                                ? "no such file"
                                                : std::generic_category().message(errno));
-    if (flock(descriptor_, LOCK_EX | LOCK_NB) == 0)
+    if (flock(file_.get(), LOCK_EX | LOCK_NB) == 0)
         return;
-    const int error = errno;
-    close(descriptor_);
-    if (error == EWOULDBLOCK)
+    if (errno == EWOULDBLOCK)
         throw ConfigError({file.parent_path().string()},
                           "is in use: another etalon is writing to this folder");
     throw ConfigError({file.string()},
-                      "cannot be locked: " + std::generic_category().message(error));
-}
-
-FileLock::~FileLock() {
-    close(descriptor_);
+                      "cannot be locked: " + std::generic_category().message(errno));
 }
 
 }  // namespace etalon

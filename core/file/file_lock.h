@@ -4,6 +4,8 @@
 
 #include <filesystem>
 
+#include "core/file/file_descriptor.h"
+
 namespace etalon {
 
 class FileLock {
@@ -11,12 +13,9 @@ public:
     // Does not wait. Throws ConfigError when there is no such file, when it cannot be written, or
     // when another lock on it is held, here or in another process: the message names its folder.
     explicit FileLock(const std::filesystem::path& file);
-    ~FileLock();
-    FileLock(const FileLock&) = delete;
-    FileLock& operator=(const FileLock&) = delete;
 
 private:
-    int descriptor_;
+    FileDescriptor file_;
 };
 
 }  // namespace etalon

@@ -1,11 +1,10 @@
 #include "core/file/file_writing.h"
 
 #include <fcntl.h>
-#include <unistd.h>
 
 #include <cerrno>
-#include <system_error>
 
+#include "core/file/file_descriptor.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -58,10 +57,8 @@ void AppendFile::write(std::string_view bytes) {
 }
 
 void sync_to_disk(const std::filesystem::path& file_or_folder) {
-    const int descriptor = open(file_or_folder.c_str(), O_RDONLY | O_CLOEXEC);
-    const int failure = descriptor < 0 || fsync(descriptor) != 0 ? errno : 0;
-    if (descriptor >= 0)
-        close(descriptor);
+    const FileDescriptor file(open(file_or_folder.c_str(), O_RDONLY | O_CLOEXEC));
+    const int failure = !file || fsync(file.get()) != 0 ? errno : 0;
     // A file system that cannot keep folders by themselves keeps them some other way.
     if (failure != 0 && failure != EINVAL)
         fail_writing(file_or_folder, {failure, std::generic_category()});

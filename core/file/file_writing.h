@@ -14,8 +14,6 @@ class AtomicFile {
 public:
     explicit AtomicFile(const std::filesystem::path& path);
     ~AtomicFile();
-    AtomicFile(const AtomicFile&) = delete;
-    AtomicFile& operator=(const AtomicFile&) = delete;
 
     void write(std::string_view bytes);
     void commit();

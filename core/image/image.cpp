@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
 #include <opencv2/imgproc.hpp>
-#include <string_view>
 
 #include "core/file/file_writing.h"
 #include "core/image/picture_codec.h"
@@ -67,9 +65,8 @@ std::string refusal(const FileBytes& bytes) {
 constexpr std::uintmax_t longest_file = std::uintmax_t{1} << 31;
 
 FileBytes bytes_of(const std::filesystem::path& path) {
-    std::error_code error;
+    std::error_code error, ignored;
     const std::uintmax_t size = std::filesystem::file_size(path, error);
-    std::error_code ignored;
     if (!std::filesystem::exists(path, ignored))
         throw ConfigError({path.string()}, "no such image");
     if (error || size > longest_file)
@@ -83,8 +80,7 @@ FileBytes bytes_of(const std::filesystem::path& path) {
 
 cv::Mat read_any(const std::filesystem::path& path) {
     const FileBytes bytes = bytes_of(path);
-    const std::string why = refusal(bytes);
-    if (!why.empty())
+    if (const std::string why = refusal(bytes); !why.empty())
         throw ConfigError({path.string()}, why);
     try {
         return decode_picture(bytes);
@@ -93,17 +89,13 @@ cv::Mat read_any(const std::filesystem::path& path) {
     }
 }
 
-FileBytes encoded(const std::filesystem::path& path, const cv::Mat& image) {
+void write_any(const std::filesystem::path& path, const cv::Mat& image) {
+    FileBytes bytes;
     try {
-        return encode_picture(path.extension().string(), image);
+        bytes = encode_picture(path.extension().string(), image);
     } catch (const Error& error) {
         throw ConfigError({path.string()}, std::string("cannot be written: ") + error.what());
     }
-}
-
-// Written beside its place and renamed into it, so that no reader ever sees half a file.
-void write_any(const std::filesystem::path& path, const cv::Mat& image) {
-    const FileBytes bytes = encoded(path, image);
     AtomicFile file(path);
     file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
     file.commit();
@@ -112,35 +104,14 @@ void write_any(const std::filesystem::path& path, const cv::Mat& image) {
 }  // namespace
 
 const char* name(FrameStatus status) {
-    switch (status) {
-        case FrameStatus::complete:
-            return "complete";
-        case FrameStatus::short_frame:
-            return "short";
-        case FrameStatus::corrupt:
-            return "corrupt";
-        case FrameStatus::lost:
-            return "lost";
-        case FrameStatus::timed_out:
-            return "timed out";
-    }
-    return "unknown";
+    constexpr const char* names[] = {"complete", "short", "corrupt", "lost", "timed out"};
+    return names[static_cast<std::size_t>(status)];
 }
 
 const char* name(TimeSource source) {
-    switch (source) {
-        case TimeSource::request:
-            return "request";
-        case TimeSource::device_clock:
-            return "device clock";
-        case TimeSource::driver_start:
-            return "driver, start";
-        case TimeSource::driver_end:
-            return "driver, end";
-        case TimeSource::recording:
-            return "recording";
-    }
-    return "unknown";
+    constexpr const char* names[] = {"request", "device clock", "driver, start", "driver, end",
+                                     "recording"};
+    return names[static_cast<std::size_t>(source)];
 }
 
 CodeImage read_image(const std::filesystem::path& path) {

@@ -9,8 +9,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <optional>
-#include <string>
 
 #include "core/time/clock.h"
 

@@ -128,7 +128,8 @@ private:
 
 class PngWriter {
 public:
-    explicit PngWriter(const cv::Mat& picture) : picture_(picture) {
+    PngWriter(const cv::Mat& picture, unsigned dots_per_metre)
+        : picture_(picture), dots_per_metre_(dots_per_metre) {
         png_ = png_create_write_struct(PNG_LIBPNG_VER_STRING, this, &fail, &ignore);
         info_ = png_create_info_struct(png_);
         png_set_write_fn(png_, this, &take, nullptr);
@@ -172,6 +173,8 @@ private:
                      static_cast<unsigned>(picture_.rows), picture_.depth() == CV_16U ? 16 : 8,
                      colour_type(), PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
                      PNG_FILTER_TYPE_DEFAULT);
+        if (dots_per_metre_ > 0)
+            png_set_pHYs(png_, info_, dots_per_metre_, dots_per_metre_, PNG_RESOLUTION_METER);
         png_write_info(png_, info_);
         png_set_bgr(png_);
         if constexpr (std::endian::native == std::endian::little)
@@ -182,6 +185,7 @@ private:
     }
 
     const cv::Mat& picture_;
+    unsigned dots_per_metre_;
     png_structp png_ = nullptr;
     png_infop info_ = nullptr;
     std::vector<unsigned char> bytes_;
@@ -522,10 +526,10 @@ cv::Mat decode_jpeg_luma(std::span<const unsigned char> bytes) {
     return reader.read(/*as_gray=*/true);
 }
 
-std::vector<unsigned char> encode_png(const cv::Mat& picture) {
+std::vector<unsigned char> encode_png(const cv::Mat& picture, unsigned dots_per_metre) {
     if (!is_of(picture, {CV_8U, CV_16U}, {1, 3, 4}))
         throw Error("PNG holds 8 or 16 bits, of gray or colour, or of colour and opacity");
-    return PngWriter(picture).write();
+    return PngWriter(picture, dots_per_metre).write();
 }
 
 std::vector<unsigned char> encode_jpeg(const cv::Mat& picture, int quality) {

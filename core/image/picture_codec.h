@@ -23,8 +23,8 @@ cv::Mat decode_picture(std::span<const unsigned char> bytes);
 // CV_8UC1: a colour JPEG's own luma, before any conversion to RGB.
 cv::Mat decode_jpeg_luma(std::span<const unsigned char> bytes);
 
-// 8 or 16 bits, one channel, BGR or BGRA. Fast rather than small.
-std::vector<unsigned char> encode_png(const cv::Mat& picture);
+// 8 or 16 bits, one channel, BGR or BGRA. Fast rather than small. A resolution of 0 is not written.
+std::vector<unsigned char> encode_png(const cv::Mat& picture, unsigned dots_per_metre = 0);
 
 // 8 bits, one channel or BGR; quality 0 to 100.
 std::vector<unsigned char> encode_jpeg(const cv::Mat& picture, int quality = 95);

@@ -1,6 +1,5 @@
 #include "core/optimize/root_search.h"
 
-#include <cmath>
 #include <vector>
 
 namespace etalon {

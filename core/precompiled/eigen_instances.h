@@ -29,32 +29,17 @@ ETALON_INSTANTIATE template class PartialPivLU<MatrixXd>;
 ETALON_INSTANTIATE template class CompleteOrthogonalDecomposition<MatrixXd>;
 
 // Solving for a vector or a matrix.
-ETALON_INSTANTIATE template void LLT<MatrixXd>::_solve_impl<VectorXd, VectorXd>(const VectorXd&,
-                                                                                VectorXd&) const;
-ETALON_INSTANTIATE template void LLT<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(const MatrixXd&,
-                                                                                MatrixXd&) const;
-ETALON_INSTANTIATE template void LDLT<MatrixXd>::_solve_impl<VectorXd, VectorXd>(const VectorXd&,
-                                                                                 VectorXd&) const;
-ETALON_INSTANTIATE template void LDLT<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(const MatrixXd&,
-                                                                                 MatrixXd&) const;
-ETALON_INSTANTIATE template void ColPivHouseholderQR<MatrixXd>::_solve_impl<VectorXd, VectorXd>(
-    const VectorXd&, VectorXd&) const;
-ETALON_INSTANTIATE template void ColPivHouseholderQR<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(
-    const MatrixXd&, MatrixXd&) const;
-ETALON_INSTANTIATE template void HouseholderQR<MatrixXd>::_solve_impl<VectorXd, VectorXd>(
-    const VectorXd&, VectorXd&) const;
-ETALON_INSTANTIATE template void HouseholderQR<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(
-    const MatrixXd&, MatrixXd&) const;
-ETALON_INSTANTIATE template void PartialPivLU<MatrixXd>::_solve_impl<VectorXd, VectorXd>(
-    const VectorXd&, VectorXd&) const;
-ETALON_INSTANTIATE template void PartialPivLU<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(
-    const MatrixXd&, MatrixXd&) const;
-ETALON_INSTANTIATE template void
-CompleteOrthogonalDecomposition<MatrixXd>::_solve_impl<VectorXd, VectorXd>(const VectorXd&,
-                                                                           VectorXd&) const;
-ETALON_INSTANTIATE template void
-CompleteOrthogonalDecomposition<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(const MatrixXd&,
-                                                                           MatrixXd&) const;
+#define ETALON_SOLVING(Solver)                                                                 \
+    ETALON_INSTANTIATE template void Solver<MatrixXd>::_solve_impl(const VectorXd&, VectorXd&) \
+        const;                                                                                 \
+    ETALON_INSTANTIATE template void Solver<MatrixXd>::_solve_impl(const MatrixXd&, MatrixXd&) const
+ETALON_SOLVING(LLT);
+ETALON_SOLVING(LDLT);
+ETALON_SOLVING(ColPivHouseholderQR);
+ETALON_SOLVING(HouseholderQR);
+ETALON_SOLVING(PartialPivLU);
+ETALON_SOLVING(CompleteOrthogonalDecomposition);
+#undef ETALON_SOLVING
 
 namespace internal {
 ETALON_INSTANTIATE template struct general_matrix_matrix_product<
@@ -72,26 +57,17 @@ ETALON_INSTANTIATE template struct general_matrix_vector_product<
 ETALON_INSTANTIATE template struct general_matrix_vector_product<
     Index, double, const_blas_data_mapper<double, Index, RowMajor>, RowMajor, false, double,
     const_blas_data_mapper<double, Index, RowMajor>, false, 0>;
-ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft, Lower,
-                                                           false, ColMajor>;
-ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft,
-                                                           UnitLower, false, ColMajor>;
-ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft, Upper,
-                                                           false, ColMajor>;
-ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft, Upper,
-                                                           false, RowMajor>;
-ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft,
-                                                           UnitUpper, false, RowMajor>;
-ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, Lower, false,
-                                                           ColMajor, ColMajor, 1>;
-ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, UnitLower,
-                                                           false, ColMajor, ColMajor, 1>;
-ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, Upper, false,
-                                                           ColMajor, ColMajor, 1>;
-ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, Upper, false,
-                                                           RowMajor, ColMajor, 1>;
-ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, UnitUpper,
-                                                           false, RowMajor, ColMajor, 1>;
+#define ETALON_TRIANGULAR(shape, order)                                                          \
+    ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft, \
+                                                               shape, false, order>;             \
+    ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, shape,  \
+                                                               false, order, ColMajor, 1>
+ETALON_TRIANGULAR(Lower, ColMajor);
+ETALON_TRIANGULAR(UnitLower, ColMajor);
+ETALON_TRIANGULAR(Upper, ColMajor);
+ETALON_TRIANGULAR(Upper, RowMajor);
+ETALON_TRIANGULAR(UnitUpper, RowMajor);
+#undef ETALON_TRIANGULAR
 }  // namespace internal
 }  // namespace Eigen
 

@@ -6,14 +6,12 @@
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
 #include <future>
-#include <utility>
 
 namespace etalon {
 namespace {
@@ -27,22 +25,14 @@ constexpr const char* own_file = "/proc/self/exe";
 
 // Sockets and no pipes: writing to a program that has ended is then an error and no SIGPIPE.
 struct SocketPair {
-    std::array<int, 2> ends{-1, -1};  // ours, the child's
+    FileDescriptor ours, theirs;
 
     SocketPair() {
+        std::array<int, 2> ends{};
         if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
             throw std::system_error(errno, std::generic_category());
-    }
-    ~SocketPair() {
-        for (std::size_t end : {0, 1})
-            close_end(end);
-    }
-    SocketPair(const SocketPair&) = delete;
-    SocketPair& operator=(const SocketPair&) = delete;
-
-    void close_end(std::size_t end) {
-        if (ends[end] >= 0)
-            close(std::exchange(ends[end], -1));
+        ours = FileDescriptor(ends[0]);
+        theirs = FileDescriptor(ends[1]);
     }
 };
 
@@ -117,8 +107,6 @@ Subprocess::~Subprocess() {
     if (!wait_for(patience))
         send(SIGKILL);
     thread_.join();
-    for (const int file : {talk_, errors_, end_})
-        close(file);
 }
 
 // On a thread that takes no signals: they are for the one that waits for them.
@@ -133,17 +121,17 @@ void Subprocess::start(const std::vector<std::string>& command) {
     if (command.at(0) == own_file)
         arguments[0] = program_invocation_name;
     SocketPair talk, errors, failure;
-    const int their_errors = options_.inherits_stderr ? STDERR_FILENO : errors.ends[1];
+    const int their_errors = options_.inherits_stderr ? STDERR_FILENO : errors.theirs.get();
     const pid_t parent = getpid(), child = fork();
     if (child == 0)
-        become(command[0].c_str(), arguments.data(), talk.ends[1], their_errors, failure.ends[1],
-               parent);
-    for (SocketPair* pair : {&talk, &errors, &failure})
-        pair->close_end(1);
+        become(command[0].c_str(), arguments.data(), talk.theirs.get(), their_errors,
+               failure.theirs.get(), parent);
     int error = child < 0 ? errno : 0;
-    if (child > 0 && read(failure.ends[0], &error, sizeof error) <= 0) {
-        end_ = static_cast<int>(syscall(SYS_pidfd_open, child, 0));
-        error = end_ < 0 ? errno : 0;
+    for (SocketPair* pair : {&talk, &errors, &failure})
+        pair->theirs = FileDescriptor();
+    if (child > 0 && read(failure.ours.get(), &error, sizeof error) <= 0) {
+        end_ = FileDescriptor(static_cast<int>(syscall(SYS_pidfd_open, child, 0)));
+        error = end_ ? 0 : errno;
     }
     if (error != 0) {
         if (child > 0) {
@@ -152,8 +140,8 @@ void Subprocess::start(const std::vector<std::string>& command) {
         }
         throw std::system_error(error, std::generic_category());
     }
-    talk_ = std::exchange(talk.ends[0], -1);
-    errors_ = std::exchange(errors.ends[0], -1);
+    talk_ = std::move(talk.ours);
+    errors_ = std::move(errors.ours);
     process_ = child;
     if (!options_.has_input)
         close_input();
@@ -167,10 +155,11 @@ bool Subprocess::send(int signal) {
 std::error_code Subprocess::write(std::string_view text, Duration limit) {
     const Instant deadline = SteadyClock().now() + limit;
     while (!text.empty()) {
-        pollfd ready{talk_, POLLOUT, 0};
+        pollfd ready{talk_.get(), POLLOUT, 0};
         if (poll(&ready, 1, milliseconds_left(deadline)) == 0)
             return std::make_error_code(std::errc::timed_out);
-        const ssize_t sent = ::send(talk_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+        const ssize_t sent =
+            ::send(talk_.get(), text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
         if (sent > 0)
             text.remove_prefix(static_cast<std::size_t>(sent));
         else if (errno != EINTR && errno != EAGAIN)
@@ -180,7 +169,7 @@ std::error_code Subprocess::write(std::string_view text, Duration limit) {
 }
 
 void Subprocess::close_input() {
-    shutdown(talk_, SHUT_WR);
+    shutdown(talk_.get(), SHUT_WR);
 }
 
 std::string Subprocess::read_output(Duration limit) {
@@ -206,17 +195,18 @@ SubprocessResult Subprocess::result() const {
 }
 
 void Subprocess::follow() {
-    std::array<pollfd, 3> sources{{{talk_, POLLIN, 0}, {errors_, POLLIN, 0}, {end_, POLLIN, 0}}};
+    std::array<pollfd, 3> sources{
+        {{talk_.get(), POLLIN, 0}, {errors_.get(), POLLIN, 0}, {end_.get(), POLLIN, 0}}};
     bool has_ended = false;
     while (!has_ended) {
         poll(sources.data(), sources.size(), -1);
         has_ended = sources[2].revents != 0;
         if (has_ended)
             kill(-process_, SIGKILL);  // what it left running; until it is reaped the id is its own
-        if (!receive(errors_, [this](std::string_view text) { add_errors(text); }))
+        if (!receive(errors_.get(), [this](std::string_view text) { add_errors(text); }))
             sources[1].fd = -1;
         const std::lock_guard lock(mutex_);
-        const bool goes_on = receive(talk_, [this](std::string_view text) {
+        const bool goes_on = receive(talk_.get(), [this](std::string_view text) {
             result_.output.append(text.substr(0, most_output - result_.output.size()));
         });
         if (!goes_on)

@@ -7,16 +7,12 @@
 // for that SIGTERM (PR_SET_PDEATHSIG).
 #pragma once
 
-#include <condition_variable>
 #include <functional>
-#include <mutex>
-#include <stop_token>
-#include <string>
-#include <string_view>
 #include <system_error>
 #include <thread>
 #include <vector>
 
+#include "core/file/file_descriptor.h"
 #include "core/time/clock.h"
 
 namespace etalon {
@@ -48,8 +44,6 @@ public:
     explicit Subprocess(const std::vector<std::string>& command, SubprocessOptions options = {});
     // SIGTERM, SIGKILL 10 s later, and waits.
     ~Subprocess();
-    Subprocess(const Subprocess&) = delete;
-    Subprocess& operator=(const Subprocess&) = delete;
 
     // SIGKILL goes to the whole group. False when it has ended before.
     bool send(int signal);
@@ -75,8 +69,8 @@ private:
     SubprocessOptions options_;
     mutable std::mutex mutex_;
     std::condition_variable_any changed_;
-    int process_ = 0;                         // 0: it has ended
-    int talk_ = -1, errors_ = -1, end_ = -1;  // its stdin and stdout, its stderr, its pidfd
+    int process_ = 0;                     // 0: it has ended
+    FileDescriptor talk_, errors_, end_;  // its stdin and stdout, its stderr, its pidfd
     bool has_closed_output_ = false;
     std::string line_;  // of stderr, not yet whole
     SubprocessResult result_;

@@ -3,9 +3,7 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <string_view>
-#include <system_error>
 
 #include "core/program/errors.h"
 #include "core/program/version.h"

@@ -7,9 +7,6 @@
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 
-#include <algorithm>
-#include <cmath>
-
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -16,7 +16,7 @@ namespace etalon {
 //
 // Nothing but additions, multiplications, divisions and square roots of doubles in a given order,
 // none of them fused: the bits are the same on every machine, whatever its mathematics library,
-// and the same from vectors (sim/sensor/sensor_noise.cpp). A word w stands for (2 w + 1) 2^-33: u
+// and the same from vectors (sim/sensor/sensor_simd.cpp). A word w stands for (2 w + 1) 2^-33: u
 // and v are never 0 or 1, and their arguments are reduced without a rounding:
 //   u = 2^-e m, sqrt(1/2) <= m < sqrt(2):  -2 ln u = e 2 ln 2 - 4 atanh(s),  s = (m - 1) / (m + 1)
 //   |z| <= 1/4:                            cos(2 pi v) = sin(2 pi z),        z = |v - 1/2| - 1/4

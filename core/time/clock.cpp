@@ -4,10 +4,7 @@
 #include <time.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <fstream>
-#include <string>
 
 #include "core/file/text.h"
 

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -17,6 +16,7 @@
 #include <thread>
 
 #include "capture/frame/pixel_formats.h"
+#include "core/file/file_descriptor.h"
 #include "core/program/errors.h"
 #include "mocks/camera/gige_description.h"
 
@@ -39,18 +39,13 @@ const std::string device_name = fmt::format("camera {}:{}", address, gige_vision
 // The fake camera does not notice that its port is taken: it stays deaf. So the port is bound for a
 // moment first, exclusively. What remains is the race of two twins started in the same millisecond.
 void require_free_port() {
-    const int socket = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    const FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
     sockaddr_in name{};
     name.sin_family = AF_INET;
     name.sin_port = htons(gige_vision_port);
     inet_pton(AF_INET, address, &name.sin_addr);
-    const bool bound =
-        socket >= 0 && bind(socket, reinterpret_cast<const sockaddr*>(&name), sizeof name) == 0;
-    const std::string cause = bound ? "" : std::strerror(errno);
-    if (socket >= 0)
-        close(socket);
-    if (!bound)
-        throw DeviceError(device_name, "listen", cause);
+    if (bind(socket.get(), reinterpret_cast<const sockaddr*>(&name), sizeof name) != 0)
+        throw DeviceError(device_name, "listen", std::strerror(errno));
 }
 
 void require_usable(const GigeCameraOptions& options) {
@@ -129,10 +124,9 @@ class DescriptionFile {
 public:
     explicit DescriptionFile(const std::string& text) {
         path_ = (std::filesystem::temp_directory_path() / "etalon-gige-XXXXXX").string();
-        const int file = mkstemp(path_.data());
-        if (file < 0 || write(file, text.data(), text.size()) != ssize_t(text.size()))
+        const FileDescriptor file(mkstemp(path_.data()));
+        if (write(file.get(), text.data(), text.size()) != std::ssize(text))
             throw DeviceError(device_name, "write its description", std::strerror(errno));
-        close(file);
     }
     ~DescriptionFile() { unlink(path_.c_str()); }
     DescriptionFile(const DescriptionFile&) = delete;
@@ -187,12 +181,9 @@ struct GvspChannel {
     std::uint16_t packet_size = 0;  // bytes, the headers of IP, UDP and GVSP included
 };
 
-namespace {
-
-Bytes leader_content(const GvspLeader& leader) {
+static Bytes leader_content(const GvspLeader& leader) {
     Bytes content;
-    append(content, 0, 2);
-    append(content, leader.payload_type, 2);
+    append(content, leader.payload_type, 4);
     append(content, leader.timestamp, 8);
     if (leader.payload_type == chunks_only)
         return content;
@@ -204,28 +195,20 @@ Bytes leader_content(const GvspLeader& leader) {
     return content;
 }
 
-Bytes trailer_content(const GvspLeader& leader) {
+static Bytes trailer_content(const GvspLeader& leader) {
     Bytes content;
-    append(content, 0, 2);
-    append(content, leader.payload_type, 2);
+    append(content, leader.payload_type, 4);
     append(content, static_cast<std::uint32_t>(leader.region.height), 4);
     return content;
 }
-
-}  // namespace
 
 class GvspSender {
 public:
     // Throws DeviceError.
     GvspSender() : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-        if (socket_ < 0)
+        if (!socket_)
             throw DeviceError("camera", "open a stream socket", std::strerror(errno));
     }
-
-    ~GvspSender() { close(socket_); }
-
-    GvspSender(const GvspSender&) = delete;
-    GvspSender& operator=(const GvspSender&) = delete;
 
     // One frame: leader, payload, trailer. Each packet is dropped with the chance `loss`. What the
     // network does not take is lost, as on a wire.
@@ -256,11 +239,11 @@ private:
         append(packet, packet_++, 3);
         packet.insert(packet.end(), content.begin(), content.end());
         if (random_.uniform(0.0, 1.0) >= loss_)
-            sendto(socket_, packet.data(), packet.size(), 0,
+            sendto(socket_.get(), packet.data(), packet.size(), 0,
                    reinterpret_cast<const sockaddr*>(&to_), sizeof to_);
     }
 
-    int socket_;
+    FileDescriptor socket_;
     sockaddr_in to_{};
     double loss_ = 0.0;
     std::uint16_t block_ = 65530;  // soon wraps, from 65535 to 1
@@ -300,8 +283,6 @@ struct GigeCamera::Device {
         if (camera)
             g_object_unref(camera);  // joins its thread, which may still be filling a frame
     }
-    Device(const Device&) = delete;
-    Device& operator=(const Device&) = delete;
 
     ArvFakeCamera* registers() { return arv_gv_fake_camera_get_fake_camera(camera); }
     void set(guint32 which, int value) {
@@ -377,15 +358,13 @@ struct GigeCamera::Device {
 
     CaptureSettings settings(const cv::Rect& region, const PixelFormat& format, guint32 exposure_us,
                              guint32 gain_db) {
-        CaptureSettings settings;
-        settings.width = region.width;
-        settings.height = region.height;
-        settings.bits = format.bits;
-        settings.format = format.pfnc;
-        settings.exposure = std::chrono::microseconds(exposure_us);
-        settings.gain_db = gain_db;
-        settings.black_level = get(black_level_register);
-        return settings;
+        return {.width = region.width,
+                .height = region.height,
+                .bits = format.bits,
+                .format = std::string(format.pfnc),
+                .exposure = std::chrono::microseconds(exposure_us),
+                .gain_db = static_cast<double>(gain_db),
+                .black_level = get(black_level_register)};
     }
 
     void fill(ArvBuffer* buffer, guint32 exposure_us, guint32 gain_db, ArvPixelFormat code) {

@@ -9,12 +9,9 @@
 // client that died its control is free again 3 s later.
 #pragma once
 
-#include <chrono>
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "core/image/image.h"
@@ -61,8 +58,6 @@ public:
     // Listens at once. Throws DeviceError when the port is taken, ConfigError for unusable options.
     GigeCamera(const GigeCameraOptions& options, Source source);
     ~GigeCamera();  // within 0.2 s; the client notices by missing answers
-    GigeCamera(const GigeCamera&) = delete;
-    GigeCamera& operator=(const GigeCamera&) = delete;
 
     // An edge on the input Line1. Exposes, if the client chose that.
     void pulse_line();

@@ -29,12 +29,13 @@ std::string text_register(const char* name, int address, int length) {
         name, address, length);
 }
 
-std::string register_node(const std::string& name, std::uint32_t address, int length = 4) {
+std::string register_node(const std::string& name, std::uint32_t address, int length = 4,
+                          const char* sign = "Unsigned", const char* index = "") {
     return fmt::format(
-        "<IntReg Name=\"{}\"><Address>{:#x}</Address><Length>{}</Length>"
+        "<IntReg Name=\"{}\"><Address>{:#x}</Address>{}<Length>{}</Length>"
         "<AccessMode>RW</AccessMode><pPort>Device</pPort><Cachable>NoCache</Cachable>"
-        "<Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></IntReg>\n",
-        name, address, length);
+        "<Sign>{}</Sign><Endianess>BigEndian</Endianess></IntReg>\n",
+        name, address, index, length, sign);
 }
 
 // An integer feature over a register of its own; `limits` are its Min, Max and Inc elements.
@@ -180,13 +181,9 @@ std::string ptp_feature_nodes() {
            register_node("PtpDataSetLatchRegister", ptp_latch_register) +
            command("PtpDataSetLatch", "PtpDataSetLatchRegister", 1) +
            enumeration("PtpStatus", ptp_status_register, states) +
-           fmt::format(
-               "<Integer Name=\"PtpOffsetFromMaster\"><pValue>PtpOffsetRegister</pValue>"
-               "<Unit>ns</Unit></Integer>\n<IntReg Name=\"PtpOffsetRegister\">"
-               "<Address>{:#x}</Address><Length>8</Length><AccessMode>RO</AccessMode>"
-               "<pPort>Device</pPort><Cachable>NoCache</Cachable><Sign>Signed</Sign>"
-               "<Endianess>BigEndian</Endianess></IntReg>\n",
-               ptp_offset_register);
+           "<Integer Name=\"PtpOffsetFromMaster\"><pValue>PtpOffsetRegister</pValue>"
+           "<Unit>ns</Unit></Integer>\n" +
+           register_node("PtpOffsetRegister", ptp_offset_register, 8, "Signed");
 }
 
 std::string transport_features(const GigeFeatures& features) {
@@ -241,12 +238,8 @@ std::string chunk_features() {
            enumeration("ChunkSelector", chunk_selector_register, choices) +
            "<Boolean Name=\"ChunkEnable\"><pValue>ChunkEnableRegister</pValue><OnValue>1</OnValue>"
            "<OffValue>0</OffValue></Boolean>\n" +
-           fmt::format(
-               "<IntReg Name=\"ChunkEnableRegister\"><Address>{:#x}</Address>"
-               "<pIndex Offset=\"4\">ChunkSelectorRegister</pIndex><Length>4</Length>"
-               "<AccessMode>RW</AccessMode><pPort>Device</pPort><Cachable>NoCache</Cachable>"
-               "<Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></IntReg>\n",
-               chunk_enable_registers) +
+           register_node("ChunkEnableRegister", chunk_enable_registers, 4, "Unsigned",
+                         "<pIndex Offset=\"4\">ChunkSelectorRegister</pIndex>") +
            enabled + chunk_values();
 }
 

@@ -2,11 +2,9 @@
 // camera's threads answer their protocols meanwhile and only ever look at finished pictures.
 #pragma once
 
-#include <condition_variable>
+#include <algorithm>
+#include <cmath>
 #include <functional>
-#include <mutex>
-#include <optional>
-#include <stop_token>
 #include <thread>
 #include <vector>
 
@@ -19,21 +17,52 @@ public:
     // The picture at the given axis positions. Called on a thread of its own; must not throw.
     using Render = std::function<Radiance(const std::vector<double>& positions)>;
 
-    // Renders the first picture before it returns.
-    SceneImageSource(Render render, std::vector<double> positions);
-    ~SceneImageSource();  // waits for the picture in work
+    // Renders the first picture before it returns. The end waits for the picture in work.
+    SceneImageSource(Render render, std::vector<double> positions)
+        : render_(std::move(render)),
+          shown_positions_(std::move(positions)),
+          shown_(render_(shown_positions_)),
+          thread_([this](std::stop_token stop) { work(std::move(stop)); }) {}
 
     // Whether the picture on show is the one of these positions, within 10 nm or 10 urad; if not,
     // it will be the next one (a newer wish replaces one that is not in work yet). Returns at once.
     // Safe from every thread.
-    bool shows(const std::vector<double>& positions);
+    bool shows(const std::vector<double>& positions) {
+        const std::lock_guard lock(mutex_);
+        if (same_place(positions, shown_positions_))
+            return true;
+        wish_ = positions;
+        wished_.notify_one();
+        return false;
+    }
 
     // The last finished picture; its pixels are shared and must not be written. Safe from every
     // thread.
-    Radiance picture() const;
+    Radiance picture() const {
+        const std::lock_guard lock(mutex_);
+        return shown_;
+    }
 
 private:
-    void work(std::stop_token stop);
+    // A picture cannot tell 10 nm or 10 urad; a stage that drifts is never in the same place twice.
+    static bool same_place(const std::vector<double>& a, const std::vector<double>& b) {
+        return std::ranges::equal(a, b, [](double p, double q) { return std::abs(p - q) <= 1e-5; });
+    }
+
+    void work(std::stop_token stop) {
+        std::unique_lock lock(mutex_);
+        while (wished_.wait(lock, stop, [this] { return wish_.has_value(); })) {
+            const std::vector<double> positions = std::move(*wish_);
+            wish_.reset();
+            if (same_place(positions, shown_positions_))
+                continue;  // wished for again while it was in work
+            lock.unlock();
+            Radiance picture = render_(positions);
+            lock.lock();
+            shown_ = std::move(picture);
+            shown_positions_ = positions;
+        }
+    }
 
     Render render_;
     mutable std::mutex mutex_;

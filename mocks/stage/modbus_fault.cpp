@@ -3,52 +3,20 @@
 namespace etalon {
 namespace {
 
-bool writes_to(const ModbusRequest& request, int address) {
-    return !request.values.empty() && address >= request.address &&
-           address < request.address + request.count;
+bool happens(const FaultTrigger& at, const ModbusRequest& request, int requests,
+             SimulatedStage& stage) {
+    switch (at.when) {
+        case FaultTrigger::When::time_ms:
+            return stage.uptime() >= std::chrono::milliseconds(at.value);
+        case FaultTrigger::When::move:
+            return stage.moves_started() >= at.value;
+        case FaultTrigger::When::request:
+            return requests >= at.value;
+        default:
+            return !request.values.empty() && at.value >= request.address &&
+                   at.value < request.address + request.count;
+    }
 }
-
-class FaultScript {
-public:
-    FaultScript(std::vector<ModbusFault> faults, SimulatedStage& stage)
-        : faults_(std::move(faults)), stage_(stage) {}
-
-    ModbusReaction react(const ModbusRequest& request) {
-        ++requests_;
-        for (std::size_t i = 0; !running_ && i < faults_.size(); ++i) {
-            if (!happens(faults_[i].at, request))
-                continue;
-            running_ = faults_[i];
-            faults_.erase(faults_.begin() + static_cast<std::ptrdiff_t>(i));
-        }
-        if (!running_)
-            return {};
-        const ModbusReaction reaction = reaction_to(*running_);
-        if (--running_->requests <= 0)
-            running_.reset();
-        return reaction;
-    }
-
-private:
-    bool happens(const FaultTrigger& at, const ModbusRequest& request) {
-        switch (at.when) {
-            case FaultTrigger::When::time_ms:
-                return stage_.uptime() >= std::chrono::milliseconds(at.value);
-            case FaultTrigger::When::move:
-                return stage_.moves_started() >= at.value;
-            case FaultTrigger::When::request:
-                return requests_ >= at.value;
-            case FaultTrigger::When::write_to:
-                return writes_to(request, at.value);
-        }
-        return false;
-    }
-
-    std::vector<ModbusFault> faults_;  // that have not happened yet
-    SimulatedStage& stage_;
-    std::optional<ModbusFault> running_;
-    int requests_ = 0;
-};
 
 }  // namespace
 
@@ -68,8 +36,28 @@ ModbusReaction reaction_to(const ModbusFault& fault) {
 }
 
 ModbusScript scripted_faults(std::vector<ModbusFault> faults, SimulatedStage& stage) {
-    return [script = std::make_shared<FaultScript>(std::move(faults), stage)](
-               const ModbusRequest& request) { return script->react(request); };
+    struct State {
+        std::vector<ModbusFault> pending;  // that have not happened yet
+        std::optional<ModbusFault> running = {};
+        int requests = 0;
+    };
+    return [&stage, state = std::make_shared<State>(State{std::move(faults)})](
+               const ModbusRequest& request) {
+        ++state->requests;
+        const auto due = std::ranges::find_if(state->pending, [&](const ModbusFault& fault) {
+            return happens(fault.at, request, state->requests, stage);
+        });
+        if (!state->running && due != state->pending.end()) {
+            state->running = *due;
+            state->pending.erase(due);
+        }
+        if (!state->running)
+            return ModbusReaction{};
+        const ModbusReaction reaction = reaction_to(*state->running);
+        if (--state->running->requests <= 0)
+            state->running.reset();
+        return reaction;
+    };
 }
 
 }  // namespace etalon

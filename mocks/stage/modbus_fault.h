@@ -2,10 +2,6 @@
 // `faults` lists beside those of the stage. The twin's server makes them.
 #pragma once
 
-#include <chrono>
-#include <functional>
-#include <vector>
-
 #include "mocks/stage/simulated_stage.h"
 #include "stage/link/modbus_transport.h"
 

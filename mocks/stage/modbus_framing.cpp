@@ -59,22 +59,10 @@ std::optional<ModbusFrame> take_rtu(Bytes& received, bool& out_of_step) {
     return ModbusFrame{0, bytes[0], {bytes.begin() + 1, bytes.end() - 2}};
 }
 
-std::size_t bytes_of(int function, int count) {
-    return static_cast<std::size_t>(function == 15 ? (count + 7) / 8 : 2 * count);
-}
-
 int most_values(int function) {
     const bool bits = function == 1 || function == 2 || function == 15;
     const auto space = bits ? RegisterSpace::coils : RegisterSpace::holding_registers;
     return function > 4 ? most_written(space) : most_read(space);
-}
-
-void append_written(const Bytes& pdu, ModbusRequest& request) {
-    for (int i = 0; i < request.count; ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        request.values.push_back(static_cast<std::uint16_t>(
-            request.function == 15 ? pdu[6 + at / 8] >> at % 8 & 1 : word_at(pdu, 6 + 2 * at)));
-    }
 }
 
 }  // namespace
@@ -133,10 +121,14 @@ ModbusException decode_request(const Bytes& pdu, ModbusRequest& request) {
         request.values = {static_cast<std::uint16_t>(request.function == 5 ? second != 0 : second)};
     if (!several)
         return pdu.size() == 5 ? no_exception : illegal_value;
-    const std::size_t bytes = bytes_of(request.function, request.count);
+    const bool bits = request.function == 15;
+    const auto count = static_cast<std::size_t>(request.count);
+    const std::size_t bytes = bits ? (count + 7) / 8 : 2 * count;
     if (pdu.size() != 6 + bytes || pdu[5] != bytes)
         return illegal_value;
-    append_written(pdu, request);
+    for (std::size_t i = 0; i < count; ++i)
+        request.values.push_back(static_cast<std::uint16_t>(bits ? pdu[6 + i / 8] >> i % 8 & 1
+                                                                 : word_at(pdu, 6 + 2 * i)));
     return no_exception;
 }
 

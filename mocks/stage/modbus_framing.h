@@ -4,10 +4,7 @@
 // the client uses: the two check each other. Pure functions.
 #pragma once
 
-#include <cstdint>
-#include <optional>
 #include <span>
-#include <vector>
 
 #include "stage/link/modbus_transport.h"
 

@@ -1,15 +1,12 @@
 #include "mocks/stage/modbus_server.h"
 
 #include <arpa/inet.h>
-#include <fmt/format.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
@@ -18,24 +15,6 @@
 namespace etalon {
 
 using namespace std::chrono_literals;
-
-class FileDescriptor {
-public:
-    explicit FileDescriptor(int fd = -1) : fd_(fd) {}
-    FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-    FileDescriptor& operator=(FileDescriptor&& other) noexcept {
-        std::swap(fd_, other.fd_);
-        return *this;
-    }
-    ~FileDescriptor() {
-        if (fd_ >= 0)
-            ::close(fd_);
-    }
-    int get() const { return fd_; }
-
-private:
-    int fd_;
-};
 
 // A client's connection, or the serial line.
 struct ModbusChannel {
@@ -75,8 +54,7 @@ FileDescriptor listen_on(int port) {
     address.sin_port = htons(static_cast<std::uint16_t>(port));
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     const bool listens =
-        socket.get() >= 0 &&
-        setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
+        socket && setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
         bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 &&
         listen(socket.get(), static_cast<int>(max_clients)) == 0;
     if (!listens)
@@ -137,7 +115,7 @@ public:
 private:
     void begin() {
         wake_ = FileDescriptor(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
-        if (wake_.get() < 0)
+        if (!wake_)
             throw DeviceError("Modbus server", "eventfd", std::strerror(errno));
         thread_ = std::jthread([this](std::stop_token stop) { serve(stop); });
     }
@@ -166,10 +144,9 @@ private:
             watched.push_back({channel.fd.get(), POLLIN, 0});
         const auto wait = std::max<Duration>(next_due() - std::chrono::steady_clock::now(), 0ms);
         const timespec limit{0, std::min<Duration>(wait, modbus_tick) / 1ns};
-        if (ppoll(watched.data(), watched.size(), &limit, nullptr) <= 0) {
+        if (ppoll(watched.data(), watched.size(), &limit, nullptr) <= 0)
             for (pollfd& entry : watched)
                 entry.revents = 0;
-        }
         return watched;
     }
 
@@ -189,10 +166,10 @@ private:
     }
 
     void accept_clients() {
-        while (listener_.get() >= 0) {
+        while (listener_) {
             FileDescriptor socket(
                 accept4(listener_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-            if (socket.get() < 0)
+            if (!socket)
                 return;
             const int on = 1;
             setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
@@ -262,8 +239,8 @@ private:
             });
         if (reaction.reply)
             queue(channel, bytes, reaction);
-        const bool is_line = channel.framing == ModbusFraming::rtu;
-        channel.deaf = channel.deaf || (reaction.half_open && !is_line);
+        channel.deaf =
+            channel.deaf || (reaction.half_open && channel.framing == ModbusFraming::tcp);
         if (reaction.close) {
             send_due(channel);
             channel.give_up();
@@ -273,21 +250,18 @@ private:
     // A client that does not read its replies is given up.
     void send_due(ModbusChannel& channel) {
         const Instant now = std::chrono::steady_clock::now();
-        for (const ModbusChannel::Outgoing& outgoing : channel.outgoing) {
-            if (outgoing.due <= now && !send(channel, outgoing.bytes))
+        std::erase_if(channel.outgoing, [&](const ModbusChannel::Outgoing& outgoing) {
+            if (outgoing.due > now)
+                return false;
+            const int file = channel.fd.get();
+            const Bytes& bytes = outgoing.bytes;
+            const ssize_t sent = channel.framing == ModbusFraming::tcp
+                                     ? ::send(file, bytes.data(), bytes.size(), MSG_NOSIGNAL)
+                                     : ::write(file, bytes.data(), bytes.size());
+            if (sent != std::ssize(bytes))
                 channel.give_up();
-        }
-        std::erase_if(channel.outgoing, [now](const ModbusChannel::Outgoing& outgoing) {
-            return outgoing.due <= now;
+            return true;
         });
-    }
-
-    bool send(const ModbusChannel& channel, const Bytes& bytes) {
-        const ssize_t sent =
-            channel.framing == ModbusFraming::tcp
-                ? ::send(channel.fd.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL)
-                : ::write(channel.fd.get(), bytes.data(), bytes.size());
-        return sent == static_cast<ssize_t>(bytes.size());
     }
 
     ModbusUnits& units_;

@@ -5,10 +5,6 @@
 // Function codes 1 to 6, 15 and 16; everything else is answered by an exception.
 #pragma once
 
-#include <chrono>
-#include <memory>
-#include <vector>
-
 #include "mocks/stage/modbus_fault.h"
 #include "mocks/stage/modbus_framing.h"
 #include "mocks/stage/serial_pair.h"
@@ -45,8 +41,6 @@ public:
     ModbusServer(ModbusUnits& units, const SerialPair& line);
 
     ~ModbusServer();  // closes every connection and returns within milliseconds
-    ModbusServer(const ModbusServer&) = delete;
-    ModbusServer& operator=(const ModbusServer&) = delete;
 
     int port() const;          // the bound one; 0 on a serial line
     void close_connections();  // those that are open now; a serial line has none

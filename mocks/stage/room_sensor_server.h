@@ -5,7 +5,6 @@
 
 #include <atomic>
 
-#include "core/time/clock.h"
 #include "mocks/stage/modbus_server.h"
 
 namespace etalon {
@@ -14,8 +13,6 @@ namespace etalon {
 struct SimulatedRoom {
     double temperature_c = 20.0, swing_k = 0.0, period_s = 60.0;  // mean, amplitude of a sine
     double humidity_percent = 45.0;
-
-    double temperature_at(double seconds) const;
 };
 
 class RoomSensorServer final : public ModbusUnits {
@@ -31,11 +28,30 @@ public:
     void fall_silent() { is_silent_ = true; }
 
     bool has_unit(int) const override { return true; }
-    ModbusAnswer handle(const ModbusRequest& request) override;
+    ModbusAnswer handle(const ModbusRequest& request) override {
+        constexpr int read_input_registers = 4;
+        const double seconds = std::chrono::duration<double>(clock_.now() - start_).count();
+        const double temperature =
+            room_.temperature_c +
+            room_.swing_k * std::sin(2.0 * std::numbers::pi * seconds / room_.period_s);
+        ModbusAnswer answer;
+        answer.reaction.reply = !is_silent_;
+        const int end = request.address + request.count;
+        if (request.function != read_input_registers)
+            answer.exception = illegal_function;
+        else if (request.address < 0 || end > 2)
+            answer.exception = illegal_address;
+        else
+            for (int address = request.address; address < end; ++address) {
+                const double number =
+                    address == 0 ? 100.0 * temperature : 10.0 * room_.humidity_percent;
+                answer.values.push_back(
+                    static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(number))));
+            }
+        return answer;
+    }
 
 private:
-    std::uint16_t value_at(int address) const;
-
     SimulatedRoom room_;
     const Clock& clock_;
     Instant start_;

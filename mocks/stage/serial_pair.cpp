@@ -3,11 +3,9 @@
 #include <fcntl.h>
 #include <stdlib.h>
 #include <termios.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
-#include <utility>
 
 #include "core/program/errors.h"
 
@@ -29,21 +27,13 @@ bool make_raw(int fd) {
 
 SerialPair::SerialPair() : controller_(posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)) {
     char name[64] = "";
-    const bool named = controller_ >= 0 && grantpt(controller_) == 0 &&
-                       unlockpt(controller_) == 0 && ptsname_r(controller_, name, sizeof name) == 0;
-    keeper_ = named ? open(name, O_RDWR | O_NOCTTY | O_CLOEXEC) : -1;
+    const int fd = controller_.get();
+    if (controller_ && grantpt(fd) == 0 && unlockpt(fd) == 0 &&
+        ptsname_r(fd, name, sizeof name) == 0)
+        keeper_ = FileDescriptor(open(name, O_RDWR | O_NOCTTY | O_CLOEXEC));
     device_ = name;
-    if (keeper_ >= 0 && make_raw(keeper_))
-        return;
-    const std::string cause = std::strerror(errno);
-    ::close(keeper_);
-    ::close(controller_);
-    throw DeviceError("stage controller", "make a pseudo-terminal", cause);
-}
-
-SerialPair::~SerialPair() {
-    ::close(keeper_);
-    ::close(controller_);
+    if (!keeper_ || !make_raw(keeper_.get()))
+        throw DeviceError("stage controller", "make a pseudo-terminal", std::strerror(errno));
 }
 
 SerialLink::SerialLink(fs::path path) : path_(std::move(path)) {

@@ -6,21 +6,20 @@
 #include <filesystem>
 #include <string>
 
+#include "core/file/file_descriptor.h"
+
 namespace etalon {
 
 class SerialPair {
 public:
     SerialPair();  // throws DeviceError
-    ~SerialPair();
-    SerialPair(const SerialPair&) = delete;
-    SerialPair& operator=(const SerialPair&) = delete;
 
-    const std::string& device() const { return device_; }  // "/dev/pts/7"
-    int controller_end() const { return controller_; }     // does not block
+    const std::string& device() const { return device_; }     // "/dev/pts/7"
+    int controller_end() const { return controller_.get(); }  // does not block
 
 private:
-    int controller_ = -1;
-    int keeper_ = -1;  // holds the station's end open, or reading ours would fail without one
+    FileDescriptor controller_;
+    FileDescriptor keeper_;  // holds the station's end open, or reading ours would fail without one
     std::string device_;
 };
 
@@ -31,8 +30,6 @@ public:
     // of that name is a DeviceError.
     explicit SerialLink(std::filesystem::path path);
     ~SerialLink();  // the link is gone with the line
-    SerialLink(const SerialLink&) = delete;
-    SerialLink& operator=(const SerialLink&) = delete;
 
     const SerialPair& pair() const { return pair_; }
     const std::filesystem::path& path() const { return path_; }

@@ -1,34 +1,50 @@
 #include "mocks/twin/twin.h"
 
+#include "stage/axes/kinematics.h"
+
 namespace etalon {
 namespace {
 
-GigeCameraOptions camera_options(const TwinFile& file) {
-    const CameraModel& model = file.true_camera;
-    GigeCameraOptions options;
-    options.width = model.width;
-    options.height = model.height;
-    options.bits = model.sensor ? model.sensor->bits : 8;
-    if (!model.serial.empty())
-        options.serial = model.serial;
-    options.packet_loss = file.packet_loss;
+SimulatedStageOptions stage_options(const TwinFile& file) {
+    SimulatedStageOptions options = file.stage.options;
+    options.seed = file.seed;
     return options;
+}
+
+// A name for a new line, if the stage is on one.
+std::optional<std::filesystem::path> line_of(const TwinStage& stage) {
+    return stage.serial.empty() ? std::nullopt : std::optional(stage.serial);
 }
 
 }  // namespace
 
-Twin::Twin(const TwinFile& file) : TwinRig(file), camera_options_(camera_options(file)) {
-    plug_camera_in(camera_options_.serial);
+TwinRig::TwinRig(const TwinFile& file)
+    : nominal_exposure_(file.nominal_exposure),
+      stage_(file.stage.axes, stage_options(file), clock_),
+      physics_(file.true_camera, file.scene, file.method, file.seed),
+      image_source_([this](const std::vector<double>& q) { return develop(q); },
+                    stage_.true_positions()),
+      line_(line_of(file.stage)),
+      server_(line_ ? ModbusStageServer(stage_, file.stage.profile, line_->pair())
+                    : ModbusStageServer(stage_, file.stage.profile, file.stage.port)) {
+    if (file.room)
+        room_.emplace(file.room->room, clock_, file.room->port);
+    server_.set_script(scripted_faults(file.stage.link_faults, stage_));
+    stage_.hold_in_position_until(
+        [this](const std::vector<double>& positions) { return image_source_.shows(positions); });
 }
 
-void Twin::plug_camera_in(const std::string& serial) {
-    camera_options_.serial = serial;
-    camera_.emplace(camera_options_, [this](const CaptureSettings& s) { return expose(s); });
+std::string TwinRig::stage_place() const {
+    return line_ ? line_->path().string() : fmt::format("127.0.0.1:{}", stage_port());
 }
 
-// On the camera's thread.
-CodeImage Twin::expose(const CaptureSettings& settings) {
-    return physics().expose(picture(), light(settings.exposure, settings.gain_db), frames_++);
+Radiance TwinRig::develop(const std::vector<double>& positions) const {
+    return physics_.radiance(base_from_carriage(stage_.axes(), positions));
+}
+
+double TwinRig::light(std::chrono::microseconds exposure, double gain_db) const {
+    const double time = std::chrono::duration<double>(exposure) / nominal_exposure_;
+    return time * std::pow(10.0, gain_db / 20.0);
 }
 
 }  // namespace etalon

@@ -1,9 +1,8 @@
 #include "mocks/twin/twin_file.h"
 
-#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "calib/files/camera_file.h"
-#include "core/geometry/units.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {
@@ -17,21 +16,6 @@ std::chrono::milliseconds optional_ms(const Value& mapping, const std::string& k
     return value ? std::chrono::milliseconds(value->integer(low, day_ms)) : otherwise;
 }
 
-// Linear axes are given in um and mm, rotary ones in degrees.
-struct Units {
-    std::string fine, coarse;  // ends of keys
-    double per_fine, per_coarse;
-    const Unit &fine_unit, &coarse_unit;
-
-    explicit Units(Axis::Kind kind)
-        : fine(kind == Axis::Kind::linear ? "_um" : "_deg"),
-          coarse(kind == Axis::Kind::linear ? "_mm" : "_deg"),
-          per_fine(kind == Axis::Kind::linear ? 1e-3 : rad_per_deg),
-          per_coarse(kind == Axis::Kind::linear ? 1.0 : rad_per_deg),
-          fine_unit(kind == Axis::Kind::linear ? units::um : units::deg),
-          coarse_unit(kind == Axis::Kind::linear ? units::mm : units::deg) {}
-};
-
 std::size_t index_of_axis(const Value& place, const std::string& name,
                           const std::vector<Axis>& axes) {
     const auto found = std::ranges::find(axes, name, &Axis::name);
@@ -40,13 +24,13 @@ std::size_t index_of_axis(const Value& place, const std::string& name,
     return static_cast<std::size_t>(found - axes.begin());
 }
 
-void read_periodic(const Value& value, const Units& units, AxisErrors& errors) {
-    const auto amplitude = value.find("periodic" + units.fine);
+void read_periodic(const Value& value, const AxisUnits& units, AxisErrors& errors) {
+    const auto amplitude = value.find(units.um_key("periodic"));
     if (!amplitude)
         return;
-    errors.periodic = amplitude->number(units.fine_unit.either_sign()) * units.per_fine;
+    errors.periodic = amplitude->number(units.small().either_sign()) * units.per_small();
     errors.period =
-        value.at("period" + units.coarse).number(units.coarse_unit.positive()) * units.per_coarse;
+        value.at(units.mm_key("period")).number(units.large().positive()) * units.per_large();
     errors.phase = value.number_or_zero("phase_deg", units::deg.either_sign()) * rad_per_deg;
 }
 
@@ -67,25 +51,26 @@ void read_lean(const Value& value, std::size_t axis, const std::vector<Axis>& ax
 }
 
 AxisErrors read_axis_errors(const Value& value, std::size_t axis, const std::vector<Axis>& axes) {
-    const Units units(axes[axis].kind);
-    const Range fine = units.fine_unit.non_negative();
+    const AxisUnits units(axes[axis].kind);
+    const auto size = [&](const char* name) {
+        return value.number_or_zero(units.um_key(name), units.small().non_negative()) *
+               units.per_small();
+    };
     AxisErrors errors;
     errors.scale = value.number_or_zero("scale_ppm", units::ppm.either_sign()) * 1e-6;
-    errors.repeatability =
-        value.number_or_zero("repeatability" + units.fine, fine) * units.per_fine;
-    errors.backlash = value.number_or_zero("backlash" + units.fine, fine) * units.per_fine;
-    errors.encoder_noise =
-        value.number_or_zero("encoder_noise" + units.fine, fine) * units.per_fine;
+    errors.repeatability = size("repeatability");
+    errors.backlash = size("backlash");
+    errors.encoder_noise = size("encoder_noise");
     errors.drift =
-        value.number_or_zero("drift" + units.fine + "_per_k", units.fine_unit.either_sign()) *
-        units.per_fine;
+        value.number_or_zero(units.um_key("drift") + "_per_k", units.small().either_sign()) *
+        units.per_small();
     errors.expansion = value.number_or_zero("expansion_ppm_per_k", units::ppm.either_sign()) * 1e-6;
     read_periodic(value, units, errors);
     read_lean(value, axis, axes, errors);
     return errors;
 }
 
-AxisServo read_servo(const Value& value, const Units& units) {
+AxisServo read_servo(const Value& value, const AxisUnits& units) {
     AxisServo servo;
     servo.parameters.bandwidth_hz = value.at("bandwidth_hz").number(units::hz.positive());
     servo.parameters.damping = value.at("damping").number(units::one.positive());
@@ -97,7 +82,7 @@ AxisServo read_servo(const Value& value, const Units& units) {
             value.at("resonance_damping").number(units::one.positive());
     }
     servo.window =
-        value.at("window" + units.fine).number(units.fine_unit.positive()) * units.per_fine;
+        value.at(units.um_key("window")).number(units.small().positive()) * units.per_small();
     return servo;
 }
 
@@ -131,9 +116,9 @@ StageFault read_stage_fault(const Value& value, StageFault::Kind kind,
         fault.axis = index_of_axis(axis, axis.text(), axes);
     }
     if (kind == Kind::encoder_jump) {
-        const Units units(axes[fault.axis].kind);
+        const AxisUnits units(axes[fault.axis].kind);
         fault.size =
-            value.at("size" + units.fine).number(units.fine_unit.either_sign()) * units.per_fine;
+            value.at(units.um_key("size")).number(units.small().either_sign()) * units.per_small();
     }
     if (kind == Kind::alarm)
         fault.code = value.at("code").integer(1, 65535);
@@ -154,34 +139,36 @@ ModbusFault read_link_fault(const Value& value, ModbusFault::Kind kind) {
     return fault;
 }
 
-constexpr std::pair<const char*, StageFault::Kind> stage_fault_kinds[] = {
-    {"alarm", StageFault::Kind::alarm},
-    {"emergency_stop", StageFault::Kind::emergency_stop},
-    {"encoder_jump", StageFault::Kind::encoder_jump},
-    {"false_in_position", StageFault::Kind::false_in_position},
-    {"limit_hit", StageFault::Kind::limit_hit},
-    {"stuck_axis", StageFault::Kind::stuck_axis}};
-constexpr std::pair<const char*, ModbusFault::Kind> link_fault_kinds[] = {
-    {"exception", ModbusFault::Kind::exception},   {"garbage", ModbusFault::Kind::garbage},
-    {"half_open", ModbusFault::Kind::half_open},   {"late_reply", ModbusFault::Kind::late_reply},
-    {"reset", ModbusFault::Kind::reset},           {"silence", ModbusFault::Kind::silence},
-    {"slow_bytes", ModbusFault::Kind::slow_bytes}, {"wrong_id", ModbusFault::Kind::wrong_id}};
+constexpr std::pair<const char*, std::variant<StageFault::Kind, ModbusFault::Kind>> fault_kinds[] =
+    {{"alarm", StageFault::Kind::alarm},
+     {"emergency_stop", StageFault::Kind::emergency_stop},
+     {"encoder_jump", StageFault::Kind::encoder_jump},
+     {"false_in_position", StageFault::Kind::false_in_position},
+     {"limit_hit", StageFault::Kind::limit_hit},
+     {"stuck_axis", StageFault::Kind::stuck_axis},
+     {"exception", ModbusFault::Kind::exception},
+     {"garbage", ModbusFault::Kind::garbage},
+     {"half_open", ModbusFault::Kind::half_open},
+     {"late_reply", ModbusFault::Kind::late_reply},
+     {"reset", ModbusFault::Kind::reset},
+     {"silence", ModbusFault::Kind::silence},
+     {"slow_bytes", ModbusFault::Kind::slow_bytes},
+     {"wrong_id", ModbusFault::Kind::wrong_id}};
 
 void read_fault(const Value& value, TwinStage& stage) {
     const std::string name = value.at("fault").text();
-    std::string names;
-    for (const auto& [known, kind] : stage_fault_kinds) {
-        if (name == known)
-            return stage.options.faults.push_back(read_stage_fault(value, kind, stage.axes));
-        names += std::string(known) + ", ";
+    std::vector<const char*> names;
+    for (const auto& [known, kind] : fault_kinds) {
+        names.push_back(known);
+        if (name != known)
+            continue;
+        if (const auto* of_stage = std::get_if<StageFault::Kind>(&kind))
+            stage.options.faults.push_back(read_stage_fault(value, *of_stage, stage.axes));
+        else
+            stage.link_faults.push_back(read_link_fault(value, std::get<ModbusFault::Kind>(kind)));
+        return;
     }
-    for (const auto& [known, kind] : link_fault_kinds) {
-        if (name == known)
-            return stage.link_faults.push_back(read_link_fault(value, kind));
-        names += std::string(known) + ", ";
-    }
-    value.at("fault").fail(
-        fmt::format("'{}' is none of {}", name, names.substr(0, names.size() - 2)));
+    value.at("fault").fail(fmt::format("'{}' is none of {}", name, fmt::join(names, ", ")));
 }
 
 void read_errors(const Value& section, TwinStage& stage) {
@@ -193,7 +180,7 @@ void read_errors(const Value& section, TwinStage& stage) {
         if (const auto value = errors ? errors->with_names().find(axis.name) : std::nullopt)
             stage.options.errors[i] = read_axis_errors(*value, i, stage.axes);
         if (const auto value = servos ? servos->with_names().find(axis.name) : std::nullopt)
-            stage.options.servos[i] = read_servo(*value, Units(axis.kind));
+            stage.options.servos[i] = read_servo(*value, AxisUnits(axis.kind));
         stage.options.errors[i].map = std::exchange(axis.errors, std::nullopt);
     }
 }
@@ -248,13 +235,10 @@ void read_twin_camera(const StrictFile& file, const Value& camera, TwinFile& twi
 }
 
 Rigid read_rigid(const Value& value) {
-    const std::vector<double> rotation_deg =
-        value.at("rotation_deg").numbers(3, units::deg.either_sign());
-    const std::vector<double> translation_mm =
-        value.at("translation_mm").numbers(3, units::mm.either_sign());
-    const Eigen::Vector3d rotation(rotation_deg[0], rotation_deg[1], rotation_deg[2]);
-    return {rotation_from_vector(rotation * rad_per_deg),
-            {translation_mm[0], translation_mm[1], translation_mm[2]}};
+    const auto rotation = value.at("rotation_deg").numbers(3, units::deg.either_sign());
+    const auto translation = value.at("translation_mm").numbers(3, units::mm.either_sign());
+    return {rotation_from_vector(Eigen::Vector3d(rotation.data()) * rad_per_deg),
+            Eigen::Vector3d(translation.data())};
 }
 
 TwinScene read_scene(const Value& value) {

@@ -1,17 +1,12 @@
 // etalon-twin: a virtual stage (on 127.0.0.1 or a serial line) and camera to try `etalon qualify`
 // on. Runs until it is interrupted. Exit codes: 0 interrupted as intended, 3 usage or config error,
 // 4 a port is taken.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <csignal>
 #include <cstdio>
-#include <filesystem>
-#include <optional>
 
 #include "core/config/file_schema.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "mocks/ending_signals.h"
 #include "mocks/twin/twin.h"
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
 
 #include "core/program/errors.h"
 #include "sim/marker/cell_grid.h"
@@ -40,15 +39,12 @@ Drawing blank(const Eigen::Vector2d& low_mm, const Eigen::Vector2d& high_mm,
     return {{cv::Mat(size.y(), size.x(), CV_32FC1, cv::Scalar::all(white)), low_mm, cell_mm}};
 }
 
-int most_cells_a_period(double periods_across, double periods_down) {
-    return static_cast<int>(
-        std::min<double>(max_cells_a_period, std::sqrt(max_cells / periods_across / periods_down)));
-}
-
 // Into how many cells a period is cut so that all edges (mm from its start) are borders of cells:
-// the fewest, or else those with the smallest error.
-int cells_a_period(double period_mm, std::span<const double> edges_mm, int most,
+// the fewest, or else those with the smallest error. A board has one period more than columns.
+int cells_a_period(int columns, int rows, double period_mm, const std::vector<double>& edges_mm,
                    double allowed_mm) {
+    const int most = static_cast<int>(
+        std::min<double>(max_cells_a_period, std::sqrt(max_cells / (columns + 1) / (rows + 1))));
     int best = 0;
     double smallest = allowed_mm;
     for (int count = 1; count <= most; ++count) {
@@ -69,6 +65,15 @@ int cells_a_period(double period_mm, std::span<const double> edges_mm, int most,
                                           "mm: take a smaller board or lengths with a simple ratio",
                                           allowed_mm, most, period_mm));
     return best;
+}
+
+// The same where a tag's cells begin at `first_mm`.
+int cells_a_period_of_tags(int columns, int rows, double period_mm, double first_mm, int tag_cells,
+                           double tag_cell_mm) {
+    std::vector<double> edges;
+    for (int i = 0; i <= tag_cells; ++i)
+        edges.push_back(first_mm + i * tag_cell_mm);
+    return cells_a_period(columns, rows, period_mm, edges, tag_cell_mm / 20.0);
 }
 
 // A tag's cells into the square [low, low + side].
@@ -114,16 +119,15 @@ cv::Mat aruco_cells(const std::string& dictionary, int id) {
 // The black square with one more cell of border all around.
 cv::Mat kalibr_cells(const std::string& family, int id) {
     const TagPattern pattern = apriltag_pattern(family, id);
-    cv::Mat cells = pattern.cells.clone();
+    const cv::Mat& cells = pattern.cells;
     if (pattern.reference_start != 1 || cells.cols != pattern.reference_cells + 2)
         throw ConfigError({}, "the tags of " + family +
                                   " have data outside their square: a grid takes 36h11, 36h10, "
                                   "25h9 or 16h5");
-    for (const cv::Rect& side :
-         {cv::Rect(0, 0, cells.cols, 1), cv::Rect(0, cells.rows - 1, cells.cols, 1),
-          cv::Rect(0, 0, 1, cells.rows), cv::Rect(cells.cols - 1, 0, 1, cells.rows)})
-        cells(side).setTo(cv::Scalar::all(black));
-    return cells;
+    cv::Mat whole(cells.size(), CV_32FC1, cv::Scalar::all(black));
+    const cv::Rect inside(1, 1, cells.cols - 2, cells.rows - 2);
+    cells(inside).copyTo(whole(inside));
+    return whole;
 }
 
 }  // namespace
@@ -158,12 +162,8 @@ BoardPattern charuco_pattern(const std::string& dictionary, int columns, int row
     const std::vector<BoardTag> tags = charuco_tags(columns, rows, square, marker, layout);
     const int tag_cells = aruco_cells(dictionary, 0).cols;
     const double margin = (square - marker) / 2.0, tag_cell = marker / tag_cells;
-    std::vector<double> edges;
-    for (int i = 0; i <= tag_cells; ++i)
-        edges.push_back(margin + i * tag_cell);
-    const int count =
-        cells_a_period(square, edges, most_cells_a_period(columns + 1, rows + 1), tag_cell / 20.0);
-    const double cell = square / count;
+    const double cell =
+        square / cells_a_period_of_tags(columns, rows, square, margin, tag_cells, tag_cell);
     const double around = std::round(margin / cell) * cell;  // the quiet zone of the outer markers
     const Eigen::Vector2d corner(-square - around, -square - around);
     Drawing drawing = blank(
@@ -191,12 +191,8 @@ BoardPattern aprilgrid_pattern(const std::string& family, int columns, int rows,
                                double gap) {
     const int tag_cells = kalibr_cells(family, 0).cols;
     const double period = tag + gap, tag_cell = tag / tag_cells;
-    std::vector<double> edges;
-    for (int i = 0; i <= tag_cells; ++i)
-        edges.push_back(i * tag_cell);
-    const int count =
-        cells_a_period(period, edges, most_cells_a_period(columns + 1, rows + 1), tag_cell / 20.0);
-    const double cell = period / count;
+    const double cell =
+        period / cells_a_period_of_tags(columns, rows, period, 0.0, tag_cells, tag_cell);
     // Around the outer tags their corner squares, and as much white again.
     const double around = 2.0 * (period - std::round(tag / cell) * cell);
     Drawing drawing =
@@ -266,10 +262,8 @@ BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double 
 
 BoardPattern squares_pattern(int columns, int rows, double square, double gap) {
     const double period = square + gap;
-    const double edges[] = {square};
-    const int count =
-        cells_a_period(period, edges, most_cells_a_period(columns + 1, rows + 1), square / 50.0);
-    const double cell = period / count, around = std::round(gap / cell) * cell;
+    const double cell = period / cells_a_period(columns, rows, period, {square}, square / 50.0);
+    const double around = std::round(gap / cell) * cell;
     Drawing drawing =
         blank(Eigen::Vector2d(-around, -around),
               Eigen::Vector2d(columns * period - gap + around, rows * period - gap + around),

@@ -1,13 +1,12 @@
-// The cells and points of calibration boards; names and parsing are sim/marker/marker.h's part.
+// The cells and points of calibration boards. All throw ConfigError (without a place) for a board
+// whose lengths would need more than 16 million cells, circles more than 4 million.
 //
 // Cells of a grid are all alike, and the lengths of a ChArUco board or an AprilTag grid need not
-// have a common measure. Squares, tags and circles lie exactly where they should; only edges inside
-// a tag are rounded to cells, to within a twentieth of a tag's cell at worst and exactly where
-// the lengths allow it.
+// have a common measure. Squares, tags and circles lie exactly where they should. Only edges inside
+// a tag are rounded to cells, to within a twentieth of a tag's cell.
 //
-// A circle is the cells whose centres are inside it: a staircase of 128 cells to a diameter (24 at
-// least, on large boards), symmetric about its centre, which is exact. The diameter of the same
-// area is right to 2e-3.
+// A circle is the cells whose centres are inside it: 128 cells to a diameter (24 at least, on large
+// boards), its centre exact, the diameter of the same area right to 2e-3.
 #pragma once
 
 #include <Eigen/Core>
@@ -36,8 +35,7 @@ struct BoardTag {
 BoardPattern chessboard_pattern(int columns, int rows, double square_mm);
 
 // columns x rows SQUARES; ArUco markers in the white squares, numbered row by row from the first
-// one's id. The upper left square is black, as OpenCV draws it since 4.6, or white, as OpenCV drew
-// boards with an even number of rows before. The points are the inner corners.
+// one's id. The upper left square is black or white. The points are the inner corners.
 struct CharucoLayout {
     int first_id = 0;
     bool white_corner = false;
@@ -48,18 +46,16 @@ std::vector<BoardTag> charuco_tags(int columns, int rows, double square_mm, doub
                                    const CharucoLayout& layout);
 
 // Kalibr's aprilgrid: columns x rows tags with a black border of TWO cells, numbered row by row
-// from the BOTTOM left, and a black square in every crossing of the gaps, so that each corner of a
-// tag is a crossing of two edges as on a chessboard. The points are the tags' corners as a grid of
-// 2 columns x 2 rows. Throws ConfigError for families with data outside the reported square.
+// from the BOTTOM left, and a black square in every crossing of the gaps. The points are the tags'
+// corners as a grid of 2 columns x 2 rows. Throws ConfigError for families with data outside the
+// reported square.
 BoardPattern aprilgrid_pattern(const std::string& family, int columns, int rows, double tag_mm,
                                double gap_mm);
 std::vector<BoardTag> aprilgrid_tags(int columns, int rows, double tag_mm, double gap_mm);
 
-// Black circles; the points are the centres. Asymmetric as in OpenCV's samples: every second row is
-// shifted by `spacing`, circles of a row are 2 spacings apart and rows one, so that neighbours are
-// sqrt(2) spacings apart. Hexagonal as BoofCV counts it: every circle is a spacing from its six
-// neighbours; columns are half a spacing apart, and a row has circles in every second of them, the
-// lowest row from the first one on.
+// Black circles; the points are the centres. Asymmetric as in OpenCV's samples: circles of a row
+// are 2 spacings apart and rows one. Hexagonal as BoofCV counts it: columns are half a spacing
+// apart, and a row has circles in every second of them, the lowest row from the first one on.
 enum class CircleLayout { symmetric, asymmetric, hexagonal };
 BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double spacing_mm,
                              double diameter_mm);
@@ -70,8 +66,5 @@ std::vector<Eigen::Vector2i> circle_places(CircleLayout layout, int columns, int
 // columns x rows black squares, a gap apart; the points are their corners, as a grid of 2 columns x
 // 2 rows.
 BoardPattern squares_pattern(int columns, int rows, double square_mm, double gap_mm);
-
-// All throw ConfigError (without a place: the callers know it) for a board whose lengths would need
-// more than 16 million cells, circles more than 4 million.
 
 }  // namespace etalon

@@ -87,21 +87,30 @@ int checked_id(const Spec& spec, const std::string& text, int count, const std::
     return static_cast<int>(*id);
 }
 
-// Splits "36h11:5" and checks both halves against what the library has.
+// "36h11:5": the family, and what is behind it.
+std::string read_family(const Spec& spec, const char* title, Marker& marker,
+                        const std::vector<std::string>& families, const char* form) {
+    const std::vector<std::string> parts = split(spec.what, ':');
+    if (parts.size() != 2)
+        spec.fail(fmt::format("expected {}:FAMILY:{}", spec.kind, form));
+    marker.family = parts[0];
+    check_family(spec, title, marker.family, families);
+    return parts[1];
+}
+
 void read_family_and_id(const Spec& spec, const char* title, Marker& marker,
                         const std::vector<std::string>& families,
                         int (*count)(const std::string&)) {
-    const std::vector<std::string> parts = split(spec.what, ':');
-    if (parts.size() != 2)
-        spec.fail(fmt::format("expected {}:FAMILY:ID@SIZEmm", spec.kind));
-    marker.family = parts[0];
-    check_family(spec, title, marker.family, families);
-    marker.id = checked_id(spec, parts[1], count(marker.family), marker.family);
+    const std::string id = read_family(spec, title, marker, families, "ID@SIZEmm");
+    marker.id = checked_id(spec, id, count(marker.family), marker.family);
 }
 
-// From the top left clockwise.
-std::vector<Eigen::Vector3d> square_corners(double half) {
-    return {{-half, -half, 0}, {half, -half, 0}, {half, half, 0}, {-half, half, 0}};
+// A square of the marker's size with a border around it; the points are its corners, from the top
+// left clockwise.
+void lay_out_square(const cv::Mat& cells, double cell, double border, Marker& marker) {
+    const double half = marker.size_mm / 2.0, corner = -half - border;
+    marker.grid = {cells, {corner, corner}, {cell, cell}};
+    marker.points_mm = {{-half, -half, 0}, {half, -half, 0}, {half, half, 0}, {-half, half, 0}};
 }
 
 void lay_out_tag(const Spec& spec, const TagPattern& pattern, Marker& marker) {
@@ -112,57 +121,39 @@ void lay_out_tag(const Spec& spec, const TagPattern& pattern, Marker& marker) {
                               marker.id));
     marker.size_mm = length_mm(spec, spec.size);
     const double cell = marker.size_mm / pattern.reference_cells;
-    const double half = marker.size_mm / 2.0;
-    const double corner = -half - pattern.reference_start * cell;
-    marker.grid = {pattern.cells, {corner, corner}, {cell, cell}};
-    marker.points_mm = square_corners(half);
+    lay_out_square(pattern.cells, cell, pattern.reference_start * cell, marker);
 }
 
-Marker parse_apriltag(const Spec& spec) {
-    Marker marker{spec.whole, Marker::Kind::apriltag};
+void parse_apriltag(const Spec& spec, Marker& marker) {
     read_family_and_id(spec, "AprilTag family", marker, apriltag_families(), apriltag_count);
     lay_out_tag(spec, apriltag_pattern(marker.family, marker.id), marker);
-    return marker;
 }
 
-Marker parse_aruco(const Spec& spec) {
-    Marker marker{spec.whole, Marker::Kind::aruco};
+void parse_aruco(const Spec& spec, Marker& marker) {
     read_family_and_id(spec, "ArUco dictionary", marker, aruco_dictionaries(), aruco_count);
     lay_out_tag(spec, aruco_pattern(marker.family, marker.id), marker);
-    return marker;
 }
 
-// The codewords of the family or file before the last colon, with the file's own complaints.
-std::vector<StagCode> read_stag_codes(const Spec& spec, Marker& marker) {
-    marker.family = spec.what.substr(0, spec.what.rfind(':'));
-    if (!is_stag_file(marker.family))
-        check_family(spec, "STag family", marker.family, stag_families());
-    return stag_codes(marker.family);
-}
-
-Marker parse_stag(const Spec& spec) {
-    Marker marker{spec.whole, Marker::Kind::stag};
+void parse_stag(const Spec& spec, Marker& marker) {
     const auto colon = spec.what.rfind(':');
     if (colon == std::string::npos)
         spec.fail("expected stag:FAMILY:ID@SIZEmm");
-    const std::vector<StagCode> codes = read_stag_codes(spec, marker);
+    marker.family = spec.what.substr(0, colon);
+    if (!is_stag_file(marker.family))
+        check_family(spec, "STag family", marker.family, stag_families());
+    const std::vector<StagCode> codes = stag_codes(marker.family);
     marker.id = checked_id(spec, spec.what.substr(colon + 1), static_cast<int>(codes.size()),
                            marker.family);
     if (stag_separation(codes, marker.id) == 0)
         spec.fail(
             fmt::format("id {} looks like another one or like itself after a turn", marker.id));
     marker.size_mm = length_mm(spec, spec.size);
-    const double half = marker.size_mm / 2.0, corner = -half - stag_border * marker.size_mm;
-    const double cell = marker.size_mm / stag_cells_a_side;
-    marker.grid = {
-        stag_cells(codes[static_cast<std::size_t>(marker.id)]), {corner, corner}, {cell, cell}};
-    marker.points_mm = square_corners(half);
+    lay_out_square(stag_cells(codes[static_cast<std::size_t>(marker.id)]),
+                   marker.size_mm / stag_cells_a_side, stag_border * marker.size_mm, marker);
     marker.detail_mm = stag_detail * marker.size_mm;
-    return marker;
 }
 
-Marker parse_topotag(const Spec& spec) {
-    Marker marker{spec.whole, Marker::Kind::topotag};
+void parse_topotag(const Spec& spec, Marker& marker) {
     read_family_and_id(spec, "TopoTag family", marker, topotag_families(), topotag_count);
     marker.size_mm = length_mm(spec, spec.size);
     const TopotagPattern pattern = topotag_pattern(marker.family, marker.id);
@@ -175,7 +166,6 @@ Marker parse_topotag(const Spec& spec) {
         marker.points_mm.emplace_back(vertex.x() * cell, vertex.y() * cell, 0.0);
     if (pattern.pixels_per_cell > 1)
         marker.detail_mm = cell / 10.0;  // what makes a dot round
-    return marker;
 }
 
 // "9x6" of a board, each at least `least`.
@@ -199,47 +189,24 @@ void read_two_lengths(const Spec& spec, const char* what, Marker& marker) {
     marker.part_mm = length_mm(spec, parts[1]);
 }
 
-// "36h11:6x5": the family, and what is behind it.
-std::string read_family(const Spec& spec, const char* title, Marker& marker,
-                        const std::vector<std::string>& families) {
-    const std::vector<std::string> parts = split(spec.what, ':');
-    if (parts.size() != 2)
-        spec.fail(fmt::format("expected {}:FAMILY:COLUMNSxROWS@...", spec.kind));
-    marker.family = parts[0];
-    check_family(spec, title, marker.family, families);
-    return parts[1];
-}
-
 void require_ids(const Spec& spec, int needed, int available) {
     if (needed > available)
         spec.fail(fmt::format("{} tags are needed, but there are {}", needed, available));
 }
 
-// Draws the board; what cannot be drawn is a fault of the name.
-template <class Draw>
-void lay_out_board(const Spec& spec, Marker& marker, Draw draw) {
-    try {
-        BoardPattern board = draw();
-        marker.grid = board.grid;
-        marker.points_mm = std::move(board.points_mm);
-        marker.detail_mm = board.detail_mm;
-    } catch (const ConfigError& error) {
-        spec.fail(error.what());
-    }
+void lay_out_board(BoardPattern board, Marker& marker) {
+    marker.grid = board.grid;
+    marker.points_mm = std::move(board.points_mm);
+    marker.detail_mm = board.detail_mm;
 }
 
-Marker parse_chessboard(const Spec& spec) {
-    Marker marker{spec.whole, Marker::Kind::chessboard};
+void parse_chessboard(const Spec& spec, Marker& marker) {
     read_counts(spec, spec.what, "inner corners", 2, marker);
     marker.size_mm = length_mm(spec, spec.size);
-    lay_out_board(spec, marker,
-                  [&] { return chessboard_pattern(marker.columns, marker.rows, marker.size_mm); });
-    return marker;
+    lay_out_board(chessboard_pattern(marker.columns, marker.rows, marker.size_mm), marker);
 }
 
-// With an odd number of rows both layouts are one.
-Marker parse_charuco(const Spec& spec, bool legacy) {
-    Marker marker{spec.whole, Marker::Kind::charuco};
+void parse_charuco(const Spec& spec, Marker& marker) {
     const std::vector<std::string> parts = split(spec.what, ':');
     if (parts.size() != 2 && parts.size() != 3)
         spec.fail(
@@ -255,51 +222,45 @@ Marker parse_charuco(const Spec& spec, bool legacy) {
     if (marker.part_mm >= marker.size_mm)
         spec.fail("the markers must be smaller than the squares that hold them");
     require_ids(spec, marker.id + marker.columns * marker.rows / 2, aruco_count(marker.family));
-    marker.white_corner = legacy && marker.rows % 2 == 0;
-    lay_out_board(spec, marker, [&] {
-        return charuco_pattern(marker.family, marker.columns, marker.rows, marker.size_mm,
-                               marker.part_mm, {marker.id, marker.white_corner});
-    });
-    return marker;
+    // With an odd number of rows both layouts are one.
+    marker.white_corner = spec.kind == "charuco-legacy" && marker.rows % 2 == 0;
+    lay_out_board(charuco_pattern(marker.family, marker.columns, marker.rows, marker.size_mm,
+                                  marker.part_mm, {marker.id, marker.white_corner}),
+                  marker);
 }
 
-Marker parse_aprilgrid(const Spec& spec) {
-    Marker marker{spec.whole, Marker::Kind::aprilgrid};
-    const std::string counts = read_family(spec, "AprilTag family", marker, apriltag_families());
+void parse_aprilgrid(const Spec& spec, Marker& marker) {
+    const std::string counts =
+        read_family(spec, "AprilTag family", marker, apriltag_families(), "COLUMNSxROWS@...");
     read_counts(spec, counts, "tags", 1, marker);
     read_two_lengths(spec, "of a tag and of the gap between tags", marker);
     require_ids(spec, marker.columns * marker.rows, apriltag_count(marker.family));
-    lay_out_board(spec, marker, [&] {
-        return aprilgrid_pattern(marker.family, marker.columns, marker.rows, marker.size_mm,
-                                 marker.part_mm);
-    });
-    return marker;
+    lay_out_board(aprilgrid_pattern(marker.family, marker.columns, marker.rows, marker.size_mm,
+                                    marker.part_mm),
+                  marker);
 }
 
-Marker parse_circles(const Spec& spec, Marker::Kind kind, CircleLayout layout) {
-    Marker marker{spec.whole, kind};
+void parse_circles(const Spec& spec, Marker& marker) {
+    const auto layout = marker.kind == Marker::Kind::circles    ? CircleLayout::symmetric
+                        : marker.kind == Marker::Kind::acircles ? CircleLayout::asymmetric
+                                                                : CircleLayout::hexagonal;
     read_counts(spec, spec.what, "circles", 2, marker);
     read_two_lengths(spec, "the spacing and the diameter", marker);
     if (marker.part_mm >= nearest_circle_mm(layout, marker.size_mm))
         spec.fail("the circles touch: their diameter is not below the distance of their centres");
-    lay_out_board(spec, marker, [&] {
-        return circles_pattern(layout, marker.columns, marker.rows, marker.size_mm, marker.part_mm);
-    });
-    return marker;
+    lay_out_board(
+        circles_pattern(layout, marker.columns, marker.rows, marker.size_mm, marker.part_mm),
+        marker);
 }
 
-Marker parse_squares(const Spec& spec) {
-    Marker marker{spec.whole, Marker::Kind::squares};
+void parse_squares(const Spec& spec, Marker& marker) {
     read_counts(spec, spec.what, "squares", 2, marker);
     read_two_lengths(spec, "of a square and of the gap between squares", marker);
-    lay_out_board(spec, marker, [&] {
-        return squares_pattern(marker.columns, marker.rows, marker.size_mm, marker.part_mm);
-    });
-    return marker;
+    lay_out_board(squares_pattern(marker.columns, marker.rows, marker.size_mm, marker.part_mm),
+                  marker);
 }
 
-Marker parse_bitmap(const Spec& spec) {
-    Marker marker{spec.whole, Marker::Kind::bitmap};
+void parse_bitmap(const Spec& spec, Marker& marker) {
     const auto [width, height] =
         pair_of(spec, spec.size, [&](const std::string& text) { return length_mm(spec, text); });
     CodeImage image;
@@ -311,56 +272,54 @@ Marker parse_bitmap(const Spec& spec) {
     marker.grid.corner_mm = {-width / 2.0, -height / 2.0};
     marker.grid.cell_mm = {width / image.pixels.cols, height / image.pixels.rows};
     image.pixels.convertTo(marker.grid.cells, CV_32F, 1.0 / image.full_scale());
-    return marker;
 }
 
 struct ParserOfKind {
-    const char* kind;
-    Marker (*parse)(const Spec&);
+    const char* name;
+    Marker::Kind kind;
+    void (*parse)(const Spec&, Marker&);
 };
 
-constexpr ParserOfKind parsers[] = {
-    {"apriltag", parse_apriltag},
-    {"aruco", parse_aruco},
-    {"topotag", parse_topotag},
-    {"stag", parse_stag},
-    {"chessboard", parse_chessboard},
-    {"charuco", [](const Spec& spec) { return parse_charuco(spec, /*legacy=*/false); }},
-    {"charuco-legacy", [](const Spec& spec) { return parse_charuco(spec, /*legacy=*/true); }},
-    {"aprilgrid", parse_aprilgrid},
-    {"circles",
-     [](const Spec& spec) {
-         return parse_circles(spec, Marker::Kind::circles, CircleLayout::symmetric);
-     }},
-    {"acircles",
-     [](const Spec& spec) {
-         return parse_circles(spec, Marker::Kind::acircles, CircleLayout::asymmetric);
-     }},
-    {"hexcircles",
-     [](const Spec& spec) {
-         return parse_circles(spec, Marker::Kind::hexcircles, CircleLayout::hexagonal);
-     }},
-    {"squares", parse_squares},
-    {"bitmap", parse_bitmap},
-};
+constexpr ParserOfKind parsers[] = {{"apriltag", Marker::Kind::apriltag, parse_apriltag},
+                                    {"aruco", Marker::Kind::aruco, parse_aruco},
+                                    {"topotag", Marker::Kind::topotag, parse_topotag},
+                                    {"stag", Marker::Kind::stag, parse_stag},
+                                    {"chessboard", Marker::Kind::chessboard, parse_chessboard},
+                                    {"charuco", Marker::Kind::charuco, parse_charuco},
+                                    {"charuco-legacy", Marker::Kind::charuco, parse_charuco},
+                                    {"aprilgrid", Marker::Kind::aprilgrid, parse_aprilgrid},
+                                    {"circles", Marker::Kind::circles, parse_circles},
+                                    {"acircles", Marker::Kind::acircles, parse_circles},
+                                    {"hexcircles", Marker::Kind::hexcircles, parse_circles},
+                                    {"squares", Marker::Kind::squares, parse_squares},
+                                    {"bitmap", Marker::Kind::bitmap, parse_bitmap}};
 
 }  // namespace
 
 std::vector<std::string> marker_kinds() {
     std::vector<std::string> names;
     for (const ParserOfKind& parser : parsers)
-        names.emplace_back(parser.kind);
+        names.emplace_back(parser.name);
     return names;
 }
 
 Marker parse_marker(const std::string& text, const std::string& place) {
     const Spec spec = take_apart(text, place);
-    const auto parser = std::ranges::find(parsers, spec.kind, &ParserOfKind::kind);
+    const auto parser = std::ranges::find(parsers, spec.kind, &ParserOfKind::name);
     if (parser == std::end(parsers))
         spec.fail(fmt::format("unknown kind of marker '{}'; the kinds are {}{}", spec.kind,
                               fmt::join(marker_kinds(), ", "),
                               did_you_mean(spec.kind, marker_kinds())));
-    return parser->parse(spec);
+    Marker marker{text, parser->kind};
+    try {
+        parser->parse(spec, marker);
+    } catch (const ConfigError& error) {
+        const bool has_place = !error.place().file.empty() || !error.place().key.empty();
+        if (has_place)
+            throw;
+        spec.fail(error.what());
+    }
+    return marker;
 }
 
 std::string marker_file(const Marker& marker) {

@@ -22,6 +22,8 @@ constexpr double bar_gap_mm = 3.0;                         // from the grid to t
 constexpr double bar_height_mm = 1.5;
 constexpr double max_font_mm = 3.5;
 constexpr double letter_width = 0.6;  // of the em, on average and generously
+constexpr double points_per_mm = 72.0 / 25.4;
+constexpr double max_pixels = 400e6;
 constexpr std::size_t max_printed_cells = 4'000'000, max_corners = 2'000'000;
 
 // IEC 61966-2-1.
@@ -31,18 +33,12 @@ double srgb_encoded(double radiance) {
     return 1.055 * std::pow(radiance, 1.0 / 2.4) - 0.055;
 }
 
-cv::Size2d smallest_page(const CellGrid& grid) {
-    const double width = grid.columns() * grid.cell_mm.x() + 2.0 * margin_mm;
-    const double height = grid.rows() * grid.cell_mm.y() + 2.0 * margin_mm + footer_mm;
-    return {std::max(width, 50.0 + 2.0 * margin_mm), height};
-}
-
-cv::Size2d page_size(cv::Size2d needed, bool own_size) {
+// An A4 sheet on which it has room, or else the page itself.
+cv::Size2d sheet_for(const cv::Size2d& needed) {
     for (const cv::Size2d a4 :
-         {cv::Size2d(a4_short_mm, a4_long_mm), cv::Size2d(a4_long_mm, a4_short_mm)}) {
-        if (!own_size && needed.width <= a4.width && needed.height <= a4.height)
+         {cv::Size2d(a4_short_mm, a4_long_mm), cv::Size2d(a4_long_mm, a4_short_mm)})
+        if (needed.width <= a4.width && needed.height <= a4.height)
             return a4;
-    }
     return needed;
 }
 
@@ -55,20 +51,18 @@ Edges boundary_edges(const cv::Mat& mask) {
                mask.at<std::uint8_t>(y, x) != 0;
     };
     Edges edges;
-    const auto add = [&](int y0, int x0, int y1, int x1) { edges[{y0, x0}].emplace_back(x1, y1); };
-    for (int y = 0; y <= mask.rows; ++y) {
+    const auto add = [&](bool is_forward, cv::Point a, cv::Point b) {
+        const cv::Point from = is_forward ? a : b;
+        edges[{from.y, from.x}].push_back(is_forward ? b : a);
+    };
+    for (int y = 0; y <= mask.rows; ++y)
         for (int x = 0; x <= mask.cols; ++x) {
             const bool here = inside(x, y);
-            if (here && !inside(x, y - 1))
-                add(y, x, y, x + 1);
-            if (!here && inside(x, y - 1))
-                add(y, x + 1, y, x);
-            if (here && !inside(x - 1, y))
-                add(y + 1, x, y, x);
-            if (!here && inside(x - 1, y))
-                add(y, x, y + 1, x);
+            if (here != inside(x, y - 1))
+                add(here, {x, y}, {x + 1, y});
+            if (here != inside(x - 1, y))
+                add(here, {x, y + 1}, {x, y});
         }
-    }
     return edges;
 }
 
@@ -83,17 +77,10 @@ std::vector<cv::Point> take_loop(Edges& edges) {
         leaving->second.pop_back();
         if (leaving->second.empty())
             edges.erase(leaving);
-        const bool straight = loop.size() >= 2 &&
-                              (loop.back() - loop[loop.size() - 2]).cross(next - loop.back()) == 0;
-        if (loop.empty())
+        if (loop.empty() || (at - loop.back()).cross(next - at) != 0)
             loop.push_back(at);
-        if (straight)
-            loop.back() = next;
-        else
-            loop.push_back(next);
         at = next;
     } while (at != start);
-    loop.pop_back();  // the start again
     return loop;
 }
 
@@ -101,12 +88,14 @@ std::vector<cv::Point> take_loop(Edges& edges) {
 
 PrintPage lay_out_page(const Marker& marker, bool own_size) {
     const CellGrid& grid = marker.grid;
-    const cv::Size2d size = page_size(smallest_page(grid), own_size);
+    const double grid_width = grid.columns() * grid.cell_mm.x();
+    const double grid_height = grid.rows() * grid.cell_mm.y();
+    const cv::Size2d needed(std::max(grid_width + 2.0 * margin_mm, 50.0 + 2.0 * margin_mm),
+                            grid_height + 2.0 * margin_mm + footer_mm);
+    const cv::Size2d size = own_size ? needed : sheet_for(needed);
     PrintPage page;
     page.width_mm = size.width;
     page.height_mm = size.height;
-    const double grid_width = grid.columns() * grid.cell_mm.x();
-    const double grid_height = grid.rows() * grid.cell_mm.y();
     page.grid_mm = {(size.width - grid_width) / 2.0, (size.height - footer_mm - grid_height) / 2.0};
     const double bar_mm = size.width >= 100.0 + 2.0 * margin_mm ? 100.0 : 50.0;
     const double footer_top = size.height - margin_mm - footer_mm;
@@ -126,6 +115,9 @@ Outline outline_of(const cv::Mat& mask) {
     return outline;
 }
 
+namespace {
+
+// The cells as 8-bit shades, CV_8UC1, sRGB-encoded.
 cv::Mat printed_shades(const Marker& marker) {
     cv::Mat shades(marker.grid.cells.size(), CV_8UC1);
     std::transform(
@@ -135,6 +127,13 @@ cv::Mat printed_shades(const Marker& marker) {
         });
     return shades;
 }
+
+// To be painted in this order: each layer covers every cell at most as light as itself, the darker
+// ones over the lighter ones, so that nothing shows between two shades. White is the paper.
+struct PrintLayer {
+    int gray;  // 0..254
+    Outline outline;
+};
 
 std::vector<PrintLayer> print_layers(const Marker& marker) {
     const auto refuse = [&] {
@@ -161,11 +160,6 @@ std::vector<PrintLayer> print_layers(const Marker& marker) {
     return layers;
 }
 
-namespace {
-
-constexpr double points_per_mm = 72.0 / 25.4;
-constexpr double max_pixels = 400e6;
-
 cv::Point2d on_page(const Marker& marker, const PrintPage& page, cv::Point corner) {
     return {page.grid_mm.x + corner.x * marker.grid.cell_mm.x(),
             page.grid_mm.y + corner.y * marker.grid.cell_mm.y()};
@@ -185,9 +179,7 @@ std::string path_of(const Marker& marker, const PrintPage& page, const Outline& 
     return path;
 }
 
-// --- PDF (ISO 32000-1) ---------------------------------------------------------------------------
-
-// UTF-8 to the bytes of a PDF string in Latin-1, escaped.
+// UTF-8 to the bytes of a PDF string (ISO 32000-1) in Latin-1, escaped.
 std::string pdf_string(std::string_view text) {
     std::string bytes = "(";
     for (std::size_t i = 0; i < text.size(); ++i) {
@@ -232,39 +224,6 @@ std::string pdf_file(const std::vector<std::string>& objects) {
     return file + table +
            fmt::format("trailer\n<< /Size {} /Root 1 0 R >>\nstartxref\n{}\n%%EOF\n",
                        objects.size() + 1, table_at);
-}
-
-// --- PNG -----------------------------------------------------------------------------------------
-
-// The cyclic redundancy check of PNG (ISO/IEC 15948, annex D), bit by bit: a chunk is short.
-std::uint32_t crc32(const std::vector<unsigned char>& bytes) {
-    std::uint32_t crc = 0xffffffffu;
-    for (const unsigned char byte : bytes) {
-        crc ^= byte;
-        for (int bit = 0; bit < 8; ++bit)
-            crc = (crc & 1u) ? 0xedb88320u ^ (crc >> 1) : crc >> 1;
-    }
-    return ~crc;
-}
-
-void append_big_endian(std::vector<unsigned char>& bytes, std::uint32_t value) {
-    for (int shift = 24; shift >= 0; shift -= 8)
-        bytes.push_back(static_cast<unsigned char>(value >> shift));
-}
-
-// pHYs: pixels per metre along x and y, unit 1 = metre. Goes right behind IHDR, which always ends
-// at byte 33.
-void insert_resolution(std::vector<unsigned char>& png, std::uint32_t dots_per_metre) {
-    std::vector<unsigned char> chunk{'p', 'H', 'Y', 's'};
-    append_big_endian(chunk, dots_per_metre);
-    append_big_endian(chunk, dots_per_metre);
-    chunk.push_back(1);
-    const std::uint32_t crc = crc32(chunk);
-    append_big_endian(chunk, crc);
-    std::vector<unsigned char> whole;
-    append_big_endian(whole, 9);
-    whole.insert(whole.end(), chunk.begin(), chunk.end());
-    png.insert(png.begin() + 33, whole.begin(), whole.end());
 }
 
 cv::Mat draw_page(const Marker& marker, const PrintPage& page, double dots_per_mm) {
@@ -348,9 +307,7 @@ std::vector<unsigned char> marker_png(const Marker& marker, const PrintPage& pag
     check_resolution(marker, page, dots_per_mm);
     const auto dots_per_metre = static_cast<std::uint32_t>(std::lround(dots_per_mm * 1000.0));
     const cv::Mat image = draw_page(marker, page, dots_per_metre / 1000.0);
-    std::vector<unsigned char> png = encode_png(image);
-    insert_resolution(png, dots_per_metre);
-    return png;
+    return encode_png(image, dots_per_metre);
 }
 
 PrintPage print_marker(const Marker& marker, const std::filesystem::path& path,

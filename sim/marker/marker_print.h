@@ -18,9 +18,6 @@
 
 namespace etalon {
 
-// The page that a marker is printed on: where everything lies, in mm, before any file format.
-// Writers are in sim/marker/marker_print.cpp.
-
 // Lengths in mm from the page's top-left corner, x right, y down. The grid includes the marker's
 // white frame; scale bar and caption lie below it, outside every quiet zone.
 struct PrintPage {
@@ -36,34 +33,20 @@ struct PrintPage {
 // marker with margin, scale bar and caption.
 PrintPage lay_out_page(const Marker& marker, bool own_size);
 
-// A region of cells by its outline: closed loops of corners in grid coordinates (columns, rows).
-// Filled by the even-odd rule. Only the outer edges are in it, so that no renderer can show
-// hairlines between neighbouring cells.
+// A region of cells by its outline: closed loops of corners in grid coordinates (columns, rows), to
+// be filled by the even-odd rule. No hairlines can show between neighbouring cells.
 using Outline = std::vector<std::vector<cv::Point>>;
 Outline outline_of(const cv::Mat& mask);  // CV_8UC1, nonzero inside
 
-// The cells as 8-bit shades for print, CV_8UC1, sRGB-encoded.
-cv::Mat printed_shades(const Marker& marker);
-
-// What to paint in this order: each layer covers every cell at most as light as itself, the darker
-// ones over the lighter ones, so that nothing shows between two shades. White is the paper.
-struct PrintLayer {
-    int gray;  // 0..254
-    Outline outline;
-};
-
-// Throws ConfigError for more than four million cells or two million corners (photographs; a PNG
-// can hold them).
-std::vector<PrintLayer> print_layers(const Marker& marker);
-
+// Both throw ConfigError for more than four million cells or two million corners (photographs; a
+// PNG can hold them).
 std::string marker_svg(const Marker& marker, const PrintPage& page);
-
 // Letters outside Latin-1 in the caption become question marks: the standard fonts lack them.
 std::string marker_pdf(const Marker& marker, const PrintPage& page);
 
-// Every edge lies on the nearest pixel border, within half a dot of its true place. The resolution
-// is rounded to whole dots per metre, which is what pHYs can say, before anything is drawn.
-// Throws ConfigError when a cell is smaller than 2 dots or the image larger than 400 megapixels.
+// Every edge lies on the nearest pixel border. The resolution is rounded to whole dots per metre,
+// as pHYs has it, before anything is drawn. Throws ConfigError when a cell is smaller than 2 dots
+// or the image larger than 400 megapixels.
 std::vector<unsigned char> marker_png(const Marker& marker, const PrintPage& page,
                                       double dots_per_mm);
 

@@ -124,54 +124,6 @@ std::vector<StagCode> read_codes(const std::string& path) {
     return codes;
 }
 
-}  // namespace
-
-const std::vector<std::string>& stag_families() {
-    static const std::vector<std::string> names{"HD17", "HD19", "HD21", "HD23", "R16"};
-    return names;
-}
-
-bool is_stag_file(const std::string& family) {
-    return family.find_first_of("./") != std::string::npos;
-}
-
-std::vector<StagCode> stag_codes(const std::string& family) {
-    if (is_stag_file(family))
-        return read_codes(family);
-    if (family == "HD17")
-        return {hd17.begin(), hd17.end()};
-    if (family == "HD19")
-        return {hd19.begin(), hd19.end()};
-    if (family == "HD21")
-        return {hd21.begin(), hd21.end()};
-    if (family == "HD23")
-        return {hd23.begin(), hd23.end()};
-    if (family != "R16")
-        throw ConfigError({}, "no STag family '" + family + "'");
-    static const std::vector<StagCode> r16 = rotation_safe_codes();
-    return r16;
-}
-
-StagCode turned_stag_code(StagCode code, int quarters) {
-    const int shift = ((quarters % 4 + 4) % 4) * stag_bits_a_quarter;
-    return (code << shift | code >> (stag_bits - shift)) & all_bits;
-}
-
-int hamming_distance(StagCode a, StagCode b) {
-    return std::popcount(a ^ b);
-}
-
-int stag_separation(const std::vector<StagCode>& codes, int id) {
-    const StagCode own = codes.at(static_cast<std::size_t>(id));
-    int smallest = distance_to_itself(own);
-    for (std::size_t other = 0; other < codes.size(); ++other)
-        if (other != static_cast<std::size_t>(id))
-            smallest = std::min(smallest, distance_over_turns(own, codes[other]));
-    return smallest;
-}
-
-namespace {
-
 constexpr double code_radius = 0.35;
 // Published in units of the code's diameter: of a disc, and of one that joins two of them.
 constexpr double disc_radius = 0.062482177287080 * 2.0 * code_radius;
@@ -241,7 +193,7 @@ void join_black_discs(cv::Mat& cells, StagCode code) {
 // Every cell takes the colour of most of those around it, which removes slivers between discs.
 void round_off(cv::Mat& cells) {
     constexpr int reach = 5, passes = 5;  // 12 of 800 pixels a side in the generator
-    cv::Mat kernel(2 * reach + 1, 2 * reach + 1, CV_32FC1, cv::Scalar::all(0.0));
+    cv::Mat kernel(2 * reach + 1, 2 * reach + 1, CV_32FC1);
     for (int y = -reach; y <= reach; ++y)
         for (int x = -reach; x <= reach; ++x)
             kernel.at<float>(reach + y, reach + x) = x * x + y * y <= reach * reach ? 1.0f : 0.0f;
@@ -266,6 +218,48 @@ cv::Mat code_cells(StagCode code) {
 }
 
 }  // namespace
+
+const std::vector<std::string>& stag_families() {
+    static const std::vector<std::string> names{"HD17", "HD19", "HD21", "HD23", "R16"};
+    return names;
+}
+
+bool is_stag_file(const std::string& family) {
+    return family.find_first_of("./") != std::string::npos;
+}
+
+std::vector<StagCode> stag_codes(const std::string& family) {
+    if (is_stag_file(family))
+        return read_codes(family);
+    if (family == "R16") {
+        static const std::vector<StagCode> r16 = rotation_safe_codes();
+        return r16;
+    }
+    static const std::map<std::string, std::span<const StagCode>> published = {
+        {"HD17", hd17}, {"HD19", hd19}, {"HD21", hd21}, {"HD23", hd23}};
+    const auto found = published.find(family);
+    if (found == published.end())
+        throw ConfigError({}, "no STag family '" + family + "'");
+    return {found->second.begin(), found->second.end()};
+}
+
+StagCode turned_stag_code(StagCode code, int quarters) {
+    const int shift = ((quarters % 4 + 4) % 4) * stag_bits_a_quarter;
+    return (code << shift | code >> (stag_bits - shift)) & all_bits;
+}
+
+int hamming_distance(StagCode a, StagCode b) {
+    return std::popcount(a ^ b);
+}
+
+int stag_separation(const std::vector<StagCode>& codes, int id) {
+    const StagCode own = codes.at(static_cast<std::size_t>(id));
+    int smallest = distance_to_itself(own);
+    for (std::size_t other = 0; other < codes.size(); ++other)
+        if (other != static_cast<std::size_t>(id))
+            smallest = std::min(smallest, distance_over_turns(own, codes[other]));
+    return smallest;
+}
 
 const std::array<Eigen::Vector2d, stag_bits>& stag_code_points() {
     static const std::array<Eigen::Vector2d, stag_bits> points = all_quadrants();

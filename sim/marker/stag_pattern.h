@@ -1,10 +1,8 @@
 // How a STag marker looks: a black square with a white disk in it, and in the disk 48 small discs,
-// black or white, that hold the codeword.
-//
-// Geometry of the publication and of the authors' generator, in units of the black square's side:
-// white border 0.125, radius of the disk 0.4, code in the radius 0.35, radius of a code disc
-// 0.0437. Black discs next to each other are joined by a smaller one half way, so that no thin
-// white lines are left between them, and the joined outline is rounded off by a majority filter.
+// black or white, that hold the codeword. Black discs next to each other are joined, and the joined
+// outline is rounded off (docs/stag.md). Geometry of the publication (B. Benligiray, C. Topal,
+// C. Akinlar, "STag: A stable fiducial marker system", Image and Vision Computing 89, 2019) and of
+// the authors' generator. Lengths in units of the black square's side.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -17,16 +15,10 @@
 
 namespace etalon {
 
-// Codewords: the published families, our own rotation-safe one, and tables from a file. Published
-// (B. Benligiray, C. Topal, C. Akinlar, "STag: A stable fiducial marker system", Image and Vision
-// Computing 89, 2019; tables of the authors' generator): HD17, HD19, HD21 and HD23 of 157, 38, 12
-// and 6 words. The number is the smallest Hamming distance of two words in the same orientation. A
-// camera does not know the orientation, and a turned word may be nearer to another one: over all
-// four turns it is 10, 10, 14 and 14. HD11, HD13 and HD15 (22309, 2884 and 766 words) are read from
-// the published files.
-//
-// R16 is ours: 128 words that differ in 16 discs or more from each other in all four orientations
-// and from themselves turned, 18 to 30 discs black.
+// Codewords: the published families HD17, HD19, HD21 and HD23 (the number is the smallest Hamming
+// distance of two words in the same orientation; over all four turns it is 10, 10, 14 and 14), and
+// ours, R16: 128 words that differ in 16 discs or more from each other in all four orientations and
+// from themselves turned.
 
 inline constexpr int stag_bits = 48;
 inline constexpr int stag_bits_a_quarter = stag_bits / 4;
@@ -40,11 +32,9 @@ const std::vector<std::string>& stag_families();
 // Whether a family's name is that of a file: it holds a '.' or a '/'.
 bool is_stag_file(const std::string& family);
 
-// The words of a built-in family or of a table file; a word's place is its id. A file has a line a
-// word, 48 characters 0 or 1, the first one code point 0, 1 for a black disc (as in the published
-// files); empty lines and those that begin with '#' are skipped. Throws ConfigError for an unknown
-// family and a file that is not exactly so. Safe from every thread; R16 takes some ms the first
-// time.
+// The words of a built-in family or of a table file (docs/files.md, "Markers"); a word's place is
+// its id. Throws ConfigError for an unknown family and a file that is not exactly so. Safe from
+// every thread; R16 takes some ms the first time.
 std::vector<StagCode> stag_codes(const std::string& family);
 
 // The word that is read from a marker turned counter-clockwise by so many quarters (any number).

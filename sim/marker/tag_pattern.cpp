@@ -10,7 +10,6 @@
 #include <apriltag/tagCustom48h12.h>
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
-#include <fmt/format.h>
 
 #include <opencv2/core/version.hpp>
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
@@ -23,6 +22,7 @@
 #include <memory>
 
 #include "core/program/errors.h"
+#include "sim/marker/cell_grid.h"
 
 namespace etalon {
 namespace {
@@ -33,16 +33,16 @@ struct Family {
     void (*destroy)(apriltag_family_t*);
 };
 
-constexpr std::array families{
-    Family{"16h5", tag16h5_create, tag16h5_destroy},
-    Family{"25h9", tag25h9_create, tag25h9_destroy},
-    Family{"36h10", tag36h10_create, tag36h10_destroy},
-    Family{"36h11", tag36h11_create, tag36h11_destroy},
-    Family{"Circle21h7", tagCircle21h7_create, tagCircle21h7_destroy},
-    Family{"Circle49h12", tagCircle49h12_create, tagCircle49h12_destroy},
-    Family{"Custom48h12", tagCustom48h12_create, tagCustom48h12_destroy},
-    Family{"Standard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
-    Family{"Standard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
+constexpr Family families[] = {
+    {"16h5", tag16h5_create, tag16h5_destroy},
+    {"25h9", tag25h9_create, tag25h9_destroy},
+    {"36h10", tag36h10_create, tag36h10_destroy},
+    {"36h11", tag36h11_create, tag36h11_destroy},
+    {"Circle21h7", tagCircle21h7_create, tagCircle21h7_destroy},
+    {"Circle49h12", tagCircle49h12_create, tagCircle49h12_destroy},
+    {"Custom48h12", tagCustom48h12_create, tagCustom48h12_destroy},
+    {"Standard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
+    {"Standard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
 };
 
 using FamilyTable = std::unique_ptr<apriltag_family_t, void (*)(apriltag_family_t*)>;
@@ -78,18 +78,12 @@ cv::aruco::Dictionary load_dictionary(const std::string& name) {
 #endif
 }
 
-void check_id(const std::string& family, int id, int count) {
-    if (id < 0 || id >= count)
-        throw ConfigError({}, fmt::format("{} has the ids 0 to {}, not {}", family, count - 1, id));
-}
-
 }  // namespace
 
 const std::vector<std::string>& apriltag_families() {
     static const std::vector<std::string> names = [] {
         std::vector<std::string> list;
-        for (const Family& family : families)
-            list.emplace_back(family.name);
+        std::ranges::transform(families, std::back_inserter(list), &Family::name);
         return list;
     }();
     return names;
@@ -117,7 +111,6 @@ int aruco_count(const std::string& dictionary) {
 
 TagPattern apriltag_pattern(const std::string& family, int id) {
     const FamilyTable table = load_family(family);
-    check_id(family, id, static_cast<int>(table->ncodes));
     // `total_width` counts the classic families' white frame; the others have none of their own.
     const int frame = table->reversed_border ? 1 : 0;
     const int side = table->total_width + 2 * frame;
@@ -142,7 +135,6 @@ TagPattern apriltag_pattern(const std::string& family, int id) {
 
 TagPattern aruco_pattern(const std::string& dictionary, int id) {
     const cv::aruco::Dictionary table = load_dictionary(dictionary);
-    check_id(dictionary, id, table.bytesList.rows);
     const int bits = table.markerSize;
     TagPattern pattern;
     pattern.cells = cv::Mat(bits + 4, bits + 4, CV_32FC1, cv::Scalar::all(white));

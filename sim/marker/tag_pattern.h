@@ -1,6 +1,5 @@
 // The cells of square fiducial tags, from the tables of the libraries that detect them: AprilTag
-// (libapriltag) and ArUco (OpenCV's predefined dictionaries). Sizes in mm are sim/marker/marker.h's
-// part.
+// (libapriltag) and ArUco (OpenCV's predefined dictionaries).
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -32,7 +31,7 @@ const std::vector<std::string>& aruco_dictionaries();
 int apriltag_count(const std::string& family);
 int aruco_count(const std::string& dictionary);
 
-// Throws ConfigError for an unknown family or an id out of range.
+// The id must be one of those.
 TagPattern apriltag_pattern(const std::string& family, int id);
 TagPattern aruco_pattern(const std::string& dictionary, int id);
 

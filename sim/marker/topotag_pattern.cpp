@@ -1,7 +1,5 @@
 #include "sim/marker/topotag_pattern.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -12,17 +10,10 @@
 namespace etalon {
 namespace {
 
-constexpr const char* round_suffix = "-circle";
 constexpr int pixels_of_round_cells = 28;  // of 16 to 64 the one with the best areas below 60
 
-void check(const std::string& family) {
-    const auto& families = topotag_families();
-    if (std::find(families.begin(), families.end(), family) == families.end())
-        throw ConfigError({}, "unknown TopoTag family '" + family + "'");
-}
-
 bool is_round(const std::string& family) {
-    return family.ends_with(round_suffix);
+    return family.ends_with("-circle");
 }
 
 void paint(cv::Mat& pixels, const TopotagShape& shape, int pixels_per_cell) {
@@ -47,7 +38,8 @@ const std::vector<std::string>& topotag_families() {
 }
 
 int topotag_order(const std::string& family) {
-    check(family);
+    if (std::ranges::find(topotag_families(), family) == topotag_families().end())
+        throw ConfigError({}, "unknown TopoTag family '" + family + "'");
     return family[0] - '0';
 }
 
@@ -69,8 +61,6 @@ std::vector<Eigen::Vector2d> topotag_vertices(int order) {
 
 std::vector<TopotagShape> topotag_shapes(const std::string& family, int id) {
     const int order = topotag_order(family);
-    if (id < 0 || id >= topotag_count(family))
-        throw ConfigError({}, fmt::format("{} is not an id of TopoTag {}", id, family));
     const double white = topotag_white_side(order) / 2.0;
     std::vector<TopotagShape> shapes = {{{0, 0}, white + topotag_frame, false, false},
                                         {{0, 0}, white, false, true}};

@@ -1,18 +1,13 @@
-// The pattern of TopoTag markers: G. Yu, Y. Hu, J. Dai, "TopoTag: A Robust and Scalable Topological
-// Fiducial Marker System", IEEE Trans. Visualization and Computer Graphics 27(9), 2021. The
-// original detector is closed; what its description leaves open is taken from the same authors'
-// public files: the cells and the order of the bits from the TopoTag of their DeepTag (IEEE TPAMI
-// 2022), the reference length from the settings of their detector ("tag length of the white area").
+// The pattern of TopoTag markers: docs/topotag.md; G. Yu, Y. Hu, J. Dai, "TopoTag: A Robust and
+// Scalable Topological Fiducial Marker System", IEEE Trans. Visualization and Computer Graphics
+// 27(9), 2021.
 //
 // A white square of 4n + 1 cells a side holds n x n vertices, 4 cells apart, the first 2.5 cells
 // from its edges. Around each vertex is a black node of 3 x 3 cells, whose middle cell is white or
 // black: its bit. The second vertex of the first row lies only 2 cells beside the first one, so
-// that both nodes are one: the baseline, which alone has two white dots and tells the tag's top
-// left. The other n^2 - 2 bits, row by row, are the id, the most significant bit first.
-//
-// Ours, as the publication leaves it to the user: round nodes and dots with the squares' sides as
-// diameters (families "-circle"), a black frame of 2 cells around the white square, and one white
-// cell around that.
+// that both nodes are one: the baseline. The other n^2 - 2 bits, row by row, are the id, the most
+// significant bit first. Ours are the black frame of 2 cells, one white cell around that, and round
+// nodes and dots (families "-circle").
 #pragma once
 
 #include <Eigen/Core>
@@ -25,8 +20,7 @@ namespace etalon {
 // "3x3", "4x4", "5x5", "6x6", and "3x3-circle" and so on.
 const std::vector<std::string>& topotag_families();
 
-// All below throw ConfigError for a name that is not among them (without a place: the callers check
-// first, to name it).
+// All below throw ConfigError for a name that is not among them.
 
 // Ids run from 0; 2^(n^2 - 2) of them. Of 6x6 only those that an int holds, 2^31 - 1.
 int topotag_count(const std::string& family);
@@ -42,7 +36,7 @@ struct TopotagShape {
 };
 
 // Everything that is to be painted on white paper, each over what came before: frame, white square,
-// nodes in the order of their vertices, white dots. Throws ConfigError for an id out of range.
+// nodes in the order of their vertices, white dots. The id must be one of those.
 std::vector<TopotagShape> topotag_shapes(const std::string& family, int id);
 
 // The node and the dot of each vertex.
@@ -60,7 +54,7 @@ constexpr int topotag_frame = 2, topotag_margin = 1;
 
 // The whole tag with its white margin, CV_32FC1, 0 black, 1 white. Squares have one pixel a cell;
 // round tags 28, a staircase whose disks are centred exactly and whose areas are those of diameters
-// right to 3e-4. Throws as topotag_shapes() does. About 10 ms for round tags.
+// right to 3e-4. About 10 ms for round tags.
 struct TopotagPattern {
     cv::Mat pixels;
     int pixels_per_cell = 1;

@@ -1,16 +1,7 @@
 // The core of a point spread with a small disk taken out of it: disk (*) sharpened = core. Averages
-// over that disk, filtered by the sharpened core, are the image filtered by the core; they follow
-// an edge at fewer samples than averages over squares (11 a pixel side instead of 35 for a webcam
-// at 0.1 gray).
-//
-// By Fourier: the core's transfer divided by the disk's, 2 J1(q) / q with q = 2 pi r f. At the
-// spread's cut-off q = 2.6, before the disk's first zero at 3.83; the core leaks a little beyond,
-// and is followed to 1.25 times the cut-off.
-//
-// The lens comes in exactly: disks of radii a and b, convolved, are a mean over concentric disks,
-// J1(a)/a J1(b)/b = (1/pi) integral over 0..pi of J1(c)/c sin^2 with c^2 = a^2 + b^2 + 2 a b cos
-// (Gegenbauer's addition theorem). By Gauss' rule one disk is exact to the second moment, two,
-// c^2 = a^2 + b^2 +- a b, to the sixth.
+// over that disk, filtered by the sharpened core, are the image filtered by the core, and follow an
+// edge at fewer samples than averages over squares: docs/rendering.md, "C: exact area". The core
+// leaks a little beyond the spread's cut-off, and is followed to 1.25 times that.
 #pragma once
 
 #include <array>
@@ -32,8 +23,8 @@ std::vector<ConcentricDisk> concentric_disks(int count);
 class DeconvolvedPsf {
 public:
     // Of spread density times window, a function of the radius that ends at `reach_px`. Nothing for
-    // a measured profile, whose cut-off is not known, for patterns below 0.04 px, which matter too
-    // little, and above 50 px, of which any sample tells enough. Takes some 50 ms.
+    // a measured profile, whose cut-off is not known, and for patterns below 0.04 px or above 50
+    // px. Takes some 50 ms.
     static std::optional<DeconvolvedPsf> of(const PointSpreadFunction& spread,
                                             const std::function<double(double)>& window,
                                             double reach_px);

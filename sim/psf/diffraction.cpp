@@ -18,19 +18,13 @@ double lambda_n_px(const CameraModel& camera) {
     return camera.lens->wavelength_nm * 1e-3 * n_w / camera.sensor->pixel_pitch_um;
 }
 
-PointSpreadFunction PointSpreadFunction::airy(double lambda_n_px) {
-    if (!(lambda_n_px > 0.0) || !std::isfinite(lambda_n_px))
-        throw NumericalError(fmt::format("no Airy pattern has lambda N = {} px", lambda_n_px));
-    return {Kind::airy, lambda_n_px};
-}
-
-PointSpreadFunction PointSpreadFunction::gaussian(double sigma_px) {
-    if (!(sigma_px > 0.0) || !std::isfinite(sigma_px))
-        throw NumericalError(fmt::format("no Gaussian has sigma = {} px", sigma_px));
-    return {Kind::gaussian, sigma_px};
-}
-
 namespace {
+
+double checked(const char* what, double px) {
+    if (!(px > 0.0) || !std::isfinite(px))
+        throw NumericalError(fmt::format("no {} = {} px", what, px));
+    return px;
+}
 
 void check_profile(const std::vector<std::pair<double, double>>& profile) {
     if (profile.size() < 4)
@@ -56,6 +50,14 @@ double ring_energy(double a, double b, double d, double slope) {
 }
 
 }  // namespace
+
+PointSpreadFunction PointSpreadFunction::airy(double lambda_n_px) {
+    return {Kind::airy, checked("Airy pattern has lambda N", lambda_n_px)};
+}
+
+PointSpreadFunction PointSpreadFunction::gaussian(double sigma_px) {
+    return {Kind::gaussian, checked("Gaussian has sigma", sigma_px)};
+}
 
 PointSpreadFunction PointSpreadFunction::measured(
     const std::vector<std::pair<double, double>>& profile) {
@@ -91,10 +93,9 @@ PointSpreadFunction PointSpreadFunction::of(const CameraModel& camera) {
         case PointSpread::Kind::wave:
             throw NumericalError(
                 "psf wave: the wave-optical pattern depends on defocus and has no single filter");
-        case PointSpread::Kind::ideal:
-            break;
+        default:
+            return airy(scale_px);
     }
-    return airy(scale_px);
 }
 
 // The ring that holds r >= 0.

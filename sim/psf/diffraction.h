@@ -1,12 +1,7 @@
-// How the lens spreads a point, as one pattern for the whole image: the Airy pattern, a Gaussian in
-// its place, or a measured radial profile in place of diffraction and defocus.
-//
-// Airy (Born and Wolf, Principles of Optics, 8.5.2): with x = pi r / (lambda N_w), the energy per
-// area is J1(x)^2 / (pi r^2) and the energy within r is 1 - J0(x)^2 - J1(x)^2. Its tail is long:
-// on average over the rings lambda N_w / (pi^3 r^3), so 2 lambda N_w / (pi^2 r) lies beyond r.
-//
-// A profile's radii are joined by straight lines of density; the energy within a radius is then a
-// cubic in each interval, and exact. Nothing lies beyond its last radius.
+// How the lens spreads a point, as one pattern for the whole image: the Airy pattern (Born and
+// Wolf, Principles of Optics, 8.5.2), a Gaussian in its place, or a measured radial profile in
+// place of diffraction and defocus. docs/rendering.md, "Point spread", has the formulas. A
+// profile's radii are joined by straight lines of density; nothing lies beyond the last.
 //
 // Radii are lengths on the sensor in units of the pixel pitch along x, so that a pattern is round
 // whatever the pixels' shape.

@@ -1,9 +1,5 @@
 // How a blurred straight edge looks: the part of a pixel's filter beyond it by the distance of the
-// pixel's centre, tabulated once per camera.
-//
-// Filter and blur disk are their line spreads, functions of one coordinate. A disk's is half an
-// ellipse; a square's in the direction a is a trapezoid whose higher moments are affine in sin^2
-// 2a: two directions give all. docs/rendering.md has the bounds.
+// pixel's centre, tabulated once per camera: docs/rendering.md, "Table of edges".
 #pragma once
 
 #include <array>

@@ -29,10 +29,9 @@ struct RadialWave {
 // The frequency beyond which the spread leaves (almost) nothing; of a Gaussian 1e-6.
 double cutoff_per_px(const PointSpreadFunction& spread);
 
-// Of spread density times window, a function of the radius that ends at `reach_px`. A spread within
-// a smooth window leaks a little beyond its cut-off, and is followed to 1.25 times that. The nodes
-// are close enough for functions that reach `farthest_px`.
-// Takes 10 to 30 ms.
+// Of spread density times window, a function of the radius that ends at `reach_px`, to 1.25 times
+// the cut-off. The nodes are close enough for functions that reach `farthest_px`. Takes 10 to 30
+// ms.
 std::vector<RadialWave> radial_transfer(const PointSpreadFunction& spread,
                                         const std::function<double(double)>& window,
                                         double reach_px, double farthest_px);

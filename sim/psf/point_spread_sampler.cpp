@@ -17,8 +17,7 @@ constexpr double airy_step = 0.01;   // of the table, in x = pi r / (lambda N_w)
 constexpr double table_end = 400.0;  // beyond, the mean over the rings: 0.1 % of 0.16 % is lost
 constexpr int guides = 4096;
 constexpr double core_energy = 0.95, core_share = 0.75;
-
-constexpr int parts_of_interval = 256;  // of a profile: within them the density is taken as even
+constexpr int parts_of_interval = 256;  // of a profile
 
 }  // namespace
 
@@ -30,18 +29,17 @@ PointSpreadSampler::PointSpreadSampler(const CameraModel& camera)
         tabulate_profile(camera.lens->psf.profile);
     } else {
         scale_px_ = lambda_n_px(camera);
-        tabulate_airy();
+        const int count = static_cast<int>(table_end / airy_step) + 1;
+        for (int i = 0; i < count; ++i) {
+            const double x = i * airy_step, a = ::j0(x), b = ::j1(x);
+            // Encircled energy never falls; rounding must not make it.
+            const double energy = 1.0 - a * a - b * b;
+            energy_.push_back(std::max(energy, energy_.empty() ? 0.0 : energy_.back()));
+        }
     }
-    make_guide();
-}
-
-void PointSpreadSampler::tabulate_airy() {
-    const int count = static_cast<int>(table_end / airy_step) + 1;
-    for (int i = 0; i < count; ++i) {
-        const double x = i * airy_step, a = ::j0(x), b = ::j1(x);
-        // Encircled energy never falls; rounding must not make it.
-        const double energy = 1.0 - a * a - b * b;
-        energy_.push_back(std::max(energy, energy_.empty() ? 0.0 : energy_.back()));
+    for (int g = 0; g < guides; ++g) {
+        const auto above = std::upper_bound(energy_.begin(), energy_.end(), g / double(guides));
+        guide_.push_back(std::max(0, static_cast<int>(above - energy_.begin()) - 1));
     }
 }
 
@@ -63,13 +61,6 @@ void PointSpreadSampler::tabulate_profile(const std::vector<std::pair<double, do
     const double whole = energy_.back();
     for (double& energy : energy_)
         energy /= whole;
-}
-
-void PointSpreadSampler::make_guide() {
-    for (int g = 0; g < guides; ++g) {
-        const auto above = std::upper_bound(energy_.begin(), energy_.end(), g / double(guides));
-        guide_.push_back(std::max(0, static_cast<int>(above - energy_.begin()) - 1));
-    }
 }
 
 PointSpreadSampler::Position PointSpreadSampler::position_of(double energy) const {

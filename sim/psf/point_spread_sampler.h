@@ -20,17 +20,14 @@ public:
     };
 
     // Which part of the energy to draw the radius of, for u uniform in (0, 1). A quarter of the
-    // draws goes to the outermost 5 %, so that the tail, which matters far from edges, is not left
-    // to chance.
+    // draws goes to the outermost 5 %.
     static Energy energy(double u);
 
     // Radius that holds this part of the energy, in units of the pixel pitch along x.
     double radius_of(double energy) const;
 
 private:
-    void tabulate_airy();
     void tabulate_profile(const std::vector<std::pair<double, double>>& profile);
-    void make_guide();
     // The interval of energy_ that holds this energy, and how far into it.
     struct Position {
         std::size_t index;

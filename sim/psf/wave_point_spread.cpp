@@ -67,6 +67,48 @@ double intensity_near_focus(double u, double v) {
     return std::norm(amplitude);
 }
 
+// (1 - energy within v) = 2/pi of this, on average over the rings.
+double tail_shape(double u, double v) {
+    return v / (v * v - u * u);
+}
+
+// The mean over the rings, well outside the disk (r > R).
+double ring_density(double lambda_n_px, double blur_radius_px, double r) {
+    const double q2 = blur_radius_px * blur_radius_px / (r * r);
+    return lambda_n_px / (pi * pi * pi * r * r * r) * (1.0 + q2) / ((1.0 - q2) * (1.0 - q2));
+}
+
+// The core ends smoothly between these distances from the geometrical disk, in units of ring_px_.
+constexpr double fall_from = 3.0, fall_to = 6.0;
+
+// What a box average at 0 contributes to a pixel centred at x: the pixel is the mean of k averages,
+// each interpolated between the boxes.
+double pixel_response(int k, double x) {
+    double sum = 0.0;
+    for (int i = 0; i < k; ++i)
+        sum += lagrange6(k * x - (i - (k - 1) * 0.5));
+    return sum / k;
+}
+
+// Midpoint nodes from -half to half (px along x) against `count` samples at steps of 1/k pixels of
+// this pitch.
+struct Nodes {
+    Eigen::VectorXd position;
+    Eigen::MatrixXd response;  // nodes x samples
+};
+
+Nodes nodes(double half, double step, double pitch, int k, int count) {
+    const int n = 2 * static_cast<int>(std::ceil(half / step));
+    Nodes result{Eigen::VectorXd(n), Eigen::MatrixXd(n, count)};
+    for (int i = 0; i < n; ++i) {
+        result.position[i] = (i + 0.5 - 0.5 * n) * step;
+        for (int j = 0; j < count; ++j)
+            result.response(i, j) =
+                pixel_response(k, result.position[i] / pitch - (j - 0.5 * (count - 1)) / k);
+    }
+    return result;
+}
+
 }  // namespace
 
 double wave_intensity(double u, double v) {
@@ -88,19 +130,9 @@ double wave_intensity(double u, double v) {
     return std::max(0.0, 4.0 * sum / (u * u));
 }
 
-namespace {
-
-// (1 - energy within v) = 2/pi of this, on average over the rings.
-double tail_shape(double u, double v) {
-    return v / (v * v - u * u);
-}
-
-}  // namespace
-
 WavePointSpread::WavePointSpread(double lambda_n_px, double blur_radius_px)
     : scale_(pi / lambda_n_px), blur_radius_px_(blur_radius_px), u_(scale_ * blur_radius_px) {
-    if (!(lambda_n_px > 0.0) || !std::isfinite(lambda_n_px) || !(blur_radius_px >= 0.0) ||
-        !(u_ <= max_u))
+    if (!(lambda_n_px > 0.0 && std::isfinite(lambda_n_px) && blur_radius_px >= 0.0 && u_ <= max_u))
         throw NumericalError(
             fmt::format("psf wave: no pattern for the blur radius {:.6g} px with lambda N = {:.6g} "
                         "px: their ratio must be within 0..{:.0f}",
@@ -128,7 +160,7 @@ double WavePointSpread::density(double r) const {
     const double place = scale_ * r / wave_step;
     const auto i = static_cast<std::size_t>(place);
     if (i + 1 >= energy_.size())
-        return closing_ * wave_ring_average_density(pi / scale_, blur_radius_px_, r);
+        return closing_ * ring_density(pi / scale_, blur_radius_px_, r);
     const double t = place - static_cast<double>(i);
     const double a = intensity_[i == 0 ? 1 : i - 1], b = intensity_[i];
     const double c = intensity_[i + 1], d = intensity_[i + 2];
@@ -189,48 +221,6 @@ double WaveTable::radius_of(double energy, double blur_radius_px) const {
     const double part = place - static_cast<double>(i);
     return (1.0 - part) * entry(i).radius_of(energy) + part * entry(i + 1).radius_of(energy);
 }
-
-double wave_ring_average_density(double lambda_n_px, double blur_radius_px, double r) {
-    const double q2 = blur_radius_px * blur_radius_px / (r * r);
-    return lambda_n_px / (pi * pi * pi * r * r * r) * (1.0 + q2) / ((1.0 - q2) * (1.0 - q2));
-}
-
-namespace {
-
-using std::numbers::pi;
-
-// The core ends smoothly between these distances from the geometrical disk, in units of ring_px_.
-constexpr double fall_from = 3.0, fall_to = 6.0;
-
-// What a box average at 0 contributes to a pixel centred at x: the pixel is the mean of k averages,
-// each interpolated between the boxes.
-double pixel_response(int k, double x) {
-    double sum = 0.0;
-    for (int i = 0; i < k; ++i)
-        sum += lagrange6(k * x - (i - (k - 1) * 0.5));
-    return sum / k;
-}
-
-// Midpoint nodes from -half to half (px along x) against `count` samples at steps of 1/k pixels of
-// this pitch.
-struct Nodes {
-    Eigen::VectorXd position;
-    Eigen::MatrixXd response;  // nodes x samples
-};
-
-Nodes nodes(double half, double step, double pitch, int k, int count) {
-    const int n = 2 * static_cast<int>(std::ceil(half / step));
-    Nodes result{Eigen::VectorXd(n), Eigen::MatrixXd(n, count)};
-    for (int i = 0; i < n; ++i) {
-        result.position[i] = (i + 0.5 - 0.5 * n) * step;
-        for (int j = 0; j < count; ++j)
-            result.response(i, j) =
-                pixel_response(k, result.position[i] / pitch - (j - 0.5 * (count - 1)) / k);
-    }
-    return result;
-}
-
-}  // namespace
 
 WaveFilter::WaveFilter(const CameraModel& camera)
     : lambda_n_px_(etalon::lambda_n_px(camera)),
@@ -312,7 +302,7 @@ cv::Mat WaveFilter::tail(double blur_radius_px, const cv::Size& half) const {
     const double begin = blur_radius_px + fall_from * ring_px_;
     const auto density = [&](double r) {
         return r <= begin ? 0.0
-                          : wave_ring_average_density(lambda_n_px_, blur_radius_px, r) *
+                          : ring_density(lambda_n_px_, blur_radius_px, r) *
                                 (1.0 - window(blur_radius_px, r));
     };
     const double end = blur_radius_px + fall_to * ring_px_;

@@ -1,19 +1,14 @@
 // The wave-optical image of a point out of focus: diffraction and defocus together, where disk and
 // Airy pattern convolved are only an approximation.
 //
-// A circular pupil with the defocus W20 (path difference at its rim) gives the amplitude
-//     U = 2 integral over rho = 0..1 of exp(i u/2 rho^2) J0(v rho) rho d rho,
-//     v = pi r / (lambda N_w),   u = 4 pi W20 / lambda,   W20 = c / (8 N_w),
-// c the diameter of the geometrical blur disk: with its radius R, u = pi R / (lambda N_w), so that
-// v/u = r/R. Energy per area: |U|^2 pi / (4 (lambda N_w)^2). In Lommel's functions (Born and Wolf,
-// Principles of Optics, 8.8.1)
+// docs/rendering.md, "Wave optics", has the integral |U|^2 (u, v). In Lommel's functions (Born and
+// Wolf, Principles of Optics, 8.8.1)
 //     outside the disk  |U|^2 = (2/u)^2 (U1^2 + U2^2)
 //     inside            |U|^2 = (2/u)^2 (1 + V0^2 + V1^2 - 2 V0 cos s - 2 V1 sin s),
 //                       s = (u + v^2/u) / 2
-// whose series of Bessel functions are summed to rounding. Beyond the disk, averaged over the
-// rings:
-//     density (lambda N_w / (pi^3 r^3)) (1 + q^2) / (1 - q^2)^2,   q = R/r,
-// and 2 lambda N_w r / (pi^2 (r^2 - R^2)) of the energy lies outside r: Airy's tail from q -> 0.
+// whose series of Bessel functions are summed to rounding. Beyond the disk of radius R, averaged
+// over the rings, the density is (lambda N_w / (pi^3 r^3)) (1 + q^2) / (1 - q^2)^2, q = R/r, and
+// 2 lambda N_w r / (pi^2 (r^2 - R^2)) of the energy lies outside r: Airy's tail from q -> 0.
 //
 // Lengths in units of the pixel pitch along x, as in sim/psf/diffraction.h.
 #pragma once
@@ -29,7 +24,7 @@
 
 namespace etalon {
 
-// The renderers go no farther; beyond some ten px of blur geometrical optics is right anyhow.
+// The renderers go no farther: there geometrical optics is right.
 inline constexpr double max_wave_blur_px = 20.0;
 
 // |U|^2 for u, v >= 0, relative to the centre of the Airy pattern (u = v = 0: 1). Some us; absolute
@@ -68,9 +63,8 @@ private:
     double closing_;                 // energy not in the table, relative to the asymptote's
 };
 
-// The patterns of one lens over blur radii, tabulated at equal steps of u small enough for straight
-// lines between them: 0.1 (the phases of the integral turn by 0.05). Each is built when first asked
-// for. Safe from every thread.
+// The patterns of one lens over blur radii, with straight lines between steps of 0.1 in u. Each is
+// built when first asked for. Safe from every thread.
 class WaveTable {
 public:
     // Radii from 0 to `largest_blur_px`. Throws NumericalError as WavePointSpread.
@@ -91,13 +85,9 @@ private:
     mutable std::vector<Entry> entries_;
 };
 
-// The mean over the rings, well outside the disk (r > R).
-double wave_ring_average_density(double lambda_n_px, double blur_radius_px, double r);
-
-// Filters of the pattern at any blur radius: pixel box convolved with it, in two levels. The core
-// is filtered at k box averages a pixel, by product integration against their 6-point Lagrange
-// interpolant; the rest of the pattern, the mean over its rings, on pixel averages. Core and tail
-// together hold the energy 1.
+// Filters of the pattern at any blur radius: pixel box convolved with it. The core is for k box
+// averages a pixel, integrated against their 6-point Lagrange interpolant; the rest of the pattern,
+// the mean over its rings, for pixel averages. Together they hold the energy 1.
 //
 // One per camera. Kernels are built when first asked for and kept. Safe from every thread.
 class WaveFilter {
@@ -109,8 +99,7 @@ public:
     double lambda_n_px() const { return lambda_n_px_; }
     double pitch_y() const { return pitch_y_; }  // a pixel's height in units of its width
 
-    // Steps of the blur radius between kernels. The phases of the pattern's integral turn by 1/8
-    // from one to the next: straight lines between them are off by 3e-4 of the peak in focus.
+    // Between kernels; straight lines between them are off by 3e-4 of the peak in focus.
     double blur_step_px() const;
 
     // The core at the blur radius index * blur_step_px(): CV_32FC1 with k + 2 core_reach() rows and

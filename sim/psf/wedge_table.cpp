@@ -121,24 +121,17 @@ void WedgeTable::make(int row) const {
         amplitudes_ * frequencies_.unaryExpr([&](double f) { return disk_transfer(blur_px * f); });
     const Eigen::VectorXd lines = amplitudes / (std::numbers::pi * frequencies_);
     const auto before = static_cast<std::size_t>(row * distances_.size());
-    make_edges(lines, &edges_[before * (directions + 1)]);
-    make_turns(lines, &turns_[before * (directions + 1)]);
-    make_wedges(amplitudes, lines, &wedges_[before * wedge_values]);
-    make_densities(blur_px, &wedges_[before * wedge_values + angles + 1]);
-}
-
-void WedgeTable::make_edges(const Eigen::VectorXd& lines, float* to) const {
+    const auto put = [&](Eigen::MatrixXd values, float* to) {
+        values.bottomRows(2).setZero();
+        Eigen::Map<Eigen::MatrixXf>(to, values.rows(), values.cols()) = values.cast<float>();
+    };
     Eigen::MatrixXd beyond = -sines_ * (lines.asDiagonal() * pixels_);
     beyond.array() += 0.5;
-    beyond.bottomRows(2).setZero();
-    Eigen::Map<Eigen::MatrixXf>(to, beyond.rows(), beyond.cols()) = beyond.cast<float>();
-}
-
-void WedgeTable::make_turns(const Eigen::VectorXd& lines, float* to) const {
-    Eigen::MatrixXd turns =
-        cosines_ * (lines.asDiagonal() * turned_pixels_) / (-2.0 * std::numbers::pi);
-    turns.bottomRows(2).setZero();
-    Eigen::Map<Eigen::MatrixXf>(to, turns.rows(), turns.cols()) = turns.cast<float>();
+    put(beyond, &edges_[before * (directions + 1)]);
+    put(cosines_ * (lines.asDiagonal() * turned_pixels_) / (-2.0 * std::numbers::pi),
+        &turns_[before * (directions + 1)]);
+    make_wedges(amplitudes, lines, &wedges_[before * wedge_values]);
+    make_densities(blur_px, &wedges_[before * wedge_values + angles + 1]);
 }
 
 void WedgeTable::make_wedges(const Eigen::ArrayXd& amplitudes, const Eigen::VectorXd& lines,

@@ -1,19 +1,8 @@
 // What of a blurred spread falls beyond a straight edge, and beyond both edges of a corner,
 // tabulated once per camera: sharp images of few edges need no samples then.
 //
-// With B(r) the part of the blurred spread outside the radius r, a ray that passes the middle at
-// the distance d, from the foot of the perpendicular on, has
-//     T(d, phi) = 1/(2 pi) integral of B(d / cos) over the angles 0 to phi
-// below it: Owen's T function for any round spread. T(d, pi/2) is half of what falls beyond the
-// whole line; the sum over a wedge's two rays is what falls beyond both
-// (sim/tiles/wedge_kernel.cpp). The density is for blur disks that the distortion has made
-// ellipses: to first order they change the disk's transfer 2 J1(q) / q by a second derivative of 8
-// J2(q) / q^2, a paraboloid.
-//
-// Beyond an edge the mean over a pixel is known too, by the edge's direction a: with the spread's
-// transfer G(f), 1/2 - integral of G sinc(f cos a) sinc(f sin a) sin(2 pi f d) / (pi f).
-// Where the blur changes along the edge: with the derivative across the direction in place of sinc
-// sinc, over 2 pi, a cosine in place of the sine. docs/rendering.md has the bounds.
+// docs/rendering.md, "Table of edges and corners", defines P, its companion for a blur that changes
+// along the edge (turns), T(d, phi) and the density for blur disks that are ellipses.
 #pragma once
 
 #include <Eigen/Core>
@@ -67,8 +56,6 @@ private:
     static constexpr int row_count = static_cast<int>(largest_blur_px * rows_per_px) + 2;
 
     void make(int row) const;
-    void make_edges(const Eigen::VectorXd& lines, float* to) const;
-    void make_turns(const Eigen::VectorXd& lines, float* to) const;
     void make_wedges(const Eigen::ArrayXd& amplitudes, const Eigen::VectorXd& lines,
                      float* to) const;
     void make_densities(double blur_px, float* to) const;

@@ -11,13 +11,6 @@ namespace {
 
 constexpr int max_parts = 10'000;
 
-void check_motion(const MotionDuringExposure& motion) {
-    if (!motion.velocity.allFinite() || !std::isfinite(motion.exposure_s) ||
-        motion.exposure_s < 0.0)
-        throw NumericalError(fmt::format("no motion has velocities {} over {} s",
-                                         fmt::join(motion.velocity, ", "), motion.exposure_s));
-}
-
 // Largest difference between any two radiances of the scene.
 double contrast_of(const Scene& scene) {
     double least = scene.background, most = scene.background;
@@ -49,7 +42,35 @@ double fastest_image_speed(const Projector& projector, const Scene& scene,
     return fastest;
 }
 
+double longest_path_px(const CameraModel& camera, const Scene& scene,
+                       const MotionDuringExposure& motion) {
+    if (!motion.velocity.allFinite() || !std::isfinite(motion.exposure_s) ||
+        motion.exposure_s < 0.0)
+        throw NumericalError(fmt::format("no motion has velocities {} over {} s",
+                                         fmt::join(motion.velocity, ", "), motion.exposure_s));
+    if (scene.markers.empty())
+        return 0.0;
+    constexpr double margin = 1.25;
+    const Projector projector(camera);
+    double fastest = 0.0;
+    for (const double part : {-0.5, 0.0, 0.5}) {
+        const Scene at = scene_at(scene, motion, part * motion.exposure_s);
+        fastest = std::max(fastest, fastest_image_speed(projector, at, motion));
+    }
+    return margin * fastest * motion.exposure_s;
+}
+
 }  // namespace
+
+int parts_of_exposure(double path_px, double contrast, double tolerance_gray) {
+    const double parts = std::ceil(std::sqrt(255.0 * contrast * path_px / (4.0 * tolerance_gray)));
+    if (!(parts <= max_parts))
+        throw NumericalError(
+            fmt::format("a motion of {:.6g} px needs more than {} still images to keep within {} "
+                        "gray",
+                        path_px, max_parts, tolerance_gray));
+    return std::max(1, static_cast<int>(parts));
+}
 
 Scene scene_at(const Scene& scene, const MotionDuringExposure& motion, double time_s) {
     Scene moved = scene;
@@ -64,31 +85,6 @@ Scene scene_at(const Scene& scene, const MotionDuringExposure& motion, double ti
         pose.translation = centre + turn * (pose.translation - centre) + shift;
     }
     return moved;
-}
-
-double longest_path_px(const CameraModel& camera, const Scene& scene,
-                       const MotionDuringExposure& motion) {
-    check_motion(motion);
-    if (scene.markers.empty())
-        return 0.0;
-    constexpr double margin = 1.25;
-    const Projector projector(camera);
-    double fastest = 0.0;
-    for (const double part : {-0.5, 0.0, 0.5})
-        fastest = std::max(
-            fastest, fastest_image_speed(
-                         projector, scene_at(scene, motion, part * motion.exposure_s), motion));
-    return margin * fastest * motion.exposure_s;
-}
-
-int parts_of_exposure(double path_px, double contrast, double tolerance_gray) {
-    const double parts = std::ceil(std::sqrt(255.0 * contrast * path_px / (4.0 * tolerance_gray)));
-    if (!(parts <= max_parts))
-        throw NumericalError(
-            fmt::format("a motion of {:.6g} px needs more than {} still images to keep within {} "
-                        "gray",
-                        path_px, max_parts, tolerance_gray));
-    return std::max(1, static_cast<int>(parts));
 }
 
 MovingImage render_moving(const Renderer& renderer, const Scene& scene,

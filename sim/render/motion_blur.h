@@ -2,11 +2,8 @@
 //
 // Midpoint rule: n equal parts of the exposure, each by the pose at its middle. While a straight
 // edge of contrast C sweeps a pixel along its normal by L px, the pixel's slope is at most sqrt(2)
-// C per px. In a part of length h = L/n the rule then errs by at most sqrt(2) C h^2 / (8 L). We
-// allow
-//     255 C h^2 / (4 L) = 255 C L / (4 n^2) gray,
-// for a way that curves (the speed along the normal may vary by 7/8 of itself). For one edge at a
-// time: m edges that sweep the same pixel within one exposure may add up to m times that.
+// C per px, and the rule errs by at most sqrt(2) C L / (8 n^2). Allowed are 255 C L / (4 n^2) gray,
+// for a way that curves. m edges that sweep the same pixel may add up to m times that.
 #pragma once
 
 #include "core/geometry/rigid.h"
@@ -26,13 +23,6 @@ struct MotionDuringExposure {
 // the first marker's origin, which moves on a straight line.
 Scene scene_at(const Scene& scene, const MotionDuringExposure& motion, double time_s);
 
-// How long the way of a marker's point in the image is, px: the fastest of 9 x 9 points of each
-// marker, at the beginning, middle and end of the exposure, times the exposure and 5/4 for what
-// lies between them. Points that are not seen do not count; 0 if none is. Throws NumericalError for
-// a velocity or exposure that is not finite or an exposure below 0.
-double longest_path_px(const CameraModel& camera, const Scene& scene,
-                       const MotionDuringExposure& motion);
-
 // Parts of the exposure that keep the midpoint rule's error within the tolerance (gray) for edges
 // of this contrast (radiance): the least n with 255 contrast path / (4 n^2) <= tolerance.
 int parts_of_exposure(double path_px, double contrast, double tolerance_gray);
@@ -40,11 +30,15 @@ int parts_of_exposure(double path_px, double contrast, double tolerance_gray);
 struct MovingImage {
     RenderedImage image;  // its plan is the last part's
     int parts = 1;
+    // Of a marker's point in the image: the fastest of 9 x 9 points of each marker, at the
+    // beginning, middle and end of the exposure, times the exposure and 5/4 for what lies between
+    // them. Points that are not seen do not count; 0 if none is.
     double path_px = 0.0;
 };
 
 // Half of options.tolerance_gray is for time, half for each still image. Takes `parts` renders.
-// Throws NumericalError as Renderer::render for any part, and when more than 10 000 are needed.
+// Throws NumericalError as Renderer::render for any part, when more than 10 000 are needed, and for
+// a velocity or exposure that is not finite or an exposure below 0.
 MovingImage render_moving(const Renderer& renderer, const Scene& scene,
                           const MotionDuringExposure& motion, const RenderOptions& options = {});
 

@@ -26,21 +26,26 @@ struct Hit {
     double depth, radiance;
 };
 
+// A ray's point at a parameter, which grows along it, is from + parameter * along.
+struct Ray {
+    Eigen::Vector3d from, along;
+};
+
 // A marker in whose own frame rays are traced.
 struct TracedMarker {
     const CellGrid& grid;
     Eigen::Matrix3d rotation;
     Eigen::Vector3d translation;  // of marker_from_camera
 
-    // Of the marker's whole plane along the ray start + depth * by_depth; 0 or less: never met
-    // going forward.
-    double inverse_depth(const Eigen::Vector3d& start, const Eigen::Vector3d& by_depth) const {
-        return -(rotation * by_depth).z() / (rotation * start + translation).z();
+    // Of the marker's whole plane; 0 or less: never met going forward.
+    double inverse_depth(const Ray& ray) const {
+        return -(rotation * ray.along).z() / (rotation * ray.from + translation).z();
     }
 
-    // Where the ray start + depth * by_depth meets the marker's front, if it does.
-    std::optional<Hit> hit(const Eigen::Vector3d& start, const Eigen::Vector3d& by_depth) const {
-        const Eigen::Vector3d from = rotation * start + translation, along = rotation * by_depth;
+    // Where the ray meets the marker's front, if it does.
+    std::optional<Hit> hit(const Ray& ray) const {
+        const Eigen::Vector3d from = rotation * ray.from + translation;
+        const Eigen::Vector3d along = rotation * ray.along;
         const bool towards_front = from.z() < 0.0 && along.z() > 0.0;
         if (!towards_front)
             return std::nullopt;
@@ -53,17 +58,11 @@ struct TracedMarker {
     }
 };
 
-// A pixel that has a ray, with the linear start for Newton's method around it (of a flat
-// projection).
+// A pixel that has a ray; of a flat projection with the linear start for Newton's method.
 struct PixelRay {
     cv::Point pixel;
     Eigen::Vector2d x = Eigen::Vector2d::Zero();
     Eigen::Matrix2d x_by_pixel = Eigen::Matrix2d::Zero();
-};
-
-// A ray's point at a parameter, which grows along it, is from + parameter * along.
-struct Ray {
-    Eigen::Vector3d from, along;
 };
 
 // Perspective: (z x + l (1 - z / z_f), z) passes l at depth 0 and the focus plane at z_f x.
@@ -195,7 +194,7 @@ private:
     // Of the (only) marker's plane where the chief ray of a sensor point meets it.
     double blur_radius_px(const Eigen::Vector2d& x) const {
         const Ray ray = flat_ray(aperture_, x, Eigen::Vector2d::Zero());
-        const double inverse_depth = markers_.front().inverse_depth(ray.from, ray.along);
+        const double inverse_depth = markers_.front().inverse_depth(ray);
         const double focus = aperture_.focus(x);
         const double defocus = camera_.projection.kind == Projection::telecentric
                                    ? 1.0 / inverse_depth - focus
@@ -230,7 +229,7 @@ private:
         double nearest = std::numeric_limits<double>::infinity();
         double seen = scene_.background;
         for (const TracedMarker& marker : markers_)
-            if (const auto hit = marker.hit(ray.from, ray.along); hit && hit->depth < nearest) {
+            if (const auto hit = marker.hit(ray); hit && hit->depth < nearest) {
                 nearest = hit->depth;
                 seen = hit->radiance;
             }

@@ -1,14 +1,8 @@
 // The truth that every other method is measured against: brute-force sampling of the whole image
-// model, with its own standard error. Slow, and shares no integration code with the others.
-//
-// A sample is a point of the pixel's square, displaced by the point spread (of psf wave: the
-// pattern for the defocus of the marker's plane there, and the lens centre alone), undistorted
-// exactly, and traced through a point of the aperture to the marker's plane and its cell. Six
-// dimensions, Owen-scrambled Sobol points; the mean over independent scrambles is the value, their
-// spread its standard error.
-//
-// Background are rays that miss the grid, meet the marker's plane behind the lens or from its back,
-// and sensor points without a ray. A pixel whose centre has no ray is background without error.
+// model, with its own standard error (docs/rendering.md, "Reference"). Slow, and shares no
+// integration code with the others. Rays that miss the grid, meet the marker's plane behind the
+// lens or from its back, and sensor points without a ray are background. A pixel whose centre has
+// no ray is background without error.
 #pragma once
 
 #include <cstdint>
@@ -20,13 +14,11 @@
 namespace etalon {
 
 struct ReferenceOptions {
-    int scrambles = 16;  // at least 2
-    // A power of two; the total is scrambles times this.
-    int samples_per_scramble = 1024;
+    int scrambles = 16;               // at least 2
+    int samples_per_scramble = 1024;  // a power of two
     std::uint64_t seed = 1;
     // For whole images: a pixel is finished early, with a quarter, a 16th ... of the samples, when
-    // it and its neighbours have this standard error. 0: every pixel gets all samples. Stopping
-    // early is not perfectly unbiased; leave it 0 for a truth.
+    // it and its neighbours have this standard error. 0: never, which alone is unbiased.
     double stop_at_gray = 0.0;
 };
 

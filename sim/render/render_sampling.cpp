@@ -13,18 +13,17 @@
 namespace etalon {
 namespace {
 
-// How the tolerance is shared out.
+// docs/rendering.md, "Plan", has the derivations. How the tolerance is shared out:
 constexpr double share_of_sampling = 0.7;
 constexpr double share_of_lens = 0.1;
 constexpr double share_of_diffraction = 0.03;
 constexpr double share_of_tail = 0.15;
 constexpr double share_of_rounding = 0.02;  // the filter's weights, single precision
 
-// More samples than these a side cost more than they are worth; a tolerance that needs them is
-// refused.
+// A tolerance that needs more samples a side is refused.
 constexpr int max_points = 32, max_boxes = 48;
-// Up to these nothing else is worth a thought, if there is a spread. Fewer beside large cells, of
-// which a table of edges and corners has few to look at.
+// Up to these points nothing else is faster, if there is a spread. Beside large cells a table of
+// edges and corners has few to look at.
 constexpr int few_points = 10, few_points_of_large_cells = 6;
 constexpr double large_cell_px = 8.0;
 // Below this blur two rims lie within a sample, whatever k.
@@ -35,8 +34,7 @@ constexpr double mixed_from_px = 0.14;
 
 // Samples per pixel side that blurred tiles may take instead of the frame's own.
 constexpr std::array coarse_samples{2, 3, 4, 6, 8, 10, 12, 16, 24, 32};
-// Of the sampling's share, what their interpolation may use. The frame's finer grid, to which it
-// leads, needs less than a third of it again at the same blur.
+// Of the sampling's share, what their interpolation may use.
 constexpr double share_of_coarse = 0.5;
 constexpr double coarse_blur_step = 1.25;  // between the radii that are tried
 
@@ -46,9 +44,9 @@ struct Choice {
     bool is_thinned = false;  // disks: sharp tiles are sampled at 2 k
 };
 
-// Time of a pixel by k^2, in units of an evaluation: the filter, and evaluations of a sample.
-constexpr double cost_of_filter = 4.0;
+// Time of a pixel, in units of an evaluation: the filter, and evaluations of a sample.
 double cost(int k, int evaluations) {
+    constexpr double cost_of_filter = 4.0;
     return k * k * (cost_of_filter + evaluations);
 }
 
@@ -62,10 +60,6 @@ Choice least_k(int least, int most, double allowed_gray, const Bound& bound) {
             if (const double gray = bound(k); gray <= allowed_gray)
                 return {k, gray};
     return {};
-}
-
-bool kept(const RenderOptions& options, NeglectedEffect what) {
-    return std::find(options.keep.begin(), options.keep.end(), what) != options.keep.end();
 }
 
 class Chooser {
@@ -99,13 +93,14 @@ private:
     void leave_out(NeglectedEffect what, std::string why, double gray) {
         chosen_.plan.left_out.push_back({what, std::move(why), gray});
     }
+    bool is_automatic() const { return options_.method == RenderMethod::automatic; }
 
     void leave_out_diffraction() {
         chosen_.with_spread = filter_.has_point_spread();
         if (!chosen_.with_spread)
             return leave_out(NeglectedEffect::diffraction, "the camera states no lens", 0.0);
         const double gray = image_.step * bound_.of_no_spread();
-        if (gray > allowed(share_of_diffraction) || kept(options_, NeglectedEffect::diffraction))
+        if (gray > allowed(share_of_diffraction) || options_.keeps(NeglectedEffect::diffraction))
             return;
         chosen_.with_spread = false;
         leave_out(NeglectedEffect::diffraction,
@@ -113,35 +108,28 @@ private:
                   gray);
     }
 
-    // A disk of radius R moves an edge's profile f by less than R^2 / 8 |f''|, and f'' of a box
-    // average is no more than the peak of the line spread; without a spread, by the corner of the
-    // box's profile, 2 R / (3 pi).
-    double gray_without_lens(double blur_px) const {
-        const double by_spread = blur_px * blur_px / 8.0 * bound_.line_spread_peak();
-        const double by_corner = 2.0 * blur_px / (3.0 * std::numbers::pi);
-        return 255.0 * image_.step *
-               (chosen_.with_spread ? std::min(by_spread, by_corner) : by_corner);
-    }
-
+    // A disk of radius R moves an edge's profile f by less than R^2 / 8 |f''|, where f'' is no more
+    // than the peak of the line spread; and by less than 2 R / (3 pi), by the box's corner.
     void leave_out_lens() {
-        double& sharp_up_to = chosen_.sampling.sharp_up_to_px;
-        if (kept(options_, NeglectedEffect::lens))
+        if (options_.keeps(NeglectedEffect::lens))
             return;
-        const double gray = allowed(share_of_lens);
+        const double gray = allowed(share_of_lens), blur_px = image_.blur.largest_px;
+        double& sharp_up_to = chosen_.sampling.sharp_up_to_px;
         sharp_up_to = gray / (255.0 * image_.step * 2.0 / (3.0 * std::numbers::pi));
-        if (chosen_.with_spread)
+        double change = 2.0 * blur_px / (3.0 * std::numbers::pi);
+        if (chosen_.with_spread) {
+            const double peak = bound_.line_spread_peak();
             sharp_up_to =
-                std::max(sharp_up_to,
-                         std::sqrt(8.0 * gray / (255.0 * image_.step * bound_.line_spread_peak())));
-        if (image_.blur.largest_px <= sharp_up_to)
-            leave_out(NeglectedEffect::lens,
-                      fmt::format("blur radius at most {:.2g} px", image_.blur.largest_px),
-                      gray_without_lens(image_.blur.largest_px));
+                std::max(sharp_up_to, std::sqrt(8.0 * gray / (255.0 * image_.step * peak)));
+            change = std::min(blur_px * blur_px / 8.0 * peak, change);
+        }
+        if (blur_px <= sharp_up_to)
+            leave_out(NeglectedEffect::lens, fmt::format("blur radius at most {:.2g} px", blur_px),
+                      255.0 * image_.step * change);
     }
 
-    // Bounds are of one edge. In a grid of cells smaller than a pixel a pixel sees more of them,
-    // 1 / cell times the length; of very many the errors cancel. Measured in stripes, checkerboards
-    // and random cells of 0.1 to 8 px (tests/sim/render/renderer_test.cpp).
+    // Bounds are of one edge. A pixel sees 1 / cell of them where cells are smaller than it; of
+    // very many the errors cancel (measured in tests/sim/render/renderer_test.cpp).
     double edges() const {
         constexpr double most = 8.0;
         return image_.cell_px > 0.0 ? std::clamp(1.0 / image_.cell_px, 1.0, most) : 1.0;
@@ -155,8 +143,7 @@ private:
     // Or a fold, which is one.
     bool sees_border() const { return image_.bend.curvature >= UndistortionMap::Bend::most; }
 
-    // Samples beside the border of the valid region are means over their parts, and what the
-    // interpolant makes of that step falls with k alone. Measured: the largest is along the pixels.
+    // Measured: the largest is along the pixels.
     void state_border() {
         constexpr double gray_times_k = 11.2;
         const bool is_interpolated =
@@ -172,9 +159,8 @@ private:
         return least_k(min_points(), most, allowed(share_of_sampling),
                        [&](int k) { return step_of_edges() * gray_of_points(k, blur); });
     }
-    // The border of the valid region is sharp however blurred the marker is: points beside it are
-    // means of their parts, and what the interpolant makes of such a step falls with k only.
-    // Measured beside folds: 1.4 gray of a step of 33 with 1 point a side, 0.03 with 4.
+    // The border of the valid region is sharp however blurred the marker is. Measured beside folds:
+    // 1.4 gray of a step of 33 with 1 point a side, 0.03 with 4.
     int min_points() const {
         constexpr int at_border = 8;
         return sees_border() ? at_border : 1;
@@ -184,9 +170,7 @@ private:
         constexpr double min_radius = 0.6;  // of samples
         if (k * blur_px < min_radius)
             return std::numeric_limits<double>::infinity();
-        // Where the undistortion bends, a sample stands for a part whose mean lies the sagitta off,
-        // on an edge that blur makes as flat as 2 / (pi R). At the border of the valid region the
-        // curvature is a guess, 1: twice that.
+        // At the border of the valid region the curvature is a guess, 1: twice that.
         const double safety = sees_border() ? 2.0 : 1.0;
         const double slope = std::min(1.0, 2.0 / (std::numbers::pi * blur_px));
         return bound_.of_points(k, blur_px, tangents()) + safety * slope * gray_of_bend(k);
@@ -199,8 +183,7 @@ private:
     }
     bool needs_lens() const { return image_.blur.largest_px > chosen_.sampling.sharp_up_to_px; }
 
-    // Direct samples or, of a coarser grid, thinned ones. A tile's disks have the shape of its
-    // centre: they need an undistortion that hardly bends, and no border of the valid region.
+    // Direct samples or, of a coarser grid, thinned ones.
     Choice of_disks() const {
         const DeconvolvedPsf* sharpened = chosen_.with_spread ? filter_.sharpened() : nullptr;
         constexpr double max_curvature = 0.004;
@@ -243,14 +226,11 @@ private:
             return 1;
         return filter_.sharpened()->disks_for_any_blur(gray);
     }
-    // A box counts as a parallelogram: where the undistortion bends, an edge across it is shifted
-    // by the mean of the sagitta, curvature / (24 k^2).
     double gray_of_boxes(int k) const {
         return gray_of_bend(k) + (chosen_.with_spread ? bound_.of_boxes(k, tangents()) : 0.0);
     }
 
-    // A sharp edge exactly along the pixels under a pattern of some hundredths of a pixel is beyond
-    // every k: up to 0.25 gray, which the plan then says. Others are far below that bound.
+    // Of a sharp edge along the pixels under a narrow pattern, which is beyond every k.
     Choice nearly_enough() const {
         constexpr double let_pass = 3.0;
         Choice best;
@@ -268,9 +248,7 @@ private:
     // The mean of 2 x 2 lens averages is a box average only if the boxes are smaller than the blur.
     int fewest_boxes() const { return is_mixed() ? 18 : 1; }
 
-    bool is_mixed() const {
-        return options_.method == RenderMethod::automatic && image_.blur.largest_px > mixed_from_px;
-    }
+    bool is_mixed() const { return is_automatic() && image_.blur.largest_px > mixed_from_px; }
 
     // Evaluations per pixel where an edge is.
     double cost_of_boxes(const Choice& boxes) const {
@@ -280,9 +258,7 @@ private:
         return static_cast<double>(boxes.k) * boxes.k * points;
     }
 
-    // Edges and corners by a table, which takes them as (almost) straight, a blur disk as (almost)
-    // round and its change as even. Among smaller cells there are too many of them. It knows the
-    // lens: what that might err by is for the table.
+    // Edges and corners by a table.
     Choice of_wedges() const {
         constexpr double smallest_cells_px = 2.0, steepest_blur = 0.05, largest_asymmetry = 0.01;
         constexpr double most_stretched_px = 0.25, gray_by_curvature = 10.0;
@@ -301,7 +277,7 @@ private:
     }
 
     void choose_method() {
-        const bool automatic = options_.method == RenderMethod::automatic;
+        const bool automatic = is_automatic();
         Choice points, boxes;
         if (automatic ? needs_lens() : options_.method == RenderMethod::exact_lens)
             points = of_points(automatic ? points_worth_no_thought() : max_points);
@@ -370,17 +346,14 @@ private:
         take(boxes, RenderMethod::exact_area, SampleKind::box);
         if (is_mixed())
             chosen_.sampling.exact_lens_from_px = mixed_from_px;
-        if (options_.method == RenderMethod::automatic)
+        if (is_automatic())
             add_coarser(points_of_tile(2 * boxes.k));
     }
 
-    static int points_of_tile(int k) {
-        const int side = tile_px * k;
-        return side * side;
-    }
+    static int points_of_tile(int k) { return tile_px * k * tile_px * k; }
 
-    // Grids of fewer points than the frame's own, each from the least blur on (in steps) at which
-    // it is enough, down to the least blur of the frame.
+    // Grids of fewer points than the frame's own, each from the least blur on at which it is
+    // enough.
     void add_coarser(int points_of_frame) {
         if (options_.samples_per_side > 0 || image_.blur.largest_px < min_blur_for_points_px)
             return;
@@ -447,7 +420,7 @@ private:
         const double gray = allowed(share_of_tail) / image_.markers;
         RenderPlan& plan = chosen_.plan;
         chosen_.finest_ring = filter_.first_ring();
-        if (kept(options_, NeglectedEffect::tail)) {
+        if (options_.keeps(NeglectedEffect::tail)) {
             plan.tail_reach_px = std::numeric_limits<double>::infinity();
             return;
         }
@@ -463,8 +436,7 @@ private:
             leave_out_fine_rings();
     }
 
-    // Beside a corner two edges add up, among small cells several of them: in stripes and
-    // checkerboards of 1 to 8 px three times one edge's change.
+    // Beside a corner two edges add up, among small cells several of them.
     double gray_of_rings(int finest) const {
         constexpr double many_edges_px = 12.0;
         const double edges = image_.cell_px < many_edges_px ? 3.0 : 1.5;
@@ -486,15 +458,15 @@ private:
                       gray_of_rings(chosen_.finest_ring));
     }
 
-    // What the sampling may err by. Of the tail only grids of 2 px and more know the edges.
+    // Of the tail only grids of 2 px and more know the edges.
     void choose_edges() {
         constexpr double smallest_cells_px = 40.0;
         const double left = allowed(share_of_sampling) - EdgeTable::gray * image_.step;
-        if (options_.method != RenderMethod::automatic || options_.samples_per_side > 0 ||
+        if (!is_automatic() || options_.samples_per_side > 0 ||
             chosen_.sampling.kind != SampleKind::point || !chosen_.with_spread ||
             chosen_.finest_ring < 1 || chosen_.plan.tail_reach_px == 0.0 ||
             image_.cell_px < smallest_cells_px || left <= 0.0 ||
-            kept(options_, NeglectedEffect::uniform_tiles))
+            options_.keeps(NeglectedEffect::uniform_tiles))
             return;
         chosen_.sampling.edges = filter_.edges();
         chosen_.sampling.edge_gray = left;

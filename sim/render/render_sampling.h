@@ -1,5 +1,4 @@
-// The choice of method and sampling for a marker's image, from bounds on its blur and on what the
-// point spread leaves of an edge.
+// The choice of method and sampling for a marker's image: docs/rendering.md, "Plan".
 #pragma once
 
 #include "sim/render/renderer.h"

@@ -77,27 +77,6 @@ cv::Rect checked_region(const CameraModel& camera, const RenderOptions& options)
     return options.region;
 }
 
-const CameraModel& checked_camera(const CameraModel& camera) {
-    if (camera.width < 1 || camera.height < 1)
-        throw NumericalError(
-            fmt::format("no camera has an image of {} x {} px", camera.width, camera.height));
-    return camera;
-}
-
-}  // namespace
-
-Renderer::Renderer(const CameraModel& camera)
-    : cache_(std::make_unique<const Cache>(checked_camera(camera))) {}
-Renderer::~Renderer() = default;
-Renderer::Renderer(Renderer&&) noexcept = default;
-Renderer& Renderer::operator=(Renderer&&) noexcept = default;
-
-const CameraModel& Renderer::camera() const {
-    return cache_->camera;
-}
-
-namespace {
-
 // Largest difference of two cells that share an edge, the background around the grid included.
 double largest_step(const MarkerView& view) {
     double largest = 0.0;
@@ -139,8 +118,7 @@ double shortest_cell(const std::vector<Eigen::Vector2d>& outline, const MarkerVi
 cv::Rect tiles_around(const std::vector<Eigen::Vector2d>& outline, double blur_px,
                       const UndistortionMap& map) {
     const cv::Rect tiles = map.tiles();
-    const cv::Rect pixels(tiles.x * tile_px, tiles.y * tile_px, tiles.width * tile_px,
-                          tiles.height * tile_px);
+    const cv::Rect pixels(tile_px * tiles.tl(), tile_px * tiles.br());
     const double margin = std::min(blur_px, 1e6) + tile_px;
     return cells_of(pixels_around(outline, Eigen::Array2d::Constant(margin), pixels), tile_px);
 }
@@ -157,8 +135,9 @@ BlurRange distorted_blur(const BlurRange& blur, const MarkerView& view, const Un
     BlurRange result{std::numeric_limits<double>::infinity(), 0.0};
     for (int j = groups.y; j < groups.br().y; ++j)
         for (int i = groups.x; i < groups.br().x; ++i) {
-            const auto& [validity, box] = map.group(level, i, j);
-            if (validity == UndistortionMap::Validity::none || !view.footprint(box))
+            const Box& box = map.group(level, i, j).bounds;
+            if (map.group(level, i, j).validity == UndistortionMap::Validity::none ||
+                !view.footprint(box))
                 continue;
             const auto bend = map.bend(level, i, j);
             result.smallest_px =
@@ -189,7 +168,7 @@ EdgeTangents tangents_of(const std::vector<Eigen::Vector2d>& outline) {
                 const double angle = std::atan2(step.y(), step.x());
                 if (side == pair && n == 0)
                     first = angle;
-                // Lines have no sense: modulo half a turn.
+                // Modulo half a turn.
                 const double from_first = std::remainder(angle - first, std::numbers::pi);
                 least = std::min(least, from_first);
                 most = std::max(most, from_first);
@@ -203,15 +182,6 @@ EdgeTangents tangents_of(const std::vector<Eigen::Vector2d>& outline) {
         }
     }
     return tangents;
-}
-
-Radiance reference_radiance(const CameraModel& camera, const Scene& scene,
-                            const RenderOptions& options, const cv::Rect& region) {
-    ReferenceOptions reference;
-    reference.scrambles = 8;
-    reference.samples_per_scramble = options.reference_samples / reference.scrambles;
-    reference.stop_at_gray = options.tolerance_gray;
-    return integrate_reference(camera, scene, region, reference).mean;
 }
 
 // Of a scene of several markers: their extremes and sums.
@@ -235,7 +205,44 @@ void merge(const RenderPlan& one, RenderPlan& all) {
     all.uniform_tiles = std::min(all.uniform_tiles, one.uniform_tiles);
 }
 
+// Large frames in huge pages, where the system has them: with pages of 4 KiB a frame of 20 MB takes
+// 5000 page faults when it is new. Only advice, and only for whole huge pages within the frame.
+void advise_huge_pages(const cv::Mat& pixels) {
+    constexpr std::uintptr_t page = 2 << 20;
+    const auto begin = reinterpret_cast<std::uintptr_t>(pixels.datastart);
+    const auto end = reinterpret_cast<std::uintptr_t>(pixels.dataend);
+    const std::uintptr_t first = (begin + page - 1) / page * page, last = end / page * page;
+    if (first < last)
+        madvise(reinterpret_cast<void*>(first), last - first, MADV_HUGEPAGE);
+}
+
+void check_background(const Radiance& background, const cv::Size& size) {
+    if (background.type() != CV_32FC1 || background.size() != size)
+        throw NumericalError(fmt::format("a background of {} x {} px for an image of {} x {} px",
+                                         background.cols, background.rows, size.width,
+                                         size.height));
+    if (!cv::checkRange(background))
+        throw NumericalError("the background's radiance is not finite everywhere");
+}
+
+const CameraModel& checked_camera(const CameraModel& camera) {
+    if (camera.width < 1 || camera.height < 1)
+        throw NumericalError(
+            fmt::format("no camera has an image of {} x {} px", camera.width, camera.height));
+    return camera;
+}
+
 }  // namespace
+
+Renderer::Renderer(const CameraModel& camera)
+    : cache_(std::make_unique<const Cache>(checked_camera(camera))) {}
+Renderer::~Renderer() = default;
+Renderer::Renderer(Renderer&&) noexcept = default;
+Renderer& Renderer::operator=(Renderer&&) noexcept = default;
+
+const CameraModel& Renderer::camera() const {
+    return cache_->camera;
+}
 
 // One marker's difference from the background, added to the region's pixels.
 class Renderer::MarkerRender {
@@ -251,8 +258,7 @@ public:
                           : sensor_towards(cache.projector.turned(turn_), cache.filter, view_)),
           sensor_(cache.along_axis ? *cache.along_axis : *own_sensor_),
           outline_(marker_outline(view_, sensor_.rays.projector(), 31)),
-          all_refined_(std::find(options.keep.begin(), options.keep.end(),
-                                 NeglectedEffect::uniform_tiles) != options.keep.end()) {
+          all_refined_(options.keeps(NeglectedEffect::uniform_tiles)) {
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
         const cv::Rect tiles = tiles_around(outline_, blur.largest_px, sensor_.rays);
         const Eigen::Vector2d middle(0.0, 0.0), slope = view_.defocus_slope(middle);
@@ -284,9 +290,18 @@ public:
         constexpr double max_px = 1e5;
         samples_.emplace(view_, sensor_.rays, sampled_tiles(region, cache_.filter.reach_px()),
                          chosen_.sampling, all_refined_);
-        record(*samples_);
+        RenderPlan& plan = chosen_.plan;
+        plan.used = samples_->used();
+        plan.uniform_tiles = samples_->tiles().area();
+        for (const TileUse& use : plan.used)
+            plan.uniform_tiles -= use.tiles;
+        if (!all_refined_)
+            plan.left_out.push_back({NeglectedEffect::uniform_tiles,
+                                     fmt::format("{} of {} tiles see one radiance",
+                                                 plan.uniform_tiles, samples_->tiles().area()),
+                                     0.0});
         const int reach = static_cast<int>(std::ceil(
-            std::min(std::max<double>(cache_.filter.reach_px(), plan().tail_reach_px), max_px)));
+            std::min(std::max<double>(cache_.filter.reach_px(), plan.tail_reach_px), max_px)));
         sources_ = sensor_.tail.sources(*samples_, view_, outline_, grown(region, reach, reach));
         return sources_.empty() ? cv::Rect() : grown(sources_, reach, reach) & region;
     }
@@ -298,7 +313,7 @@ public:
         const ImageFilter& filter = chosen_.with_spread ? cache_.filter : cache_.box_filter;
         const FilterKernel& core = filter.core(chosen_.sampling.k, chosen_.sampling.kind);
         const auto add_core = [&](const cv::Rect& band) {
-            add_filtered_band(samples_->field(), core, region, band, pixels);
+            add_filtered(samples_->field(), core, region, band, pixels);
             samples_->add_edges(region, band, pixels);
         };
         if (plan().tail_reach_px > 0.0)
@@ -324,19 +339,6 @@ private:
         return {2 * squares.x, 2 * squares.y, 2 * squares.width, 2 * squares.height};
     }
 
-    void record(const TileSamples& samples) {
-        RenderPlan& plan = chosen_.plan;
-        plan.used = samples.used();
-        plan.uniform_tiles = samples.tiles().area();
-        for (const TileUse& use : plan.used)
-            plan.uniform_tiles -= use.tiles;
-        if (!all_refined_)
-            plan.left_out.push_back({NeglectedEffect::uniform_tiles,
-                                     fmt::format("{} of {} tiles see one radiance",
-                                                 plan.uniform_tiles, samples.tiles().area()),
-                                     0.0});
-    }
-
     const Cache& cache_;
     Eigen::Quaterniond turn_;  // of a wide lens
     MarkerView view_;
@@ -348,22 +350,6 @@ private:
     std::optional<TileSamples> samples_;
     cv::Rect sources_;  // pixels outside of which the marker is not
 };
-
-namespace {
-
-// Large frames in huge pages, where the system has them: with pages of 4 KiB a frame of 20 MB takes
-// 5000 page faults when it is new, and as many address translations whenever it is written. Only
-// advice, and only for whole huge pages within the frame.
-void advise_huge_pages(const cv::Mat& pixels) {
-    constexpr std::uintptr_t page = 2 << 20;
-    const auto begin = reinterpret_cast<std::uintptr_t>(pixels.datastart);
-    const auto end = reinterpret_cast<std::uintptr_t>(pixels.dataend);
-    const std::uintptr_t first = (begin + page - 1) / page * page, last = end / page * page;
-    if (first < last)
-        madvise(reinterpret_cast<void*>(first), last - first, MADV_HUGEPAGE);
-}
-
-}  // namespace
 
 Renderer::Drawn Renderer::draw_markers(const Scene& scene, const RenderOptions& options,
                                        const cv::Rect& region, const Canvas& canvas) const {
@@ -408,11 +394,11 @@ Renderer::Drawn Renderer::draw_wave(const Scene& scene, const RenderOptions& opt
         drawn.pixels += wave_difference(view, cache_->along_axis->rays, *cache_->wave, region,
                                         options.tolerance_gray);
     const BlurRange blur = blur_over_marker(view, cache_->camera.intrinsics);
-    drawn.plan.method =
-        options.method == RenderMethod::reference ? RenderMethod::reference : RenderMethod::wave;
-    drawn.plan.tolerance_gray = options.tolerance_gray;
-    drawn.plan.min_blur_radius_px = blur.smallest_px;
-    drawn.plan.max_blur_radius_px = blur.largest_px;
+    const bool is_reference = options.method == RenderMethod::reference;
+    drawn.plan = {.method = is_reference ? RenderMethod::reference : RenderMethod::wave,
+                  .tolerance_gray = options.tolerance_gray,
+                  .min_blur_radius_px = blur.smallest_px,
+                  .max_blur_radius_px = blur.largest_px};
     return drawn;
 }
 
@@ -428,7 +414,11 @@ RenderPlan Renderer::draw(const Scene& scene, const RenderOptions& options,
     if (drawn.region.empty())
         return drawn.plan;
     if (options.method == RenderMethod::reference)
-        reference_radiance(cache_->camera, scene, options, region).copyTo(drawn.pixels);
+        integrate_reference(cache_->camera, scene, region,
+                            {.scrambles = 8,
+                             .samples_per_scramble = options.reference_samples / 8,
+                             .stop_at_gray = options.tolerance_gray})
+            .mean.copyTo(drawn.pixels);
     if (cache_->invalid_pixels > 0)
         drawn.pixels.setTo(scene.background, cache_->valid(drawn.region) == 0);
     return drawn.plan;
@@ -457,25 +447,6 @@ RenderedPart Renderer::render_part(const Scene& scene, const RenderOptions& opti
     return part;
 }
 
-namespace {
-
-void check_background(const Radiance& background, const cv::Size& size) {
-    if (background.type() != CV_32FC1 || background.size() != size)
-        throw NumericalError(fmt::format("a background of {} x {} px for an image of {} x {} px",
-                                         background.cols, background.rows, size.width,
-                                         size.height));
-    if (!cv::checkRange(background))
-        throw NumericalError("the background's radiance is not finite everywhere");
-}
-
-// An error of C counts with the background's radiance.
-RenderOptions with_shared_tolerance(RenderOptions options, const Radiance& background) {
-    options.tolerance_gray /= 1.0 + cv::norm(background, cv::NORM_INF);
-    return options;
-}
-
-}  // namespace
-
 Radiance placed_over(const Radiance& markers, const Radiance& coverage,
                      const Radiance& background) {
     check_background(background, markers.size());
@@ -501,7 +472,8 @@ RenderedImage render_over(const Renderer& renderer, const Scene& scene, const Ra
                           const RenderOptions& options) {
     const CameraModel& camera = renderer.camera();
     check_background(background, {camera.width, camera.height});
-    const RenderOptions shared = with_shared_tolerance(options, background);
+    RenderOptions shared = options;  // an error of C counts with the background's radiance
+    shared.tolerance_gray /= 1.0 + cv::norm(background, cv::NORM_INF);
     RenderedImage image = renderer.render(on_black(scene), shared);
     const RenderedImage coverage = renderer.render(white_on_black(scene), shared);
     image.radiance = placed_over(image.radiance, coverage.radiance, background);

@@ -1,14 +1,9 @@
 // Renders a planar marker as a given camera would see it, in linear radiance: full distortion,
-// thin-lens defocus, diffraction, pixel integration. The sensor is in sim/sensor/sensor_model.h.
-//
-// Two closed-form methods and the brute-force reference (sim/render/reference_integrator.h):
-//   exact_lens  (E): the aperture average at a point of the sensor is exact; k x k points a pixel,
-//                    then one filter, pixel box convolved with the diffraction pattern.
-//   exact_area  (C): the pixel's area in each cell is exact, at a few lens points; for (nearly)
-//                    sharp images.
-// Method and errors: docs/rendering.md.
+// thin-lens defocus, diffraction, pixel integration. Methods and errors: docs/rendering.md. The
+// sensor is in sim/sensor/sensor_model.h.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -31,14 +26,15 @@ struct RenderOptions {
     cv::Rect region;
     // What must not be left out even where the scene does not need it: to check the bounds.
     std::vector<NeglectedEffect> keep;
+    bool keeps(NeglectedEffect what) const {
+        return std::find(keep.begin(), keep.end(), what) != keep.end();
+    }
     // Of RenderMethod::reference: at most this many samples a pixel, a power of two of at least 8;
-    // a pixel stops early when its standard error is below tolerance_gray. Statistical error of a
-    // whole image and time: docs/rendering.md.
+    // a pixel stops early when its standard error is below tolerance_gray.
     int reference_samples = 1024;
 };
 
-// One per camera: holds its undistortion map and filters, and what it learns of sampling errors.
-// Safe from every thread once built.
+// One per camera: holds its undistortion map, filters and bounds. Safe from every thread.
 class Renderer {
 public:
     explicit Renderer(const CameraModel& camera);
@@ -53,8 +49,8 @@ public:
     // input is not finite, or the tolerance cannot be met.
     RenderedImage render(const Scene& scene, const RenderOptions& options = {}) const;
 
-    // The same pixels, of the part that is not background only. Of a small marker in a VGA image
-    // an eighth less time, and less memory to go through afterwards.
+    // The same pixels, of the part only that is not background: an eighth less time for a small
+    // marker in a VGA image.
     RenderedPart render_part(const Scene& scene, const RenderOptions& options = {}) const;
 
     const CameraModel& camera() const;
@@ -80,14 +76,11 @@ private:
     std::unique_ptr<const Cache> cache_;
 };
 
-// Markers before an image: the closed-form methods know one radiance behind the markers; here they
-// are put over a whole picture.
-
-// M + (1 - C) B by pixel: M is the markers on black, C the same markers all white on black (their
-// coverage), B the background as the camera sees it without markers, its own blur included. All are
-// CV_32FC1 of one size. Exact where B is even across what a marker's edge is blurred over; there a
-// real background would be cut by the edge first and blurred then.
-// Throws NumericalError for different sizes or types, and for a background that is not finite.
+// Markers before an image, M + (1 - C) B by pixel: M is the markers on black, C the same markers
+// all white on black (their coverage), B the background as the camera sees it without markers, its
+// own blur included. All are CV_32FC1 of one size. Exact where B is even across the blur of an
+// edge. Throws NumericalError for different sizes or types, and for a background that is not
+// finite.
 Radiance placed_over(const Radiance& markers, const Radiance& coverage, const Radiance& background);
 
 // The scene without its own background, and its markers as one white cell each.

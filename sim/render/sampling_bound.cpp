@@ -66,27 +66,25 @@ std::vector<double> edge_values(const std::vector<BlurDisk>& disks, double step,
 // The same as samples that are thinned out from twice as many see it
 // (sim/tiles/tile_interpolation.h).
 std::vector<double> thinned(const std::vector<double>& values) {
-    std::vector<double> result = values;
+    std::vector<double> result;
     constexpr int fine_step = steps_per_sample / 2;
-    for (int n = 0; n < std::ssize(values); ++n) {
-        const auto at = [&](int place) {
-            return values[static_cast<std::size_t>(
-                std::clamp(place, 0, static_cast<int>(values.size()) - 1))];
-        };
+    const int last = static_cast<int>(values.size()) - 1;
+    const auto at = [&](int n) { return values[static_cast<std::size_t>(std::clamp(n, 0, last))]; };
+    for (int n = 0; n <= last; ++n) {
         double sum = 0.0;
         for (int tap = 0; tap < std::ssize(TileInterpolation::low_pass); ++tap) {
             const int distance = fine_step * tap + fine_step / 2;
             sum += TileInterpolation::low_pass[static_cast<std::size_t>(tap)] *
                    (at(n - distance) + at(n + distance));
         }
-        result[static_cast<std::size_t>(n)] = sum;
+        result.push_back(sum);
     }
     return result;
 }
 
-// Errors of a pixel whose box, spread by `spread` (symmetric, in bins of a step), is integrated
-// over the interpolant of k point samples per pixel of an edge under blur disks: by the place of
-// the edge, in steps from the pixel's centre, the middle element at it.
+// Errors of a pixel's box, spread by `spread` (symmetric, in bins of a step), over the interpolant
+// of k point samples a pixel of an edge under blur disks: by the place of the edge, in steps from
+// the pixel's centre, the middle element at it.
 std::vector<float> point_errors(int k, const std::vector<BlurDisk>& disks, bool is_thinned,
                                 const std::vector<double>& spread) {
     const int steps_per_px = steps_per_sample * k;
@@ -107,9 +105,7 @@ std::vector<float> point_errors(int k, const std::vector<BlurDisk>& disks, bool 
             weight += symmetric(spread, b) * symmetric(response, b - places.back());
         weights.push_back(weight);
     }
-    double blur_px = 0.0;
-    for (const BlurDisk& disk : disks)
-        blur_px = std::max(blur_px, disk.radius_px);
+    const double blur_px = std::ranges::max(disks, {}, &BlurDisk::radius_px).radius_px;
     const int reach = static_cast<int>(std::ceil((blur_px + 0.5) * steps_per_px)) + bins;
     std::vector<double> exact;  // by |offset|, for offsets of up to reach + bins; 1 - f(-x) = f(x)
     for (int m = 0; m <= reach + bins; ++m)
@@ -218,23 +214,25 @@ std::vector<float> pixel_box_errors(int k, const std::vector<double>& spread) {
     return errors;
 }
 
-}  // namespace
-
-namespace {
+// `body` gets radius and energy of rings of equal ratios, so that a narrow pattern is resolved.
+template <class Body>
+void for_each_ring(const PointSpreadFunction& spread, double min_px, int rings, const Body& body) {
+    const double ratio = std::pow(reach_of(spread) / min_px, 1.0 / rings);
+    double within = spread.energy_within(min_px);
+    for (int ring = 0; ring < rings; ++ring) {
+        const double next = spread.energy_within(min_px * std::pow(ratio, ring + 1));
+        body(min_px * std::pow(ratio, ring + 0.5), next - within);
+        within = next;
+    }
+}
 
 // How far a spread moves light to one side, at most 1 px, on average over all of its light: r / pi
 // for a ring. At the corner of a box's profile that is the error of leaving the spread out.
 double mean_distance_to_one_side(const PointSpreadFunction& spread) {
-    constexpr int rings = 2000;
-    constexpr double min_px = 1e-9;
-    const double ratio = std::pow(reach_of(spread) / min_px, 1.0 / rings);
-    double sum = 0.0, within = spread.energy_within(min_px);
-    for (int ring = 0; ring < rings; ++ring) {
-        const double next = spread.energy_within(min_px * std::pow(ratio, ring + 1));
-        const double r = min_px * std::pow(ratio, ring + 0.5);
-        sum += (next - within) * std::min(r, 1.0) / std::numbers::pi;
-        within = next;
-    }
+    double sum = 0.0;
+    for_each_ring(spread, 1e-9, 2000, [&](double r, double energy) {
+        sum += energy * std::min(r, 1.0) / std::numbers::pi;
+    });
     return sum;
 }
 
@@ -251,34 +249,27 @@ SamplingBound::SamplingBound(const PointSpreadFunction* spread) : spread_(spread
 }
 
 // A ring of radius r, seen along one axis, has the part 1/2 + asin(x / r) / pi of its energy below
-// x. Rings of equal ratios, so that a narrow pattern is resolved as well.
+// x.
 std::vector<double> SamplingBound::line_spread(int bins_per_px) const {
     if (spread_ == nullptr)
         return {1.0};
     const double reach_px = reach_of(*spread_);
-    constexpr int rings = 400;
     constexpr double min_px = 1e-6;
-    const double ratio = std::pow(reach_px / min_px, 1.0 / rings);
     std::vector<double> bins(static_cast<std::size_t>(reach_px * bins_per_px) + 2, 0.0);
-    double within = spread_->energy_within(min_px);
-    bins[0] = within + 1.0 - spread_->energy_within(reach_px);
-    for (int ring = 0; ring < rings; ++ring) {
-        const double r = min_px * std::pow(ratio, ring + 0.5);
-        const double next = spread_->energy_within(min_px * std::pow(ratio, ring + 1));
+    bins[0] = spread_->energy_within(min_px) + 1.0 - spread_->energy_within(reach_px);
+    for_each_ring(*spread_, min_px, 400, [&](double r, double energy) {
         double below = 0.0;  // energy between -x and x, to be shared by the bins of both sides
         for (std::size_t b = 0; b < bins.size() && below < 1.0; ++b) {
             const double x = (static_cast<double>(b) + 0.5) / bins_per_px;
             const double up_to = x < r ? 2.0 * std::asin(x / r) / std::numbers::pi : 1.0;
-            bins[b] += (next - within) * (up_to - below) * (b == 0 ? 1.0 : 0.5);
+            bins[b] += energy * (up_to - below) * (b == 0 ? 1.0 : 0.5);
             below = up_to;
         }
-        within = next;
-    }
+    });
     return bins;
 }
 
-// The error comes from the disk's rim, where its profile rises with the 3/2th power: so it falls
-// for wide blur. Where the disk is not much wider than a sample it has ripples, whose largest
+// Falls for wide blur. Where the disk is not much wider than a sample it has ripples, whose largest
 // counts.
 double SamplingBound::of_points(int k, double blur_radius_px, EdgeTangents tangents) const {
     constexpr double max_px = 12.0, bin = 1.08, no_ripples_from_samples = 3.0;
@@ -297,9 +288,8 @@ double SamplingBound::of_points(int k, double blur_radius_px, EdgeTangents tange
     return largest;
 }
 
-// The disks that stand for a sample's disk and the lens do so at the frequencies that the spread
-// leaves, not at those that the samples take for them: there they have ripples of their own, whose
-// largest counts. Two disks for more of them tell enough (sim/psf/deconvolved_psf.h).
+// The disks that stand for a sample's disk and the lens have ripples of their own at the samples'
+// frequencies, whose largest counts. Two disks for more of them tell enough.
 double SamplingBound::of_disks(int k, const DeconvolvedPsf& sharpened, const DiskBlur& blur,
                                EdgeTangents tangents, bool is_thinned) const {
     constexpr double bin_of_one = 1.03, bin_of_two = 1.15, no_ripples_from_samples = 3.0;
@@ -308,39 +298,38 @@ double SamplingBound::of_disks(int k, const DeconvolvedPsf& sharpened, const Dis
         return std::log(radius_px / disk) / std::log(bin);
     };
     double largest = 0.0;
-    const auto see = [&](int kind, int index, const std::vector<BlurDisk>& disks) {
+    const auto see = [&](int kind, double bin, double least_px, double most_px, auto disks_of) {
         constexpr int kinds = 4, first_index = std::numeric_limits<int>::min() / 2;
-        const int key = first_index + kinds * index + 2 * kind + (is_thinned ? 1 : 0);
-        const auto errors = [&] { return point_errors(k, disks, is_thinned, line(sharpened, k)); };
-        largest = std::max(largest, largest_of(k, key, tangents, errors));
+        const auto first = static_cast<int>(std::floor(place(least_px, bin)));
+        const auto last = std::lround(place(most_px, bin));
+        for (int index = first; index <= std::max<long>(first, last); ++index) {
+            const int key = first_index + kinds * index + 2 * kind + (is_thinned ? 1 : 0);
+            const auto errors = [&] {
+                return point_errors(k, disks_of(disk * std::pow(bin, index)), is_thinned,
+                                    line(sharpened, k));
+            };
+            largest = std::max(largest, largest_of(k, key, tangents, errors));
+        }
     };
-    if (blur.smallest_px <= blur.one_disk_up_to_px) {
-        const double most = std::min(blur.largest_px, blur.one_disk_up_to_px);
-        const auto first = static_cast<int>(place(std::hypot(disk, blur.smallest_px), bin_of_one));
-        const auto last = std::lround(place(std::hypot(disk, most), bin_of_one));
-        for (int index = first; index <= std::max<long>(first, last); ++index)
-            see(0, index, {{disk * std::pow(bin_of_one, index), 1.0}});
-    }
-    if (blur.largest_px > blur.one_disk_up_to_px) {
-        const double least = std::max(blur.smallest_px, blur.one_disk_up_to_px);
-        const double most = std::min(blur.largest_px, no_ripples_from_samples / k);
-        const auto first = static_cast<int>(std::floor(place(least, bin_of_two)));
-        const auto last = std::lround(place(most, bin_of_two));
-        for (int index = first; index <= std::max<long>(first, last); ++index)
-            see(1, index, two_disks(disk, disk * std::pow(bin_of_two, index)));
-    }
+    if (blur.smallest_px <= blur.one_disk_up_to_px)
+        see(0, bin_of_one, std::hypot(disk, blur.smallest_px),
+            std::hypot(disk, std::min(blur.largest_px, blur.one_disk_up_to_px)),
+            [](double radius_px) {
+                return std::vector<BlurDisk>{{radius_px, 1.0}};
+            });
+    if (blur.largest_px > blur.one_disk_up_to_px)
+        see(1, bin_of_two, std::max(blur.smallest_px, blur.one_disk_up_to_px),
+            std::min(blur.largest_px, no_ripples_from_samples / k),
+            [&](double blur_px) { return two_disks(disk, blur_px); });
     return largest;
-}
-
-SamplingBound::Known& SamplingBound::known_at(std::pair<int, int> key) const {
-    const std::lock_guard lock(mutex_);
-    return known_[key];
 }
 
 template <class Errors>
 double SamplingBound::largest_of(int k, int index, EdgeTangents tangents,
                                  const Errors& errors) const {
-    Known& known = known_at({k, index});
+    std::unique_lock all(mutex_);
+    Known& known = known_[{k, index}];
+    all.unlock();
     const std::lock_guard lock(known.mutex);  // of this one: others need not wait
     if (known.errors.empty())
         known.errors = errors();

@@ -1,11 +1,7 @@
-// How wrong a render can be for sampling the image at k x k places a pixel: the bounds from which k
-// is chosen. Numeric: the pixel's weights on the samples of a straight edge against the exact
-// response, for the worst place of the edge. Along the pixels' axes and at 45 degrees a pixel's k
-// rows of samples err in step; in between their errors partly cancel. The spread is taken across
-// the edge's axis only, which is on the safe side.
-//
-// A scene's error is this times the largest step between neighbouring cells; a second edge within
-// the same pixel adds its own.
+// How wrong a render can be for sampling the image at k x k places a pixel, beside a straight edge
+// at its worst place: docs/rendering.md, "Plan". The spread is taken across the edge's axis only,
+// which is on the safe side. A scene's error is this times the largest step between neighbouring
+// cells; a second edge within the same pixel adds its own.
 #pragma once
 
 #include <array>
@@ -20,8 +16,7 @@
 namespace etalon {
 
 // Directions of edges in the image: bit n stands for the tangent n / 64 of the angle to the nearest
-// of the pixels' axes. In steps of a 16th, the rows of 15 samples that one edge crosses cancel at
-// 1/16 and not beside it.
+// of the pixels' axes.
 inline constexpr std::size_t tangent_steps = 64;
 using EdgeTangents = std::bitset<tangent_steps + 1>;
 
@@ -66,7 +61,6 @@ private:
     // The spread seen along one axis: its energy in bins of 1/bins_per_px, symmetric about bin 0.
     std::vector<double> line_spread(int bins_per_px) const;
 
-    Known& known_at(std::pair<int, int> key) const;
     template <class Errors>
     double largest_of(int k, int index, EdgeTangents tangents, const Errors& errors) const;
 

@@ -19,30 +19,22 @@ std::vector<Eigen::Vector2d> box_outline(const Box& box, const Projector& projec
     std::vector<Eigen::Vector2d> pixels;
     const Eigen::Vector3d backward = -projector.axis();
     if (backward.z() > 0.0) {
-        const Eigen::Vector2d at = backward.hnormalized();
-        if ((at.array() >= box.low.array()).all() && (at.array() <= box.high.array()).all())
+        const Eigen::Array2d at = backward.hnormalized();
+        if ((at >= box.low.array()).all() && (at <= box.high.array()).all())
             return pixels;
     }
     for (int n = 0; n < 4 * points_per_side; ++n) {
         const double along = (n % points_per_side) / double(points_per_side);
-        const double s[] = {along, 1.0, 1.0 - along, 0.0};
-        const double t[] = {0.0, along, 1.0, 1.0 - along};
-        const int side = n / points_per_side;
-        const Eigen::Vector2d share(s[side], t[side]);
-        const Eigen::Vector2d x = box.low + share.cwiseProduct(box.high - box.low);
+        const Eigen::Vector2d shares[] = {
+            {along, 0.0}, {1.0, along}, {1.0 - along, 1.0}, {0.0, 1.0 - along}};
+        const Eigen::Vector2d x =
+            box.low + shares[n / points_per_side].cwiseProduct(box.high - box.low);
         const auto pixel = projector.project(x.homogeneous());
         if (!pixel)
             return {};
         pixels.push_back(*pixel);
     }
     return pixels;
-}
-
-template <class Body>
-void for_each_cell(const cv::Rect& cells, const Body& body) {
-    for (int j = cells.y; j < cells.br().y; ++j)
-        for (int i = cells.x; i < cells.br().x; ++i)
-            body(i, j);
 }
 
 }  // namespace

@@ -20,23 +20,10 @@ double blur_radius_px(const MarkerView& view, const Projector& projector,
     return std::min(radius, max_wave_blur_px);
 }
 
-void check_blur(const MarkerView& view, const CameraModel& camera) {
-    const double largest = blur_over_marker(view, camera.intrinsics).largest_px;
-    if (!(largest <= max_wave_blur_px))
-        throw NumericalError(
-            fmt::format("psf wave: the marker's blur radius of {:.4g} px is above {:.4g} "
-                        "px; use psf: ideal, which is right there",
-                        largest, max_wave_blur_px));
-}
-
 // Box averages a pixel side, for a maximum of 0.1 gray: the areas under the pattern are sharp, so
 // that only much blur allows for fewer.
 int boxes_per_pixel_side(double least_blur_px) {
-    if (least_blur_px >= 4.0)
-        return 3;
-    if (least_blur_px >= 2.0)
-        return 5;
-    return 9;
+    return least_blur_px >= 4.0 ? 3 : least_blur_px >= 2.0 ? 5 : 9;
 }
 
 // The pixels that hold everything that the chief rays see of the marker.
@@ -51,52 +38,50 @@ cv::Rect marker_box(const MarkerView& view, const Projector& projector, const cv
 }
 
 // Averages of the chief rays' radiance less the background over k x k boxes of each pixel.
-class BoxAverages {
-public:
-    BoxAverages(const MarkerView& view, const UndistortionMap& map, const cv::Rect& pixels, int k)
-        : view_(view),
-          map_(map),
-          pixels_(pixels),
-          k_(k),
-          averages_(cv::Mat::zeros(pixels.height * k, pixels.width * k, CV_32FC1)) {
+struct BoxAverages {
+    const MarkerView& view;
+    const UndistortionMap& map;
+    cv::Rect pixels;
+    int k;
+
+    cv::Mat values() const {
+        cv::Mat averages = cv::Mat::zeros(pixels.height * k, pixels.width * k, CV_32FC1);
         const cv::Rect tiles = cells_of(pixels, tile_px);
         tbb::parallel_for(tiles.y, tiles.br().y, [&](int j) {
-            CellCoverage coverage(view_, lens_points(0.0, 1, 0));
+            CellCoverage coverage(view, lens_points(0.0, {1, 0}));
             std::vector<std::optional<MappedPoint>> points;
             for (int i = tiles.x; i < tiles.br().x; ++i)
-                fill_tile(i, j, coverage, points);
+                fill_tile(i, j, coverage, points, averages);
         });
+        return averages;
     }
 
-    const cv::Mat& values() const { return averages_; }
-
-private:
     void fill_tile(int i, int j, CellCoverage& coverage,
-                   std::vector<std::optional<MappedPoint>>& points) {
+                   std::vector<std::optional<MappedPoint>>& points, cv::Mat& averages) const {
         const cv::Rect tile(i * tile_px, j * tile_px, tile_px, tile_px);
-        const cv::Rect inside = tile & pixels_;
-        cv::Mat part = averages_({(inside.x - pixels_.x) * k_, (inside.y - pixels_.y) * k_,
-                                  inside.width * k_, inside.height * k_});
-        const cv::Point first((inside.x - tile.x) * k_, (inside.y - tile.y) * k_);
+        const cv::Rect inside = tile & pixels;
+        cv::Mat part = averages({(inside.x - pixels.x) * k, (inside.y - pixels.y) * k,
+                                 inside.width * k, inside.height * k});
+        const cv::Point first((inside.x - tile.x) * k, (inside.y - tile.y) * k);
         const bool is_mapped =
-            map_.tiles().contains({i, j}) && map_.validity(i, j) == UndistortionMap::Validity::all;
+            map.tiles().contains({i, j}) && map.validity(i, j) == UndistortionMap::Validity::all;
         if (is_mapped) {
-            const auto range = view_.footprint(map_.bounds(i, j));
+            const auto range = view.footprint(map.bounds(i, j));
             if (!range)
                 return;
-            if (const auto uniform = view_.uniform_radiance(*range)) {
-                part.setTo(*uniform - view_.background());
+            if (const auto uniform = view.uniform_radiance(*range)) {
+                part.setTo(*uniform - view.background());
                 return;
             }
-            map_.sample(i, j, tile_px * k_, points);
+            map.sample(i, j, tile_px * k, points);
         }
         for (int y = 0; y < part.rows; ++y)
             for (int x = 0; x < part.cols; ++x) {
                 const int column = first.x + x, row = first.y + y;
                 const auto point =
-                    is_mapped ? points[static_cast<std::size_t>(row * tile_px * k_ + column)]
-                              : map_.exact({tile.x - 0.5 + (column + 0.5) / k_,
-                                            tile.y - 0.5 + (row + 0.5) / k_});
+                    is_mapped ? points[static_cast<std::size_t>(row * tile_px * k + column)]
+                              : map.exact({tile.x - 0.5 + (column + 0.5) / k,
+                                           tile.y - 0.5 + (row + 0.5) / k});
                 part.at<float>(y, x) = average(point, coverage);
             }
     }
@@ -104,33 +89,28 @@ private:
     float average(const std::optional<MappedPoint>& point, CellCoverage& coverage) const {
         if (!point)
             return 0.0f;
-        const Eigen::Matrix2d sides = point->jacobian / k_;
+        const Eigen::Matrix2d sides = point->jacobian / k;
         const Eigen::Vector2d half = 0.5 * sides.cwiseAbs().rowwise().sum();
-        const auto range = view_.footprint({point->x - half, point->x + half});
+        const auto range = view.footprint({point->x - half, point->x + half});
         return range
-                   ? static_cast<float>(coverage.over(point->x, sides, *range) - view_.background())
+                   ? static_cast<float>(coverage.over(point->x, sides, *range) - view.background())
                    : 0.0f;
     }
-
-    const MarkerView& view_;
-    const UndistortionMap& map_;
-    cv::Rect pixels_;
-    int k_;
-    cv::Mat averages_;
 };
 
 // Sums the window of averages around each pixel of a tile with the kernel of the tile's blur
 // radius, interpolated between its neighbours.
-class Core {
-public:
-    Core(const WaveFilter& filter, const cv::Mat& averages, const cv::Rect& pixels, int k)
-        : filter_(filter), averages_(averages), pixels_(pixels), k_(k) {}
+struct Core {
+    const WaveFilter& filter;
+    cv::Mat averages;
+    cv::Rect pixels;
+    int k;
 
     void add(const cv::Rect& tile, double blur_radius_px, const cv::Rect& region,
              cv::Mat& difference) const {
-        const int index = static_cast<int>(blur_radius_px / filter_.blur_step_px());
-        const cv::Size reach = filter_.core_reach(k_, index + 1);
-        double part = blur_radius_px / filter_.blur_step_px() - index;
+        const int index = static_cast<int>(blur_radius_px / filter.blur_step_px());
+        const cv::Size reach = filter.core_reach(k, index + 1);
+        double part = blur_radius_px / filter.blur_step_px() - index;
         if (index == 0)
             part *= part;  // the pattern is even in the defocus
         const auto constant = constant_around(tile, reach);
@@ -147,18 +127,17 @@ public:
                     static_cast<float>(product(kernel, reach, {x, y}));
     }
 
-private:
     // The value of all averages that the tile's pixels see, if they have one; outside the averages
     // it is 0.
     std::optional<double> constant_around(const cv::Rect& tile, const cv::Size& reach) const {
-        const cv::Rect seen((tile.x - pixels_.x) * k_ - reach.width,
-                            (tile.y - pixels_.y) * k_ - reach.height,
-                            tile.width * k_ + 2 * reach.width, tile.height * k_ + 2 * reach.height);
-        const cv::Rect met = seen & cv::Rect({0, 0}, averages_.size());
+        const cv::Rect seen((tile.x - pixels.x) * k - reach.width,
+                            (tile.y - pixels.y) * k - reach.height,
+                            tile.width * k + 2 * reach.width, tile.height * k + 2 * reach.height);
+        const cv::Rect met = seen & cv::Rect({0, 0}, averages.size());
         if (met.empty())
             return 0.0;
         double least = 0.0, most = 0.0;
-        cv::minMaxLoc(averages_(met), &least, &most);
+        cv::minMaxLoc(averages(met), &least, &most);
         if (least != most || (met != seen && least != 0.0))
             return std::nullopt;
         return least;
@@ -166,10 +145,10 @@ private:
 
     // Of the size of the kernel above.
     cv::Mat kernel_between(int index, double part) const {
-        const cv::Size reach = filter_.core_reach(k_, index + 1);
-        const cv::Size less = filter_.core_reach(k_, index);
-        const cv::Mat& below = filter_.core(k_, index);
-        cv::Mat kernel = part * filter_.core(k_, index + 1);
+        const cv::Size reach = filter.core_reach(k, index + 1);
+        const cv::Size less = filter.core_reach(k, index);
+        const cv::Mat& below = filter.core(k, index);
+        cv::Mat kernel = part * filter.core(k, index + 1);
         cv::Mat inner =
             kernel({{reach.width - less.width, reach.height - less.height}, below.size()});
         inner += (1.0 - part) * below;
@@ -178,16 +157,11 @@ private:
 
     // The sum over a kernel centred on a pixel, as far as it meets the averages.
     double product(const cv::Mat& kernel, const cv::Size& reach, const cv::Point& pixel) const {
-        const cv::Point first((pixel.x - pixels_.x) * k_ - reach.width,
-                              (pixel.y - pixels_.y) * k_ - reach.height);
-        const cv::Rect met = cv::Rect(first, kernel.size()) & cv::Rect({0, 0}, averages_.size());
-        return met.empty() ? 0.0 : kernel(met - first).dot(averages_(met));
+        const cv::Point first((pixel.x - pixels.x) * k - reach.width,
+                              (pixel.y - pixels.y) * k - reach.height);
+        const cv::Rect met = cv::Rect(first, kernel.size()) & cv::Rect({0, 0}, averages.size());
+        return met.empty() ? 0.0 : kernel(met - first).dot(averages(met));
     }
-
-    const WaveFilter& filter_;
-    const cv::Mat& averages_;
-    cv::Rect pixels_;
-    int k_;
 };
 
 // Convolution of `image` over `from` with a kernel of odd size, seen on `to`; by FFT.
@@ -252,14 +226,19 @@ void check_wave_scene(const Scene& scene, const CameraModel& camera) {
     if (scene.markers.size() != 1)
         throw NumericalError(fmt::format("psf wave: needs a scene with exactly one marker, not {}",
                                          scene.markers.size()));
-    check_blur(MarkerView(scene.markers.front(), scene.background, aperture_of(camera)), camera);
+    const MarkerView view(scene.markers.front(), scene.background, aperture_of(camera));
+    const double largest = blur_over_marker(view, camera.intrinsics).largest_px;
+    if (!(largest <= max_wave_blur_px))
+        throw NumericalError(
+            fmt::format("psf wave: the marker's blur radius of {:.4g} px is above {:.4g} "
+                        "px; use psf: ideal, which is right there",
+                        largest, max_wave_blur_px));
 }
 
 cv::Mat wave_difference(const MarkerView& view, const UndistortionMap& map,
                         const WaveFilter& filter, const cv::Rect& region, double tolerance_gray) {
     const Projector& projector = map.projector();
     const CameraModel& camera = projector.camera();
-    check_blur(view, camera);
     const double contrast = std::max(view.contrast(), 1e-6);
     const double omitted = 0.5 * tolerance_gray / (255.0 * contrast);
     const double wide =
@@ -273,15 +252,14 @@ cv::Mat wave_difference(const MarkerView& view, const UndistortionMap& map,
     const cv::Rect far = marker_box(view, projector, grown(region, reach, reach));
     if (far.empty())
         return difference;
-    add_tail(filter, BoxAverages(view, map, far, 1).values(), far, region, radii, reach,
+    add_tail(filter, BoxAverages{view, map, far, 1}.values(), far, region, radii, reach,
              difference);
 
     double most = 0.0;
     cv::minMaxLoc(radii, nullptr, &most);
     const cv::Size core = filter.core_reach(k, static_cast<int>(most / filter.blur_step_px()) + 1);
     const cv::Rect near = far & grown(region, core.width / k + 1, core.height / k + 1);
-    const BoxAverages averages(view, map, near, k);
-    const Core sums(filter, averages.values(), near, k);
+    const Core sums{filter, BoxAverages{view, map, near, k}.values(), near, k};
     const cv::Rect reached = region & grown(near, core.width / k + 1, core.height / k + 1);
     tbb::parallel_for(0, (reached.height + tile_px - 1) / tile_px, [&](int j) {
         for (int x = reached.x; x < reached.br().x; x += tile_px) {

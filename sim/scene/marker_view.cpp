@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
 
@@ -15,15 +14,12 @@ namespace {
 // Bounds are widened by this part of their size, far more than rounding can amount to.
 constexpr double rounding_margin = 1e-9;
 
-void check_cells(const cv::Mat& cells) {
+void check_marker(const PlacedMarker& marker) {
+    const cv::Mat& cells = marker.grid.cells;
     if (cells.empty() || cells.type() != CV_32FC1)
         throw NumericalError("the marker's cells must be a non-empty CV_32FC1 matrix");
     if (!cv::checkRange(cells))
         throw NumericalError("a cell's radiance is not finite");
-}
-
-void check_marker(const PlacedMarker& marker) {
-    check_cells(marker.grid.cells);
     const Rigid& pose = marker.camera_from_marker;
     const Eigen::Vector2d &corner = marker.grid.corner_mm, &cell = marker.grid.cell_mm;
     if (!pose.translation.allFinite() || !(std::abs(pose.rotation.norm() - 1.0) < 1e-6))
@@ -33,23 +29,6 @@ void check_marker(const PlacedMarker& marker) {
     if (!corner.allFinite() || !cell.allFinite() || !(cell.minCoeff() > 0.0))
         throw NumericalError(fmt::format("not a grid: cells of {} x {} mm from ({}, {}) mm",
                                          cell.x(), cell.y(), corner.x(), corner.y()));
-}
-
-Eigen::Matrix3d camera_from_grid(const PlacedMarker& marker) {
-    const Eigen::Matrix3d rotation = marker.camera_from_marker.rotation.toRotationMatrix();
-    Eigen::Matrix3d m;
-    m.col(0) = marker.grid.cell_mm.x() * rotation.col(0);
-    m.col(1) = marker.grid.cell_mm.y() * rotation.col(1);
-    m.col(2) = marker.camera_from_marker * marker.grid.point_mm(0, 0);
-    return m;
-}
-
-// Perspective divides by Z; telecentric rays keep their X and Y.
-Eigen::Matrix3d sensor_from_grid(Projection projection, const Eigen::Matrix3d& camera_from_grid) {
-    Eigen::Matrix3d m = camera_from_grid;
-    if (projection == Projection::telecentric)
-        m.row(2) << 0, 0, 1;
-    return m;
 }
 
 // The box and everything closer to it than `reach`, rounding included.
@@ -63,14 +42,6 @@ Box with_margin(const Box& box, double reach) {
 
 bool are_apart(const Box& a, const Box& b) {
     return (a.high.array() < b.low.array()).any() || (a.low.array() > b.high.array()).any();
-}
-
-// How far before the marker's plane the lens is, mm; telecentric: the cosine between the plane's
-// normal and the chief rays. Positive in front of the marker.
-double frontness(Projection projection, const Eigen::Matrix3d& camera_from_grid) {
-    const Eigen::Vector3d normal =
-        camera_from_grid.col(0).cross(camera_from_grid.col(1)).normalized();
-    return projection == Projection::telecentric ? normal.z() : normal.dot(camera_from_grid.col(2));
 }
 
 }  // namespace
@@ -119,20 +90,30 @@ MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aper
     : aperture_(aperture), background_(background) {
     columns_ = marker.grid.columns();
     rows_ = marker.grid.rows();
-    camera_from_grid_ = etalon::camera_from_grid(marker);
+    const Eigen::Matrix3d rotation = marker.camera_from_marker.rotation.toRotationMatrix();
+    camera_from_grid_ << marker.grid.cell_mm.x() * rotation.col(0),
+        marker.grid.cell_mm.y() * rotation.col(1),
+        marker.camera_from_marker * marker.grid.point_mm(0, 0);
     for (const auto& [u, v] : {std::pair{0, 0}, {columns_, 0}, {0, rows_}, {columns_, rows_}}) {
         const double z = (camera_from_grid_ * Eigen::Vector3d(u, v, 1)).z();
         if (!(z > 0.0))
             throw NumericalError(fmt::format(
                 "a corner of the marker lies at depth {:.6g} mm: not in front of the lens", z));
     }
-    const double distance = frontness(aperture.projection, camera_from_grid_);
+    // How far before the marker's plane the lens is, mm; telecentric: the cosine between the
+    // plane's normal and the chief rays.
+    const bool is_telecentric = aperture.projection == Projection::telecentric;
+    const Eigen::Vector3d normal =
+        camera_from_grid_.col(0).cross(camera_from_grid_.col(1)).normalized();
+    const double distance = is_telecentric ? normal.z() : normal.dot(camera_from_grid_.col(2));
     if (!(distance > 0.0))
         throw NumericalError(fmt::format(
             "the camera sees the marker's back or its edge ({:.6g} before its plane)", distance));
-    sensor_from_grid_ = etalon::sensor_from_grid(aperture.projection, camera_from_grid_);
+    sensor_from_grid_ = camera_from_grid_;
+    if (is_telecentric)  // its rays keep their X and Y
+        sensor_from_grid_.row(2) << 0, 0, 1;
     h_ = sensor_from_grid_.inverse();
-    if (aperture.projection == Projection::telecentric) {
+    if (is_telecentric) {
         h_.row(2) << 0, 0, 1;  // without rounding: no horizon
         e_ = (camera_from_grid_.row(2) * h_).transpose();
     } else {
@@ -151,15 +132,12 @@ MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aper
                 marker.grid.cells.at<float>(j, i);
 }
 
-// The other way round: the ray from the sensor point p of a marker's point through l meets the
-// sensor where x = p - l (c(p) + focus(p) - focus(x)), so at most |l| |c(p)| / (1 - |l| |g|) away,
-// with the steepest g of the focus; where a is the slope of c, focus(x) is continued to p by its
-// own slope, and |g| counts twice. Where the marker's plane almost cuts the lens, this is all that
-// bounds what sees it: seen_through_lens() is then everything. How long the pupil is as seen from
-// there is not known before: found step by step.
+// The ray from the sensor point p of a marker's point through l meets the sensor where x = p - l
+// (c(p) + focus(p) - focus(x)), so at most |l| |c(p)| / (1 - |l| |g|) away, with the steepest g of
+// the focus; where a is the slope of c, focus(x) is continued to p by its own slope, and |g| counts
+// twice. How long the pupil is as seen from there is found step by step.
 void MarkerView::bound_blur() {
-    const DefocusRange c = defocus_of_marker();
-    const double farthest = std::max(std::abs(c.low), std::abs(c.high));
+    const double farthest = defocus_of_marker().largest();
     double widest = widest_pupil(outline_);
     for (int step = 0; step < 20; ++step) {
         const double lens = aperture_.radius_mm * widest;
@@ -227,13 +205,11 @@ double MarkerView::widest_pupil(const Box& box) const {
 }
 
 double MarkerView::largest_defocus(const Box& box) const {
-    const DefocusRange c = defocus_over(box);
-    return std::max(std::abs(c.low), std::abs(c.high)) * widest_pupil(box);
+    return defocus_over(box).largest() * widest_pupil(box);
 }
 
 double MarkerView::smallest_defocus(const Box& box) const {
-    const DefocusRange c = defocus_over(box);
-    return std::max({0.0, c.low, -c.high});
+    return defocus_over(box).smallest();
 }
 
 Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vector2d& x,
@@ -244,15 +220,10 @@ Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vect
     return m * (1.0 - turn(x).dot(seen)) + defocus_slope(x) * m.dot(seen);
 }
 
-// |l c / (1 - a.l)| <= radius |c| / (1 - radius |a|) for every l on the lens.
-Box MarkerView::seen_through_lens(const Box& box) const {
-    return with_margin(box, lens_reach_ * largest_defocus(box));
-}
-
-// The marker's sensor points fill a convex outline, which the lines u = 0, u = columns, v = 0 and
-// v = rows bound on the near side of the plane's horizon: W > 0 for all of them. Two convex shapes
-// are apart if and only if one of their sides parts them. Needs no division and holds across the
-// horizon. `centre`, `to_right`, `down`: (U, V, W) at the box's centre and half a box from there.
+// The marker's sensor points fill a convex outline between the lines u = 0, u = columns, v = 0 and
+// v = rows, where W > 0. Two convex shapes are apart if and only if one of their sides parts them.
+// Needs no division and holds across the horizon. `centre`, `to_right`, `down`: (U, V, W) at the
+// box's centre and half a box from there.
 bool MarkerView::misses_marker(const Box& box, const Eigen::Vector3d& centre,
                                const Eigen::Vector3d& to_right, const Eigen::Vector3d& down) const {
     if (are_apart(box, outline_))
@@ -271,16 +242,15 @@ bool MarkerView::misses_marker(const Box& box, const Eigen::Vector3d& centre,
 // u and v are quotients of linear functions: over a box they are largest and smallest at its
 // corners, as long as the denominator W keeps its sign.
 //
-// Where it does not, all lines decide: a ray with W < 0 counts as beyond the line u = i when i is
-// at least its quotient u. What the lines between all cells make of it is the cell at its quotients
-// (u, v), which is none of the marker's: their sensor points have W > 0. So this ray, which runs
-// away from the plane, has the background's radiance, as it must. That also holds where a window
+// Where it does not, the range is all cells: a ray with W < 0, which runs away from the plane, then
+// has the background's radiance (docs/rendering.md, "Geometry"). That also holds where a window
 // (aperture or box) leaves out the lines before one that all of it is beyond, or after one that
-// nothing of it is beyond: for such a ray the other lines of that direction then end in the frame.
+// nothing of it is beyond: for such a ray the other lines of that direction end in the frame.
 std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
     if (are_apart(sensor_box, blurred_outline_))
         return std::nullopt;
-    const Box box = seen_through_lens(sensor_box);
+    // |l c / (1 - a.l)| <= radius |c| / (1 - radius |a|) for every l on the lens.
+    const Box box = with_margin(sensor_box, lens_reach_ * largest_defocus(sensor_box));
     const Eigen::Vector2d half = box.half();
     const Eigen::Vector3d centre = h_ * box.centre().homogeneous();
     const Eigen::Vector3d to_right = half.x() * h_.col(0), down = half.y() * h_.col(1);
@@ -305,36 +275,34 @@ std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
                     sensor_box);
 }
 
+// The lens is round: lines pass beside it within a square around it (docs/rendering.md, "Bounds").
+// With m the line's gradient, D + w . l is at least |D| (1 - rho |a|) - rho |c| |m| from zero for
+// every l, and |D| on the box at least what it is at the centre less the half sides' parts along m.
 CellRange MarkerView::narrowed(const CellRange& range, const Box& box) const {
     CellRange result = range;
     if (range.is_single())
         return result;
-    const LensBox seen{h_ * box.centre().homogeneous(), with_margin(box, 0.0).half(),
-                       lens_reach_ * largest_defocus(box)};
-    leave_out_lines(0, seen, result.first_column, result.last_column);
-    leave_out_lines(1, seen, result.first_row, result.last_row);
-    return result;
-}
-
-// Between the corners of a square around the lens a line may still pass beside the lens, which is
-// round. With m the line's gradient, D + w . l is at least |D| (1 - rho |a|) - rho |c| |m| from
-// zero for every l, and |D| on the box at least what it is at the centre less the half sides' parts
-// along m.
-void MarkerView::leave_out_lines(int axis, const LensBox& seen, int& first, int& last) const {
+    const Eigen::Vector3d centre = h_ * box.centre().homogeneous();
+    const Eigen::Vector2d half = with_margin(box, 0.0).half();
+    const double reach = lens_reach_ * largest_defocus(box);
     // Positive: every ray passes beyond the line; negative: none does; 0: some may.
-    const auto side = [&](int index) {
+    const auto side = [&](int axis, int index) {
         const double mx = h_(axis, 0) - index * h_(2, 0), my = h_(axis, 1) - index * h_(2, 1);
-        const double offset = seen.centre[axis] - index * seen.centre[2];
-        const double closest =
-            std::abs(offset) - std::abs(mx) * seen.half.x() - std::abs(my) * seen.half.y();
+        const double offset = centre[axis] - index * centre[2];
+        const double closest = std::abs(offset) - std::abs(mx) * half.x() - std::abs(my) * half.y();
         const bool is_clear =
-            closest > 0.0 && closest * closest > seen.reach * seen.reach * (mx * mx + my * my);
+            closest > 0.0 && closest * closest > reach * reach * (mx * mx + my * my);
         return is_clear ? offset : 0.0;
     };
-    while (first < last && side(first + 1) > 0.0)
-        ++first;
-    while (first < last && side(last) < 0.0)
-        --last;
+    const auto leave_out_lines = [&](int axis, int& first, int& last) {
+        while (first < last && side(axis, first + 1) > 0.0)
+            ++first;
+        while (first < last && side(axis, last) < 0.0)
+            --last;
+    };
+    leave_out_lines(0, result.first_column, result.last_column);
+    leave_out_lines(1, result.first_row, result.last_row);
+    return result;
 }
 
 std::optional<double> MarkerView::uniform_radiance(const CellRange& range) const {
@@ -349,15 +317,12 @@ std::optional<double> MarkerView::uniform_radiance(const CellRange& range) const
 BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics) {
     const DefocusRange c = view.defocus_of_marker();
     const double rho = view.aperture().radius_mm;
-    const double most = std::max(std::abs(c.low), std::abs(c.high));
-    return {
-        rho * std::max({0.0, c.low, -c.high}) * std::min(intrinsics.fx, intrinsics.fy),
-        rho * most * view.widest_pupil(view.outline()) * std::max(intrinsics.fx, intrinsics.fy)};
+    return {rho * c.smallest() * std::min(intrinsics.fx, intrinsics.fy),
+            rho * c.largest() * view.widest_pupil(view.outline()) *
+                std::max(intrinsics.fx, intrinsics.fy)};
 }
 
 namespace {
-
-constexpr int parts_of_bent_edge = 8;
 
 // The plane passes before all of the lens (telecentric: no ray of the cone runs along it).
 bool shows_front(const CameraModel& camera, const Rigid& camera_from_marker) {
@@ -369,11 +334,6 @@ bool shows_front(const CameraModel& camera, const Rigid& camera_from_marker) {
     return before > radius * (camera.projection.is_flat() ? inward.head<2>().norm() : 1.0);
 }
 
-bool is_inside(const CameraModel& camera, const Eigen::Vector2d& pixel, double margin_px) {
-    return pixel.x() >= margin_px && pixel.y() >= margin_px &&
-           pixel.x() <= camera.width - 1 - margin_px && pixel.y() <= camera.height - 1 - margin_px;
-}
-
 }  // namespace
 
 bool is_in_view(const Projector& projector, const CellGrid& grid, const Rigid& camera_from_marker,
@@ -383,9 +343,12 @@ bool is_in_view(const Projector& projector, const CellGrid& grid, const Rigid& c
         return false;
     const auto is_seen = [&](double u, double v) {
         const auto pixel = projector.project(camera_from_marker * grid.point_mm(u, v));
-        return pixel && is_inside(camera, *pixel, margin_px);
+        return pixel && (pixel->array() >= margin_px).all() &&
+               pixel->x() <= camera.width - 1 - margin_px &&
+               pixel->y() <= camera.height - 1 - margin_px;
     };
     const double columns = grid.columns(), rows = grid.rows();
+    constexpr int parts_of_bent_edge = 8;
     const int parts = images_lines_straight(camera) ? 1 : parts_of_bent_edge;
     for (int part = 0; part < parts; ++part) {  // the corners first: they decide most cases
         const double along = static_cast<double>(part) / parts, back = 1.0 - along;

@@ -1,9 +1,10 @@
 // A marker as one camera's lens meets it: the map from sensor points and lens points to grid cells,
-// and rigorous bounds of what a patch of the sensor can see. Shared by both closed-form methods.
+// and rigorous bounds of what a patch of the sensor can see.
 //
-// Notation (docs/rendering.md). A sensor point x is where the chief ray passes: undistorted
-// normalised coordinates, (X/Z, Y/Z), or (X, Y) in mm for a telecentric camera. The homography from
-// the grid (u, v, 1) to x has the inverse rows h0, h1, h2, and e . (x, 1) over the plane is
+// Notation (docs/rendering.md, "Geometry"). A sensor point x is where the chief ray passes:
+// undistorted normalised coordinates, (X/Z, Y/Z), or (X, Y) in mm for a telecentric camera. The
+// homography from the grid (u, v, 1) to x has the inverse rows h0, h1, h2, and e . (x, 1) over the
+// plane is
 //     perspective   inverse depth, 1/mm   (e = h2)
 //     telecentric   depth, mm             (h2 = (0, 0, 1))
 // c = e . (x, 1) - focus, with the focus in the same terms (1/z_f, or z_f), is the defocus. The ray
@@ -13,22 +14,13 @@
 
 #include <opencv2/core.hpp>
 
-#include <Eigen/Core>
-#include <Eigen/Geometry>
-#include <optional>
-#include <vector>
-
-#include "calib/camera/camera_model.h"
 #include "calib/camera/projector.h"
-#include "core/geometry/rigid.h"
-#include "sim/marker/cell_grid.h"
 #include "sim/scene/scene.h"
 
 namespace etalon {
 
 // What of the lens matters to the geometry. A flat projection's focus is affine in the sensor
-// point: a tilted sensor tilts it (Scheimpflug). A wide lens's pupil faces each ray; its focus is a
-// sphere.
+// point (Scheimpflug). A wide lens's pupil faces each ray; its focus is a sphere.
 struct Aperture {
     Projection projection = Projection::perspective;
     double radius_mm = 0.0;      // 0: pinhole; telecentric: of the cone of rays 1 mm from its tip
@@ -56,8 +48,8 @@ struct Aperture {
 // its blur. Throws NumericalError as thin_lens() and telecentric_lens() do.
 Aperture aperture_of(const CameraModel& camera);
 
-// Throws NumericalError, naming the value, when a number in the scene is not finite, a cell has no
-// size, a rotation is not a unit quaternion, or a grid is empty or not CV_32FC1.
+// Throws NumericalError for a number that is not finite, a cell without size, a rotation that is
+// not a unit quaternion, and a grid that is empty or not CV_32FC1.
 void check_scene(const Scene& scene);
 
 // Axis-parallel box of undistorted sensor points.
@@ -70,6 +62,10 @@ struct Box {
 
 struct DefocusRange {
     double low, high;
+
+    // Of the magnitude.
+    double largest() const { return std::max(std::abs(low), std::abs(high)); }
+    double smallest() const { return std::max({0.0, low, -high}); }
 };
 
 // Cells by column and row, both ends included; -1 and the grid's size stand for all background on
@@ -118,8 +114,8 @@ public:
     Eigen::Vector2d defocus_slope(const Eigen::Vector2d& x) const {
         return e_.head<2>() - aperture_.focus_gradient(x);
     }
-    // a: what turns a ray's step on the plane by its lens point; in units of 1/l. Where the pupil
-    // faces the ray, its disc leans out of the plane Z = 0 and a is the slope of c.
+    // a, in units of 1/l. Where the pupil faces the ray, its disc leans out of the plane Z = 0 and
+    // a is the slope of c.
     Eigen::Vector2d turn(const Eigen::Vector2d& x) const {
         return aperture_.faces_rays ? defocus_slope(x) : Eigen::Vector2d(e_.head<2>());
     }
@@ -172,7 +168,7 @@ public:
 
     // Cells such that the lines between them tell what any ray from the box through the lens meets;
     // nothing when all of them meet the background. Every cell and the frame of background where
-    // the plane's horizon may come between: rays beyond it are then told from the marker too.
+    // the plane's horizon may come between.
     std::optional<CellRange> footprint(const Box& box) const;
 
     // Such a range for a box within one for which this range holds: lines that the box does not see
@@ -183,16 +179,6 @@ public:
     std::optional<double> uniform_radiance(const CellRange& range) const;
 
 private:
-    // A box of sensor points: (U, V, W) at its centre, its half sides, and how far the lens sees
-    // from a pinhole's point.
-    struct LensBox {
-        Eigen::Vector3d centre;
-        Eigen::Vector2d half;
-        double reach;
-    };
-
-    void leave_out_lines(int axis, const LensBox& seen, int& first, int& last) const;
-    Box seen_through_lens(const Box& box) const;
     DefocusRange defocus_over(const Box& box) const;
     void bound_blur();
     bool misses_marker(const Box& box, const Eigen::Vector3d& centre,
@@ -208,8 +194,8 @@ private:
     Box outline_, blurred_outline_;
 };
 
-// Smallest and largest blur radius over the marker, px (of x and y the smaller and the larger);
-// smallest is 0 when the plane of sharp focus crosses the marker.
+// Blur radii over the marker, px (of x and y the smaller and the larger); smallest is 0 when the
+// plane of sharp focus crosses the marker.
 struct BlurRange {
     double smallest_px, largest_px;
 };
@@ -218,8 +204,7 @@ BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics)
 // True when all of the lens sees all of the marker's front, and the grid's outline keeps
 // `margin_px` from the centres of the image's outermost pixels: its corners, with distortion also
 // seven points along each edge (one that bulges out by b px may come nearer by b / 64). Throws
-// NumericalError when the camera's lens section is of no lens. Safe from every thread; 0.3 us, with
-// distortion 1.5 us.
+// NumericalError when the camera's lens section is of no lens. 0.3 us, with distortion 1.5 us.
 bool is_in_view(const Projector& projector, const CellGrid& grid, const Rigid& camera_from_marker,
                 double margin_px);
 

@@ -4,8 +4,6 @@
 
 #include <numbers>
 
-#include "core/config/csv_file.h"
-#include "core/config/strict_reader.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
 
@@ -70,11 +68,8 @@ PoseReader::PoseReader(const std::filesystem::path& path) : path_(path) {
     if (is_json(path))
         json_ = read_json_poses(path);
     else
-        csv_ =
-            std::make_unique<CsvReader>(path, std::initializer_list<std::string_view>{csv_header});
+        csv_.emplace(path, std::initializer_list<std::string_view>{csv_header});
 }
-
-PoseReader::~PoseReader() = default;
 
 std::optional<Rigid> PoseReader::next() {
     std::optional<Rigid> pose;

@@ -5,17 +5,10 @@
 //   JSON   [[0, 0, 0.5, 10, -7, 500], ...] or [{"rx": 0, "ry": 0, ... "tz": 500}, ...]
 #pragma once
 
-#include <filesystem>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
-
+#include "core/config/csv_file.h"
 #include "core/geometry/rigid.h"
 
 namespace etalon {
-
-class CsvReader;
 
 // A pose as on the command line, "rx,ry,rz,tx,ty,tz"; `place` is the option's name. Throws
 // ConfigError unless it is six finite numbers, the rotation vector no longer than 2 pi (longer ones
@@ -31,16 +24,13 @@ std::vector<Rigid> read_poses(const std::filesystem::path& path);
 class PoseReader {
 public:
     explicit PoseReader(const std::filesystem::path& path);
-    ~PoseReader();
-    PoseReader(const PoseReader&) = delete;
-    PoseReader& operator=(const PoseReader&) = delete;
 
     // Nothing behind the last pose; throws as read_poses().
     std::optional<Rigid> next();
 
 private:
     std::filesystem::path path_;
-    std::unique_ptr<CsvReader> csv_;  // null of JSON
+    std::optional<CsvReader> csv_;  // not of JSON
     std::vector<Rigid> json_;
     std::size_t index_ = 0;
 };

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <numeric>
@@ -13,6 +12,11 @@
 
 namespace etalon {
 namespace {
+
+void check_dimensions(const char* what, int dimensions, int most) {
+    if (dimensions < 1 || dimensions > most)
+        throw NumericalError(fmt::format("{} of {} dimensions: 1 to {}", what, dimensions, most));
+}
 
 constexpr int bits = 64;
 
@@ -73,10 +77,9 @@ std::uint64_t sobol_digits(const SobolDirections& directions, std::uint64_t inde
 }
 
 // Owen's nested uniform scrambling: a digit is flipped or not by a random bit of its own for every
-// value of all the digits before it. The bits form a binary tree, of which the four words of a
-// counter-based generator hold seven levels (1 + 2 + ... + 64 = 127 nodes, numbered from 1 as in a
-// heap): keyed by the digits before them, eight draws scramble 56 digits. The first 56, as an
-// integer.
+// value of all the digits before it. The bits form a binary tree, of which one draw, keyed by the
+// digits before, holds seven levels (127 nodes, numbered from 1 as in a heap). The first 56 digits,
+// as an integer.
 std::uint64_t nested_uniform(std::uint64_t digits, std::uint64_t seed, std::uint32_t dimension) {
     constexpr int levels = 7, scrambled = 56;
     constexpr std::uint32_t purpose = 0x4f77656eu;  // apart from every RandomStream of this seed
@@ -119,9 +122,7 @@ std::uint32_t nested_scramble(std::uint32_t x, std::uint32_t seed) {
 }  // namespace
 
 SobolSequence::SobolSequence(int dimensions, std::optional<std::uint64_t> seed) : seed_(seed) {
-    if (dimensions < 1 || dimensions > max_dimensions)
-        throw NumericalError(
-            fmt::format("a Sobol sequence of {} dimensions: 1 to {}", dimensions, max_dimensions));
+    check_dimensions("a Sobol sequence", dimensions, max_dimensions);
     for (int d = 0; d < dimensions; ++d)
         directions_.push_back(direction_numbers(d));
 }
@@ -130,11 +131,10 @@ std::vector<double> SobolSequence::point(std::uint64_t index) const {
     std::vector<double> point(directions_.size());
     for (std::size_t d = 0; d < directions_.size(); ++d) {
         const std::uint64_t digits = sobol_digits(directions_[d], index);
-        point[d] =
-            seed_
-                ? 0x1p-53 * static_cast<double>(
-                                nested_uniform(digits, *seed_, static_cast<std::uint32_t>(d)) >> 3)
-                : 0x1p-53 * static_cast<double>(digits >> 11);
+        const std::uint64_t first_53 =
+            seed_ ? nested_uniform(digits, *seed_, static_cast<std::uint32_t>(d)) >> 3
+                  : digits >> 11;
+        point[d] = 0x1p-53 * static_cast<double>(first_53);
     }
     return point;
 }
@@ -186,26 +186,22 @@ int digit_count(int base) {
     return static_cast<int>(std::ceil(53.0 / std::log2(base)));
 }
 
+std::vector<int> identity(int base) {
+    std::vector<int> digits(static_cast<std::size_t>(base));
+    std::iota(digits.begin(), digits.end(), 0);
+    return digits;
+}
+
 // Fisher and Yates' shuffle; a stream per base and digit position.
 std::vector<int> random_permutation(int base, std::uint64_t seed, std::uint32_t dimension,
                                     std::uint64_t position) {
-    std::vector<int> permutation(static_cast<std::size_t>(base));
-    std::iota(permutation.begin(), permutation.end(), 0);
+    std::vector<int> permutation = identity(base);
     RandomStream random(seed, dimension, position);
     for (std::size_t i = permutation.size() - 1; i > 0; --i) {
         const auto j = static_cast<std::size_t>(random.uniform() * static_cast<double>(i + 1));
         std::swap(permutation[i], permutation[j]);
     }
     return permutation;
-}
-
-int base_of(int dimension) {
-    return primes[static_cast<std::size_t>(dimension)];
-}
-
-void check_dimensions(const char* what, int dimensions, int most) {
-    if (dimensions < 1 || dimensions > most)
-        throw NumericalError(fmt::format("{} of {} dimensions: 1 to {}", what, dimensions, most));
 }
 
 }  // namespace
@@ -229,37 +225,24 @@ std::vector<int> faure_permutation(int base) {
     return permutation;
 }
 
-HaltonSequence::HaltonSequence(int dimensions, std::optional<std::uint64_t> seed) {
+HaltonSequence::HaltonSequence(int dimensions, std::optional<std::uint64_t> seed, Digits digits) {
     check_dimensions("a Halton sequence", dimensions, static_cast<int>(primes.size()));
+    const bool by_faure = digits == Digits::faure;
     for (int i = 0; i < dimensions; ++i) {
-        Dimension dimension{base_of(i), {}, {}};
-        std::vector<int> permutation(static_cast<std::size_t>(dimension.base));
-        std::iota(permutation.begin(), permutation.end(), 0);
-        for (int position = 0; position < digit_count(dimension.base); ++position) {
-            if (seed)
+        const int base = primes[static_cast<std::size_t>(i)];
+        const auto number = static_cast<std::uint32_t>(i);
+        Dimension dimension{base, {}, {}};
+        std::vector<int> permutation = by_faure ? faure_permutation(base) : identity(base);
+        RandomStream starts(seed.value_or(0), number);
+        for (int position = 0; position < digit_count(base); ++position) {
+            if (seed && !by_faure)
                 permutation =
-                    random_permutation(dimension.base, *seed, static_cast<std::uint32_t>(i),
-                                       static_cast<std::uint64_t>(position));
-            dimension.add_position(permutation, 0);
+                    random_permutation(base, *seed, number, static_cast<std::uint64_t>(position));
+            dimension.add_position(
+                permutation, seed && by_faure ? static_cast<int>(starts.uniform() * base) : 0);
         }
         dimensions_.push_back(std::move(dimension));
     }
-}
-
-HaltonSequence HaltonSequence::with_faure_permutations(int dimensions,
-                                                       std::optional<std::uint64_t> seed) {
-    check_dimensions("a Halton sequence", dimensions, static_cast<int>(primes.size()));
-    HaltonSequence sequence;
-    for (int i = 0; i < dimensions; ++i) {
-        Dimension dimension{base_of(i), {}, {}};
-        const std::vector<int> permutation = faure_permutation(dimension.base);
-        RandomStream random(seed.value_or(0), static_cast<std::uint32_t>(i));
-        for (int position = 0; position < digit_count(dimension.base); ++position)
-            dimension.add_position(permutation,
-                                   seed ? static_cast<int>(random.uniform() * dimension.base) : 0);
-        sequence.dimensions_.push_back(std::move(dimension));
-    }
-    return sequence;
 }
 
 void HaltonSequence::Dimension::add_position(const std::vector<int>& permutation, int first_digit) {
@@ -299,25 +282,19 @@ std::vector<double> HaltonSequence::point(std::uint64_t index) const {
     return point;
 }
 
-namespace {
-
-std::variant<HaltonSequence, SobolSequence> sequence_of(SequenceKind kind, int dimensions,
-                                                        std::uint64_t seed) {
-    check_dimensions("a sequence of points", dimensions, PointSequence::max_dimensions);
+PointSequence::PointSequence(SequenceKind kind, int dimensions, std::uint64_t seed) {
+    check_dimensions("a sequence of points", dimensions, max_dimensions);
+    const auto points_of = [&](auto sequence) {
+        point_ = [points = std::move(sequence)](std::uint64_t index) {
+            return points.point(index);
+        };
+    };
     if (kind == SequenceKind::sobol)
-        return SobolSequence(dimensions, seed);
-    if (kind == SequenceKind::halton_faure)
-        return HaltonSequence::with_faure_permutations(dimensions, seed);
-    return HaltonSequence(dimensions, seed);
-}
-
-}  // namespace
-
-PointSequence::PointSequence(SequenceKind kind, int dimensions, std::uint64_t seed)
-    : sequence_(sequence_of(kind, dimensions, seed)) {}
-
-std::vector<double> PointSequence::point(std::uint64_t index) const {
-    return std::visit([&](const auto& sequence) { return sequence.point(index); }, sequence_);
+        points_of(SobolSequence(dimensions, seed));
+    else
+        points_of(HaltonSequence(dimensions, seed,
+                                 kind == SequenceKind::halton ? HaltonSequence::Digits::random
+                                                              : HaltonSequence::Digits::faure));
 }
 
 }  // namespace etalon

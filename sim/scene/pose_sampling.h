@@ -2,35 +2,33 @@
 // evenly. What the coordinates mean: sim/scene/pose_volume.h.
 //
 // Halton's sequence (Numerische Mathematik 2, 1960): the index's digits in the first prime bases,
-// mirrored at the point. The digits are permuted, because from the fifth base on the first points
-// lie on lines:
-//   - at every position by a random permutation (Matousek, J. Complexity 14, 1998), or
-//   - by Faure's permutations (J. Number Theory 42, 1992), one per base, of the smallest
-//   discrepancy
-//     in each dimension. A seed lets every base start at a random index (X. Wang and
-//     F. J. Hickernell, Math. Comput. Modelling 32, 2000; G. Okten, J. Complexity 25, 2009).
-// With a seed each point is uniform either way, and the strata stay.
+// mirrored at the point. From the fifth base on the first points lie on lines, so the digits are
+// permuted: at every position at random (Matousek, J. Complexity 14, 1998), or by Faure's
+// permutations of the smallest discrepancy, one per base (J. Number Theory 42, 1992). With those a
+// seed lets every base start at a random index (X. Wang and F. J. Hickernell, Math. Comput.
+// Modelling 32, 2000; G. Okten, J. Complexity 25, 2009). With a seed each point is uniform either
+// way, and the strata stay.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
-#include <variant>
 #include <vector>
 
 namespace etalon {
 
-// Owen-scrambled Sobol points: each scramble is an independent randomisation of the same set, so
-// that their spread is an honest standard error. Direction numbers: S. Joe and F. Y. Kuo, SIAM J.
-// Sci. Comput. 30 (2008), file new-joe-kuo-6.21201.
+// Owen-scrambled Sobol points: each scramble is an independent randomisation of the same set.
+// Direction numbers: S. Joe and F. Y. Kuo, SIAM J. Sci. Comput. 30 (2008), file
+// new-joe-kuo-6.21201.
 //
 // SobolSequence, for plans and studies: any index, scrambled as A. B. Owen defined it (Lecture
 // Notes in Statistics 106, Springer 1995). SobolPoints, for millions of integrals: six dimensions,
 // a prepared number of points, scrambled by hashing (B. Burley, JCGT 9(4), 2020) in a few ns.
 
-// By digit of the index, the last first: the fraction that it is multiplied with and added modulo 2
-// to the point, its first binary digit in the highest bit.
+// By digit of the index, the last first: what it adds modulo 2 to the point, of which the first
+// binary digit is the highest bit.
 using SobolDirections = std::array<std::uint64_t, 64>;
 
 // Immutable, safe from every thread. point() costs 0.3 us per dimension, unscrambled 0.1 us.
@@ -84,13 +82,12 @@ std::vector<int> faure_permutation(int base);
 // Immutable, safe from every thread. point() costs about 80 ns per dimension.
 class HaltonSequence {
 public:
-    // Random digit permutations. 1 to 20 dimensions (NumericalError otherwise); without a seed the
-    // digits are not permuted.
-    HaltonSequence(int dimensions, std::optional<std::uint64_t> seed);
+    // Without a seed random digits are not permuted, and Faure's start at index 0.
+    enum class Digits { random, faure };
 
-    // Faure's permutations from random starts; without a seed every base starts at index 0.
-    static HaltonSequence with_faure_permutations(int dimensions,
-                                                  std::optional<std::uint64_t> seed);
+    // 1 to 20 dimensions (NumericalError otherwise).
+    HaltonSequence(int dimensions, std::optional<std::uint64_t> seed,
+                   Digits digits = Digits::random);
 
     // One coordinate in [0, 1) per dimension. Of base^m points that start at a multiple of base^m
     // (with Faure's permutations: anywhere) exactly one lies in each of the base^m equal intervals
@@ -109,7 +106,6 @@ private:
         double coordinate(std::uint64_t index) const;
     };
 
-    HaltonSequence() = default;
     std::vector<Dimension> dimensions_;
 };
 
@@ -129,10 +125,10 @@ public:
     PointSequence(SequenceKind kind, int dimensions, std::uint64_t seed);
 
     // One coordinate in [0, 1) per dimension. Index 0 is as good as any.
-    std::vector<double> point(std::uint64_t index) const;
+    std::vector<double> point(std::uint64_t index) const { return point_(index); }
 
 private:
-    std::variant<HaltonSequence, SobolSequence> sequence_;
+    std::function<std::vector<double>(std::uint64_t)> point_;
 };
 
 }  // namespace etalon

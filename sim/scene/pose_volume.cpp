@@ -2,16 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "calib/camera/projector.h"
-#include "core/geometry/rigid.h"
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
-#include "sim/scene/pose_sampling.h"
 
 namespace etalon {
 namespace {
@@ -24,44 +20,46 @@ ConfigError refusal(const char* key, const std::string& why) {
     return ConfigError({"", 0, key}, why);
 }
 
-void check_interval(const char* axis, const Interval& interval) {
-    const auto& [low, high] = interval;
-    if (!std::isfinite(high - low))
-        throw refusal(axis, fmt::format("from {} to {} is no finite interval", low, high));
-    if (low > high)
-        throw refusal(axis, fmt::format("from {} to {}: the first is the larger", low, high));
-}
+struct NamedInterval {
+    const char* name;
+    std::optional<Interval> interval;
+    bool is_angle = false;
+};
 
-void check_angle(const char* axis, const Interval& interval) {
-    check_interval(axis, interval);
-    if (interval.low < -max_angle || interval.high > max_angle)
-        throw refusal(axis, fmt::format("from {} to {} rad is more than a full turn: degrees?",
-                                        interval.low, interval.high));
+std::array<NamedInterval, 6> axes_of(const PoseVolume& v) {
+    return {{{"x_mm", v.x_mm},
+             {"y_mm", v.y_mm},
+             {"z_mm", v.z_mm},
+             {"roll", v.roll, true},
+             {"pitch", v.pitch, true},
+             {"yaw", v.yaw, true}}};
 }
 
 const PoseVolume& checked(const PoseVolume& volume) {
-    if (volume.x_mm)
-        check_interval("x_mm", *volume.x_mm);
-    if (volume.y_mm)
-        check_interval("y_mm", *volume.y_mm);
-    check_interval("z_mm", volume.z_mm);
+    for (const auto& [name, interval, is_angle] : axes_of(volume)) {
+        const auto [low, high] = interval.value_or(Interval());
+        if (!std::isfinite(high - low))
+            throw refusal(name, fmt::format("from {} to {} is no finite interval", low, high));
+        if (low > high)
+            throw refusal(name, fmt::format("from {} to {}: the first is the larger", low, high));
+        if (is_angle && (low < -max_angle || high > max_angle))
+            throw refusal(name, fmt::format("from {} to {} rad is more than a full turn: degrees?",
+                                            low, high));
+    }
     if (!(volume.z_mm.low > 0.0))
         throw refusal(
             "z_mm", fmt::format("a depth of {} mm is not in front of the camera", volume.z_mm.low));
-    check_angle("roll", volume.roll);
-    check_angle("pitch", volume.pitch);
-    check_angle("yaw", volume.yaw);
     if (!(volume.margin_px >= 0.0) || !std::isfinite(volume.margin_px))
         throw refusal("margin_px", fmt::format("{} is no margin in px", volume.margin_px));
     return volume;
 }
 
-std::array<bool, 6> moving_axes(const PoseVolume& v) {
-    const auto moves = [](const std::optional<Interval>& axis) {
-        return !axis || !axis->is_fixed();
-    };
-    return {moves(v.x_mm), moves(v.y_mm),  moves(v.z_mm),
-            moves(v.roll), moves(v.pitch), moves(v.yaw)};
+std::array<bool, 6> moving_axes(const PoseVolume& volume) {
+    std::array<bool, 6> moves{};
+    const std::array<NamedInterval, 6> axes = axes_of(volume);
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        moves[i] = !axes[i].interval || !axes[i].interval->is_fixed();
+    return moves;
 }
 
 // A study of one repeated pose is one of a dimension that nothing uses.
@@ -69,27 +67,6 @@ int dimensions_of(const std::array<bool, 6>& moves, int extra) {
     if (extra < 0)
         throw NumericalError(fmt::format("{} extra dimensions", extra));
     return std::max(1, static_cast<int>(std::count(moves.begin(), moves.end(), true)) + extra);
-}
-
-bool contains(const CellGrid& outer, const CellGrid& inner) {
-    const auto low = [](const CellGrid& g) { return g.point_mm(0.0, 0.0); };
-    const auto high = [](const CellGrid& g) { return g.point_mm(g.columns(), g.rows()); };
-    return low(outer).cwiseMin(low(inner)) == low(outer) &&
-           high(outer).cwiseMax(high(inner)) == high(outer);
-}
-
-std::vector<CellGrid> outermost(std::span<const CellGrid> grids) {
-    std::vector<CellGrid> result;
-    for (const CellGrid& grid : grids) {
-        const auto holds = [&](const CellGrid& other) { return contains(other, grid); };
-        if (std::any_of(result.begin(), result.end(), holds))
-            continue;
-        std::erase_if(result, [&](const CellGrid& other) { return contains(grid, other); });
-        result.push_back(grid);
-    }
-    if (result.empty())
-        throw NumericalError("poses of no marker");
-    return result;
 }
 
 // The point moved along x (axis 0) or y (axis 1) until its image has that column or row: Newton's
@@ -125,10 +102,13 @@ PoseSampler::PoseSampler(const CameraModel& camera, std::span<const CellGrid> gr
                          int extra_dimensions)
     : projector_(camera),
       volume_(checked(volume)),
-      grids_(outermost(grids)),
+      grids_(grids.begin(), grids.end()),
       moves_(moving_axes(volume)),
       extra_dimensions_(extra_dimensions),
-      sequence_(kind, dimensions_of(moves_, extra_dimensions), seed) {}
+      sequence_(kind, dimensions_of(moves_, extra_dimensions), seed) {
+    if (grids_.empty())
+        throw NumericalError("poses of no marker");
+}
 
 PoseSampler::Sample PoseSampler::next() {
     while (points_ < max_points_per_pose * std::max(seen_, min_seen)) {
@@ -183,21 +163,10 @@ std::optional<Eigen::Vector3d> PoseSampler::position(const std::array<double, 6>
 namespace {
 
 constexpr double margin_px = 20.0;
-constexpr int dimensions = 6;
 constexpr double full_turn = 360.0 * rad_per_deg;
 
-Eigen::Quaterniond about(double angle, const Eigen::Vector3d& axis) {
-    return Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis));
-}
-
-// From the last three coordinates of a point: a tilt about an axis in the image plane, then a turn.
-Eigen::Quaterniond tilted_any_way(const std::vector<double>& u, double max_tilt) {
-    const double direction = full_turn * u[4];
-    const Eigen::Vector3d axis(std::cos(direction), std::sin(direction), 0.0);
-    return about(u[3] * max_tilt, axis) * about(full_turn * u[5], Eigen::Vector3d::UnitZ());
-}
-
-// The grid's centre at the pixel and depth that the first three coordinates say.
+// From six coordinates: the grid's centre at a pixel and a depth, tilted about an axis in the image
+// plane, then turned in its own.
 std::optional<Rigid> drawn_pose(const Projector& projector, const CellGrid& grid,
                                 const std::vector<double>& u, const SeenVolume& volume) {
     const CameraModel& camera = projector.camera();
@@ -205,7 +174,11 @@ std::optional<Rigid> drawn_pose(const Projector& projector, const CellGrid& grid
     if (!x)
         return std::nullopt;
     const double z = volume.nearest_mm + u[2] * (volume.farthest_mm - volume.nearest_mm);
-    const Eigen::Quaterniond rotation = tilted_any_way(u, volume.max_tilt);
+    const double direction = full_turn * u[4];
+    const Eigen::Vector3d axis(std::cos(direction), std::sin(direction), 0.0);
+    const Eigen::Quaterniond tilt(Eigen::AngleAxisd(u[3] * volume.max_tilt, axis));
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(full_turn * u[5], Eigen::Vector3d::UnitZ()));
+    const Eigen::Quaterniond rotation = tilt * turn;
     const Eigen::Vector3d centre = grid.point_mm(0.5 * grid.columns(), 0.5 * grid.rows());
     return Rigid{rotation, z * x->homogeneous() - rotation * centre};
 }
@@ -215,7 +188,7 @@ std::optional<Rigid> drawn_pose(const Projector& projector, const CellGrid& grid
 std::vector<Rigid> volume_poses(const CameraModel& camera, const CellGrid& grid, int count,
                                 std::uint64_t seed, const SeenVolume& volume) {
     const Projector projector(camera);
-    const HaltonSequence sequence(dimensions, seed);
+    const HaltonSequence sequence(6, seed);
     std::vector<Rigid> poses;
     const auto wanted = static_cast<std::size_t>(count);
     for (std::uint64_t index = 1; poses.size() < wanted; ++index) {
@@ -226,11 +199,6 @@ std::vector<Rigid> volume_poses(const CameraModel& camera, const CellGrid& grid,
             poses.push_back(*pose);
     }
     return poses;
-}
-
-std::vector<Rigid> spread_poses(const CameraModel& camera, const CellGrid& grid, int count,
-                                std::uint64_t seed) {
-    return volume_poses(camera, grid, count, seed, {150.0, 1500.0, 70.0 * rad_per_deg});
 }
 
 std::vector<Rigid> study_poses(const CameraModel& camera, const CellGrid& grid, int count,

@@ -2,13 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <limits>
 #include <numbers>
 
-#include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 
@@ -85,17 +80,6 @@ Corners seen_corners(const PlacedMarker& marker, Projection projection) {
     return seen;
 }
 
-void require_before_lens(const Scene& scene) {
-    std::size_t number = 1;
-    for (const PlacedMarker& marker : scene.markers) {
-        for (const Eigen::Vector3d& corner : corners_in_camera(marker))
-            if (!(corner.z() > 0.0))
-                throw NumericalError(fmt::format(
-                    "marker {} reaches behind the lens (depth {:.6g} mm)", number, corner.z()));
-        ++number;
-    }
-}
-
 Outline outline_in_focus_at(double focus, const Corners& seen, double lens_radius) {
     Outline outline;
     for (std::size_t i = 0; i < 4; ++i) {
@@ -105,11 +89,10 @@ Outline outline_in_focus_at(double focus, const Corners& seen, double lens_radiu
     return outline;
 }
 
-// A ray is told by its lens point and by where it meets some plane across the axis, in focus or
-// not. Rays that meet the marker's point at (x, y) with the inverse depth w cross the plane of
-// inverse depth `focus` within d/2 |w - focus| of (x, y): a disk whose radius is convex over the
-// marker's image, so that all disks lie in the hull of the corners'. Where the hulls of two markers
-// are apart for one such plane, no ray meets both. The plane between the markers is a good one.
+// Rays that meet the marker's point at (x, y) with the inverse depth w cross the plane of inverse
+// depth `focus` within d/2 |w - focus| of (x, y): a disk whose radius is convex over the marker's
+// image, so that all disks lie in the hull of the corners'. Where the hulls of two markers are
+// apart for one such plane, no ray meets both. The plane between the markers is a good one.
 bool no_ray_meets_both(const Corners& a, const Corners& b, double lens_radius) {
     double low = a[0].z(), high = low;
     for (const Corners* corners : {&a, &b})
@@ -220,10 +203,12 @@ void check_no_occlusion(const Scene& scene, const CameraModel& camera) {
     const Aperture aperture = aperture_of(camera);
     const std::vector<PlacedMarker>& markers = scene.markers;
     std::vector<Corners> seen;
-    if (camera.projection.is_flat()) {
-        require_before_lens(scene);
-        for (const PlacedMarker& marker : markers)
-            seen.push_back(seen_corners(marker, camera.projection.kind));
+    for (std::size_t i = 0; camera.projection.is_flat() && i < markers.size(); ++i) {
+        for (const Eigen::Vector3d& corner : corners_in_camera(markers[i]))
+            if (!(corner.z() > 0.0))
+                throw NumericalError(fmt::format(
+                    "marker {} reaches behind the lens (depth {:.6g} mm)", i + 1, corner.z()));
+        seen.push_back(seen_corners(markers[i], camera.projection.kind));
     }
     const auto no_ray = [&](std::size_t i, std::size_t j) {
         return seen.empty() ? wide_lens_sees_both_by_no_ray(markers[i], markers[j], aperture)

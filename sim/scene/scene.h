@@ -31,12 +31,11 @@ PlacedMarker turned(const PlacedMarker& marker, const Eigen::Quaterniond& turn);
 // that direction.
 void check_reach(const Scene& scene, const CameraModel& camera);
 
-// The closed-form methods add up the markers' differences from the background: right where no ray
-// through the lens meets two markers. That holds for markers side by side in one plane (touching
-// allowed, seams of up to 2e-5 px from rounded poses, 0.005 gray), and for those whose images are
-// farther apart than the lens can look behind the nearer one's edge. Any other pair is refused, and
-// a few that do not hide each other: of a wide lens those that together span 160 degrees and are
-// not well apart. The scene must have passed check_scene(). A few ms for 100 markers. Throws
+// The closed-form methods add up the markers' differences from the background: no ray through the
+// lens may meet two markers. That holds for markers side by side in one plane (touching allowed,
+// seams of up to 2e-5 px), and for those whose images are farther apart than the lens can look
+// behind the nearer one's edge. All other pairs are refused, and of a wide lens those that together
+// span 160 degrees and are not well apart. The scene must have passed check_scene(). Throws
 // NumericalError that names both markers, counted from 1, or one that reaches behind the lens.
 void check_no_occlusion(const Scene& scene, const CameraModel& camera);
 

@@ -37,21 +37,6 @@ bool is_undisturbed(const Disturbances& disturbances) {
     });
 }
 
-void check_size(const Radiance& radiance, const CameraModel& camera) {
-    if (radiance.type() != CV_32FC1 || radiance.size() != cv::Size(camera.width, camera.height))
-        throw NumericalError(
-            fmt::format("the camera of {} x {} px has float images of that size, "
-                        "not {} x {}",
-                        camera.width, camera.height, radiance.cols, radiance.rows));
-}
-
-void check_finite(const Radiance& radiance) {
-    for (int y = 0; y < radiance.rows; ++y)
-        if (!all_finite(radiance.ptr<float>(y), radiance.cols))
-            throw NumericalError(
-                fmt::format("a radiance in row {} of the disturbed image is not finite", y));
-}
-
 void fade(double contrast, Radiance& radiance) {
     for (int y = 0; y < radiance.rows; ++y)
         for (float *p = radiance.ptr<float>(y), *end = p + radiance.cols; p != end; ++p)
@@ -86,17 +71,11 @@ Eigen::Vector3d card_edge(const PlacedMarker& marker, const MarkerView& view, do
     return view.h().transpose() * edge;
 }
 
-void cover(double share, float& radiance) {
-    radiance = static_cast<float>(radiance + share * (mid_gray - radiance));
-}
-
 // Draws the card group by group of tiles, pixel by pixel only along its edge.
 class CardDrawing {
 public:
     CardDrawing(const UndistortionMap& map, const Eigen::Vector3d& edge, Radiance& radiance)
-        : map_(map), edge_(edge), image_({0, 0}, radiance.size()), radiance_(radiance) {}
-
-    void draw() {
+        : map_(map), edge_(edge), image_({0, 0}, radiance.size()), radiance_(radiance) {
         const int top = map_.levels() - 1;
         draw_groups(top, map_.groups(top));
     }
@@ -109,7 +88,8 @@ private:
     }
 
     void draw_group(int level, int i, int j) {
-        const auto& [validity, box] = map_.group(level, i, j);
+        const UndistortionMap::Validity validity = map_.group(level, i, j).validity;
+        const Box& box = map_.group(level, i, j).bounds;
         if (validity == UndistortionMap::Validity::none)
             return;
         const double middle = edge_.head<2>().dot(box.centre()) + edge_.z();
@@ -117,27 +97,17 @@ private:
         if (middle + reach <= 0.0)
             return;
         if (middle - reach >= 0.0 && validity == UndistortionMap::Validity::all)
-            radiance_(pixels_of(level, i, j)).setTo(mid_gray);
+            radiance_(square(tile_px << 2 * level, i, j) & image_).setTo(mid_gray);
         else if (level > 0)
-            draw_groups(level - 1, children_of(level, i, j));
+            draw_groups(level - 1,
+                        square(UndistortionMap::group_side, i, j) & map_.groups(level - 1));
         else
             draw_tile(i, j);
     }
 
-    cv::Rect pixels_of(int level, int i, int j) const {
-        int side = tile_px;
-        for (int n = 0; n < level; ++n)
-            side *= UndistortionMap::group_side;
-        return cv::Rect(i * side, j * side, side, side) & image_;
-    }
+    static cv::Rect square(int side, int i, int j) { return {side * i, side * j, side, side}; }
 
-    cv::Rect children_of(int level, int i, int j) const {
-        constexpr int side = UndistortionMap::group_side;
-        return cv::Rect(i * side, j * side, side, side) & map_.groups(level - 1);
-    }
-
-    // The edge is taken as straight within a pixel: what distortion bends it there, an eighth of
-    // its curvature (1/px), is left out.
+    // The edge is taken as straight within a pixel.
     void draw_tile(int i, int j) {
         constexpr int n = tile_px;
         map_.sample(i, j, n, points_);
@@ -148,7 +118,8 @@ private:
                 continue;
             const Eigen::Vector2d gradient = point->jacobian.transpose() * edge_.head<2>();
             const double offset = edge_.head<2>().dot(point->x) + edge_.z();
-            cover(square_cut(gradient, offset).area, radiance_.at<float>(pixel));
+            float& seen = radiance_.at<float>(pixel);
+            seen = static_cast<float>(seen + square_cut(gradient, offset).area * (mid_gray - seen));
         }
     }
 
@@ -158,101 +129,6 @@ private:
     Radiance& radiance_;
     std::vector<std::optional<MappedPoint>> points_;
 };
-
-}  // namespace
-
-void check_disturbances(const Disturbances& disturbances) {
-    for (const DisturbanceAxis& axis : disturbance_axes)
-        if (const double value = disturbances.*axis.value; !axis.is_valid(value))
-            refuse(axis, value);
-}
-
-DisturbanceDirections disturbance_directions(const NoiseKey& key) {
-    RandomStream random(key.seed, key.frame, for_directions);
-    const auto direction = [&]() -> Eigen::Vector2d {
-        const double angle = 2.0 * std::numbers::pi * random.uniform();
-        return {std::cos(angle), std::sin(angle)};
-    };
-    DisturbanceDirections directions;
-    directions.fall = direction();
-    directions.card = direction();
-    directions.motion = direction();
-    return directions;
-}
-
-Disturber::Disturber(const CameraModel& camera, const SensorModel& sensor)
-    : projector_(camera),
-      aperture_(aperture_of(camera)),
-      response_(sensor.relative_response()),
-      range_dn_(sensor.range_dn()) {
-    if (camera.projection.is_flat())
-        map_.emplace(projector_, 0);
-}
-
-void Disturber::hide(const PlacedMarker& marker, double share, const Eigen::Vector2d& from,
-                     Radiance& radiance) const {
-    const Eigen::Quaterniond turn = turn_towards(marker, projector_.camera());
-    const PlacedMarker seen = map_ ? marker : turned(marker, turn);
-    const Eigen::Vector3d edge = card_edge(seen, MarkerView(seen, 0.0, aperture_), share, from);
-    if (map_)
-        CardDrawing(*map_, edge, radiance).draw();
-    else
-        CardDrawing(UndistortionMap(projector_.turned(turn), 0), edge, radiance).draw();
-}
-
-// The sensor multiplies by its response, which must not reach this noise. One stream a row: four
-// normal numbers a block of the generator, where one stream a pixel would use one.
-void Disturber::add_noise(double noise_dn, const NoiseKey& key, Radiance& radiance) const {
-    const double deviation = noise_dn / range_dn_;
-    for (int y = 0; y < radiance.rows; ++y) {
-        RandomStream random(key.seed, key.frame, for_noise + static_cast<std::uint64_t>(y));
-        float* row = radiance.ptr<float>(y);
-        const float* response = response_.empty() ? nullptr : response_.ptr<float>(y);
-        for (int x = 0; x < radiance.cols; ++x) {
-            const double noise = deviation * random.normal();
-            row[x] = static_cast<float>(row[x] + (response ? noise / response[x] : noise));
-        }
-    }
-}
-
-Radiance Disturber::disturbed(const Radiance& radiance, const PlacedMarker& marker,
-                              const Disturbances& disturbances, const NoiseKey& key) const {
-    check_disturbances(disturbances);
-    check_size(radiance, projector_.camera());
-    if (is_undisturbed(disturbances))
-        return radiance;
-    const Disturbances& d = disturbances;
-    const DisturbanceDirections directions = disturbance_directions(key);
-    Radiance result = radiance.clone();
-    if (d.contrast != 1.0)
-        fade(d.contrast, result);
-    if (d.motion_px > 0.0)
-        result = line_blurred(result, d.motion_px * directions.motion);
-    if (d.occlusion > 0.0)
-        hide(marker, d.occlusion, directions.card, result);
-    if (d.exposure != 1.0 || d.uneven > 0.0)
-        light(d.exposure, d.uneven, directions.fall, result);
-    if (d.noise_dn > 0.0)
-        add_noise(d.noise_dn, key, result);
-    check_finite(result);
-    return result;
-}
-
-CodeImage compressed(const CodeImage& image, double quality) {
-    constexpr const DisturbanceAxis& axis = disturbance_axes.back();
-    static_assert(axis.value == &Disturbances::jpeg_quality);
-    if (!axis.is_valid(quality))
-        refuse(axis, quality);
-    if (quality == axis.neutral())
-        return image;
-    if (image.bits != 8 || image.pixels.type() != CV_8UC1 || image.pixels.empty())
-        throw NumericalError(fmt::format("JPEG holds 8 bits, not an image of {} and {} x {} px",
-                                         image.bits, image.pixels.cols, image.pixels.rows));
-    const int whole = static_cast<int>(std::floor(quality + 0.5));
-    return {decode_picture(encode_jpeg(image.pixels, whole)), image.bits};
-}
-
-namespace {
 
 // The pixels at +- `at` count with this weight each.
 struct Tap {
@@ -285,19 +161,9 @@ cv::Point reach_of(const Eigen::Vector2d& motion_px) {
             static_cast<int>(std::ceil(0.5 * std::abs(motion_px.y()))) + 2};
 }
 
-// Adds a point's interpolation weights.
-void add_point(const Eigen::Vector2d& point, double weight, const cv::Point& middle,
-               cv::Mat_<double>& kernel) {
-    const int left = static_cast<int>(std::floor(point.x())) - 1;
-    const int top = static_cast<int>(std::floor(point.y())) - 1;
-    for (int y = top; y < top + 4; ++y)
-        for (int x = left; x < left + 4; ++x)
-            kernel(middle.y + y, middle.x + x) +=
-                weight * keys_weight(point.x() - x) * keys_weight(point.y() - y);
-}
-
-// Gauss and Legendre's four points are exact for the degree 6 of a product of two cubics.
-cv::Mat_<double> line_kernel(const Eigen::Vector2d& motion_px) {
+// Gauss and Legendre's four points are exact for the degree 6 of a product of two cubics. One tap
+// of each pair: a line is its own mirror image. The middle's weight is what they leave of 1.
+std::vector<Tap> line_taps(const Eigen::Vector2d& motion_px) {
     constexpr std::array<std::pair<double, double>, 4> gauss{
         {{-0.8611363115940526, 0.3478548451374538},
          {-0.3399810435848563, 0.6521451548625461},
@@ -305,20 +171,21 @@ cv::Mat_<double> line_kernel(const Eigen::Vector2d& motion_px) {
          {0.8611363115940526, 0.3478548451374538}}};
     const cv::Point reach = reach_of(motion_px);
     cv::Mat_<double> kernel = cv::Mat_<double>::zeros(2 * reach.y + 1, 2 * reach.x + 1);
+    const auto add_point = [&](const Eigen::Vector2d& point, double weight) {
+        const int left = static_cast<int>(std::floor(point.x())) - 1;
+        const int top = static_cast<int>(std::floor(point.y())) - 1;
+        for (int y = top; y < top + 4; ++y)
+            for (int x = left; x < left + 4; ++x)
+                kernel(reach.y + y, reach.x + x) +=
+                    weight * keys_weight(point.x() - x) * keys_weight(point.y() - y);
+    };
     const std::vector<double> ends = pieces(motion_px);
     for (std::size_t i = 1; i < ends.size(); ++i) {
         const double half = 0.5 * (ends[i] - ends[i - 1]), middle = 0.5 * (ends[i] + ends[i - 1]);
         if (half > 0.0)
             for (const auto& [node, weight] : gauss)
-                add_point((middle + half * node) * motion_px, half * weight, reach, kernel);
+                add_point((middle + half * node) * motion_px, half * weight);
     }
-    return kernel;
-}
-
-// One of each pair: a line is its own mirror image. The middle's weight is what they leave of 1.
-std::vector<Tap> line_taps(const Eigen::Vector2d& motion_px) {
-    const cv::Mat_<double> kernel = line_kernel(motion_px);
-    const cv::Point reach = reach_of(motion_px);
     std::vector<Tap> taps;
     for (int y = 0; y <= reach.y; ++y)
         for (int x = y == 0 ? 1 : -reach.x; x <= reach.x; ++x)
@@ -326,13 +193,6 @@ std::vector<Tap> line_taps(const Eigen::Vector2d& motion_px) {
                 weight != 0.0f)
                 taps.push_back({{x, y}, weight});
     return taps;
-}
-
-// The smallest rectangle outside of which all pixels are equal.
-cv::Rect uneven_part(const Radiance& radiance) {
-    cv::Mat differs;
-    cv::compare(radiance, radiance.at<float>(0, 0), differs, cv::CMP_NE);
-    return cv::boundingRect(differs);
 }
 
 // As differences from the middle pixel, so that what is even stays so to the last bit.
@@ -345,10 +205,102 @@ void add_tap(const Tap& tap, const float* middle, std::ptrdiff_t row, int count,
 
 }  // namespace
 
+DisturbanceDirections disturbance_directions(const NoiseKey& key) {
+    RandomStream random(key.seed, key.frame, for_directions);
+    const auto direction = [&]() -> Eigen::Vector2d {
+        const double angle = 2.0 * std::numbers::pi * random.uniform();
+        return {std::cos(angle), std::sin(angle)};
+    };
+    return {direction(), direction(), direction()};
+}
+
+Disturber::Disturber(const CameraModel& camera, const SensorModel& sensor)
+    : projector_(camera),
+      aperture_(aperture_of(camera)),
+      response_(sensor.relative_response()),
+      range_dn_(sensor.range_dn()) {
+    if (camera.projection.is_flat())
+        map_.emplace(projector_, 0);
+}
+
+void Disturber::hide(const PlacedMarker& marker, double share, const Eigen::Vector2d& from,
+                     Radiance& radiance) const {
+    const Eigen::Quaterniond turn = turn_towards(marker, projector_.camera());
+    const PlacedMarker seen = map_ ? marker : turned(marker, turn);
+    const Eigen::Vector3d edge = card_edge(seen, MarkerView(seen, 0.0, aperture_), share, from);
+    if (map_)
+        CardDrawing(*map_, edge, radiance);
+    else
+        CardDrawing(UndistortionMap(projector_.turned(turn), 0), edge, radiance);
+}
+
+// The sensor multiplies by its response, which must not reach this noise. One stream a row.
+void Disturber::add_noise(double noise_dn, const NoiseKey& key, Radiance& radiance) const {
+    const double deviation = noise_dn / range_dn_;
+    for (int y = 0; y < radiance.rows; ++y) {
+        RandomStream random(key.seed, key.frame, for_noise + static_cast<std::uint64_t>(y));
+        float* row = radiance.ptr<float>(y);
+        const float* response = response_.empty() ? nullptr : response_.ptr<float>(y);
+        for (int x = 0; x < radiance.cols; ++x) {
+            const double noise = deviation * random.normal();
+            row[x] = static_cast<float>(row[x] + (response ? noise / response[x] : noise));
+        }
+    }
+}
+
+Radiance Disturber::disturbed(const Radiance& radiance, const PlacedMarker& marker,
+                              const Disturbances& disturbances, const NoiseKey& key) const {
+    for (const DisturbanceAxis& axis : disturbance_axes)
+        if (const double value = disturbances.*axis.value; !axis.is_valid(value))
+            refuse(axis, value);
+    const CameraModel& camera = projector_.camera();
+    if (radiance.type() != CV_32FC1 || radiance.size() != cv::Size(camera.width, camera.height))
+        throw NumericalError(
+            fmt::format("the camera of {} x {} px has float images of that size, "
+                        "not {} x {}",
+                        camera.width, camera.height, radiance.cols, radiance.rows));
+    if (is_undisturbed(disturbances))
+        return radiance;
+    const Disturbances& d = disturbances;
+    const DisturbanceDirections directions = disturbance_directions(key);
+    Radiance result = radiance.clone();
+    if (d.contrast != 1.0)
+        fade(d.contrast, result);
+    if (d.motion_px > 0.0)
+        result = line_blurred(result, d.motion_px * directions.motion);
+    if (d.occlusion > 0.0)
+        hide(marker, d.occlusion, directions.card, result);
+    if (d.exposure != 1.0 || d.uneven > 0.0)
+        light(d.exposure, d.uneven, directions.fall, result);
+    if (d.noise_dn > 0.0)
+        add_noise(d.noise_dn, key, result);
+    for (int y = 0; y < result.rows; ++y)
+        if (!all_finite(result.ptr<float>(y), result.cols))
+            throw NumericalError(
+                fmt::format("a radiance in row {} of the disturbed image is not finite", y));
+    return result;
+}
+
+CodeImage compressed(const CodeImage& image, double quality) {
+    constexpr const DisturbanceAxis& axis = disturbance_axes.back();
+    static_assert(axis.value == &Disturbances::jpeg_quality);
+    if (!axis.is_valid(quality))
+        refuse(axis, quality);
+    if (quality == axis.neutral())
+        return image;
+    if (image.bits != 8 || image.pixels.type() != CV_8UC1 || image.pixels.empty())
+        throw NumericalError(fmt::format("JPEG holds 8 bits, not an image of {} and {} x {} px",
+                                         image.bits, image.pixels.cols, image.pixels.rows));
+    const int whole = static_cast<int>(std::floor(quality + 0.5));
+    return {decode_picture(encode_jpeg(image.pixels, whole)), image.bits};
+}
+
 Radiance line_blurred(const Radiance& radiance, const Eigen::Vector2d& motion_px) {
     if (radiance.empty() || motion_px.isZero(0.0))
         return radiance;
-    const cv::Rect uneven = uneven_part(radiance);
+    cv::Mat differs;
+    cv::compare(radiance, radiance.at<float>(0, 0), differs, cv::CMP_NE);
+    const cv::Rect uneven = cv::boundingRect(differs);  // outside of it all pixels are equal
     Radiance result = radiance.clone();
     if (uneven.empty())
         return result;

@@ -1,25 +1,20 @@
 // What happens to a marker's exact image besides the camera's own model: axes of a study along
 // which detectors are compared. Order, from the scene to the file:
 //   1. contrast      a faded print: every radiance pulled to mid gray, 0.5 + contrast (L - 0.5)
-//   2. motion        the scene moves along a straight line in the image while the shutter is open
-//                    (sim/sensor/disturbances.h). The same for all of the image: of a marker in
-//                    motion the nearer parts would move faster, and a turn or the depth change the
-//                    scale; for that there is sim/render/motion_blur.h.
+//   2. motion        the scene moves along a straight line in the image while the shutter is open,
+//                    all of the image alike (line_blurred() below; exactly: motion_blur.h)
 //   3. occlusion     a card of mid gray at rest before the moving scene. Its straight edge lies in
-//                    the marker's plane; it covers the image from the edge on (the background, too,
-//                    and what has no ray is left as it is). The edge is antialiased by the share of
-//                    the pixel that it covers, without the lens' blur.
+//                    the marker's plane; it covers the image from the edge on. The edge is
+//                    antialiased by the share of the pixel that it covers, without the lens' blur
 //   4. light         exposure times its fall across the image: 1 at the corner that lies farthest
-//                    in one direction, 1 - uneven at the opposite one, linear between them. Light
-//                    above full scale saturates in the sensor.
+//                    in one direction, 1 - uneven at the opposite one, linear between them
 //   5. noise         normal, of one standard deviation everywhere, added to what the sensor's
-//                    photon and read noise make, before the curve (sim/sensor/sensor_model.h).
+//                    photon and read noise make, before the curve (sim/sensor/sensor_model.h)
 //   then SensorModel::expose(), then
-//   6. JPEG          compressed().
-// Defocus is no disturbance: it is another focus distance of the camera.
+//   6. JPEG          compressed()
 //
-// Directions and noise are a pure function of the key (core/statistics/random.h), independent of
-// the sensor's noise under the same key and of each other: RandomStream(seed, frame, index) with 1
+// Directions and noise are a pure function of the key, independent of the sensor's noise under the
+// same key and of each other: RandomStream(seed, frame, index) of core/statistics/random.h, with 1
 // or 2 in the index's upper half.
 #pragma once
 
@@ -66,9 +61,6 @@ inline constexpr std::array<DisturbanceAxis, 7> disturbance_axes{{
     {"jpeg", "quality", &Disturbances::jpeg_quality, 1.0, 100.0},
 }};
 
-// Throws NumericalError that names the axis, the value and the range.
-void check_disturbances(const Disturbances& disturbances);
-
 // Unit vectors, uniform in direction and independent of each other.
 struct DisturbanceDirections {
     Eigen::Vector2d fall;    // in the image: to where the light falls
@@ -85,11 +77,10 @@ public:
     Disturber(const CameraModel& camera, const SensorModel& sensor);
 
     // Steps 1 to 5 on a rendering of the marker (of several, of that which the card hides),
-    // CV_32FC1 of the camera's size. Without any the same pixels, not a copy. The key is the
-    // pose's: its frame the pose's index. One thread; CPU time of a pixel about 1 ns for the
-    // contrast, 1.5 for light or card, 15 for noise, and that of line_blurred() for motion.
-    // Throws NumericalError for what check_disturbances() refuses, an image of another size or
-    // type, a marker that the card cannot hide (MarkerView), and a result that is not finite.
+    // CV_32FC1 of the camera's size. Without any the same pixels, not a copy. One thread; CPU time
+    // of a pixel about 1 ns for the contrast, 1.5 for light or card, 15 for noise.
+    // Throws NumericalError for a value out of its axis' range, an image of another size or type, a
+    // marker that the card cannot hide (MarkerView), and a result that is not finite.
     Radiance disturbed(const Radiance& radiance, const PlacedMarker& marker,
                        const Disturbances& disturbances, const NoiseKey& key) const;
 
@@ -110,25 +101,18 @@ private:
 // range and for an image that is not of 8 bits.
 CodeImage compressed(const CodeImage& image, double quality);
 
-// The blur of an image that moves along a straight line while the shutter is open: a filter for
-// rendered images. Exact is render_moving() (sim/render/motion_blur.h), at the cost of tens of
-// renders.
+// The image of the same size, moved along a straight line from -motion/2 to +motion/2 (px, x right,
+// y down) while the shutter is open. Exact is render_moving() (sim/render/motion_blur.h), at the
+// cost of tens of renders; the largest difference and RMS around a marker's edges, of their
+// contrast, are 0.01 and 0.001 with a lens of f/8 on pixels of 2.8 um, 0.07 and 0.008 where only
+// the pixels blur. Edges are not displaced.
 //
 // The mean of the interpolated image along the line, integrated exactly: the taps are the line
-// integrals of cubic convolution's weights (Keys, IEEE Trans. ASSP 29, 1981, a = -1/2), whose mean
-// is the line's, 0, and whose covariance is m m^T / 12 for the motion m.
-//
-// Against render_moving(), largest error and RMS around a marker's edges, of their contrast: 0.01
-// and 0.001 with a lens of f/8 on pixels of 2.8 um, 0.07 and 0.008 where only the pixels blur
-// (tested). Edges are not displaced, for the filter is even.
-
-// The image of the same size, moved from -motion/2 to +motion/2 (px, x right, y down). Beyond the
+// integrals of cubic convolution's weights (Keys, IEEE Trans. ASSP 29, 1981, a = -1/2). Beyond the
 // border the image goes on as at the border. Where all that the line meets is even the result is
-// the image to the last bit; elsewhere it is right to float rounding. A motion of zero gives the
-// image itself, not a copy.
-// Needs CV_32FC1 and a finite motion. One thread; CPU time of a pixel about 4 ns for 1 px, 14 for
-// 20 px and 65 for 100 px, of those only that are not of an even background (the tail of
-// diffraction makes all of it uneven).
+// the image to the last bit. A motion of zero gives the image itself, not a copy.
+// Needs CV_32FC1 and a finite motion. One thread; CPU time of a pixel that is not of an even
+// background about 4 ns for 1 px, 14 for 20 px and 65 for 100 px.
 Radiance line_blurred(const Radiance& radiance, const Eigen::Vector2d& motion_px);
 
 }  // namespace etalon

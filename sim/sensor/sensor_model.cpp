@@ -43,18 +43,15 @@ using Point = std::pair<double, double>;
 
 // Straight lines through the points (x, y), x ascending: extended below the first, constant above
 // the last.
-template <class X, class Y>
-double interpolate(const std::vector<Point>& table, X x_of, Y y_of, double x) {
-    if (x >= x_of(table.back()))
-        return y_of(table.back());
+double interpolate(const std::vector<Point>& table, double Point::*x_of, double Point::*y_of,
+                   double x) {
+    if (x >= table.back().*x_of)
+        return table.back().*y_of;
     const auto after = std::upper_bound(table.begin() + 1, table.end(), x,
-                                        [&](double a, const Point& b) { return a < x_of(b); });
+                                        [&](double a, const Point& b) { return a < b.*x_of; });
     const Point &a = *(after - 1), &b = *after;
-    return y_of(a) + (x - x_of(a)) * (y_of(b) - y_of(a)) / (x_of(b) - x_of(a));
+    return a.*y_of + (x - a.*x_of) * (b.*y_of - a.*y_of) / (b.*x_of - a.*x_of);
 }
-
-constexpr auto radiance_of = [](const Point& point) { return point.first; };
-constexpr auto value_of = [](const Point& point) { return point.second; };
 
 [[noreturn]] void refuse(const char* key, const std::string& message) {
     throw ConfigError({"camera", 0, std::string("sensor.") + key}, message);
@@ -113,42 +110,37 @@ void for_each_row(int rows, Body body) {
     });
 }
 
-// The direction (x, y, 1) makes the angle with the axis whose cosine is 1 / sqrt(1 + x^2 + y^2).
-cv::Mat cos4_map(const CameraModel& camera) {
-    const Projector projector(camera);
-    cv::Mat map(camera.height, camera.width, CV_32FC1, cv::Scalar::all(1.0));
-    for_each_row(map.rows, [&](int y) {
-        for (int x = 0; x < map.cols; ++x) {
-            const auto direction = projector.unproject(Eigen::Vector2d(x, y));
-            if (direction)
-                map.at<float>(y, x) =
-                    static_cast<float>(1.0 / std::pow(1.0 + direction->squaredNorm(), 2));
-        }
-    });
-    return map;
-}
-
-cv::Mat polynomial_map(const CameraModel& camera) {
+// `value` of the pixel (x, y), by pixel.
+template <class Value>
+cv::Mat map_of_pixels(const CameraModel& camera, const Value& value) {
     cv::Mat map(camera.height, camera.width, CV_32FC1);
     for_each_row(map.rows, [&](int y) {
         for (int x = 0; x < map.cols; ++x)
-            map.at<float>(y, x) = static_cast<float>(
-                polynomial_illumination(camera.sensor->illumination.polynomial,
-                                        illumination_radius_squared(camera, {x, y})));
+            map.at<float>(y, x) = static_cast<float>(value(Eigen::Vector2d(x, y)));
     });
     return map;
 }
 
+// The direction (x, y, 1) makes the angle with the axis whose cosine is 1 / sqrt(1 + x^2 + y^2).
+cv::Mat cos4_map(const CameraModel& camera) {
+    return map_of_pixels(camera, [projector = Projector(camera)](const Eigen::Vector2d& pixel) {
+        const auto direction = projector.unproject(pixel);
+        return direction ? 1.0 / std::pow(1.0 + direction->squaredNorm(), 2) : 1.0;
+    });
+}
+
+cv::Mat polynomial_map(const CameraModel& camera) {
+    return map_of_pixels(camera, [&](const Eigen::Vector2d& pixel) {
+        return polynomial_illumination(camera.sensor->illumination.polynomial,
+                                       illumination_radius_squared(camera, pixel));
+    });
+}
+
 cv::Mat illumination_map(const CameraModel& camera) {
-    switch (camera.sensor->illumination.kind) {
-        case Illumination::Kind::cos4:
-            return cos4_map(camera);
-        case Illumination::Kind::polynomial:
-            return polynomial_map(camera);
-        case Illumination::Kind::uniform:
-            break;
-    }
-    return {};
+    const Illumination::Kind kind = camera.sensor->illumination.kind;
+    return kind == Illumination::Kind::cos4         ? cos4_map(camera)
+           : kind == Illumination::Kind::polynomial ? polynomial_map(camera)
+                                                    : cv::Mat();
 }
 
 // Multiplies the channels' response into the map; an empty one stands for 1.
@@ -172,6 +164,13 @@ void check_size(const Radiance& radiance, cv::Size size) {
                         size.width, size.height, radiance.cols, radiance.rows));
 }
 
+void check_part(const RenderedPart& part, const cv::Size& size) {
+    const cv::Rect& region = part.region;
+    if ((region & cv::Rect({0, 0}, size)) != region || part.radiance.size() != region.size())
+        throw NumericalError(fmt::format("a part of {} x {} px at ({}, {}) is not in the sensor",
+                                         region.width, region.height, region.x, region.y));
+}
+
 // Names the first such pixel, whichever thread has found one.
 [[noreturn]] void refuse_not_finite(const Radiance& radiance) {
     for (int y = 0; y < radiance.rows; ++y)
@@ -185,26 +184,18 @@ void check_size(const Radiance& radiance, cv::Size size) {
 }  // namespace
 
 double encode(const Transfer& transfer, double radiance) {
-    switch (transfer.kind) {
-        case Transfer::Kind::rec709:
-            return encode_rec709(radiance);
-        case Transfer::Kind::table:
-            return interpolate(transfer.table, radiance_of, value_of, radiance);
-        case Transfer::Kind::linear:
-            break;
-    }
+    if (transfer.kind == Transfer::Kind::rec709)
+        return encode_rec709(radiance);
+    if (transfer.kind == Transfer::Kind::table)
+        return interpolate(transfer.table, &Point::first, &Point::second, radiance);
     return std::min(radiance, 1.0);
 }
 
 double decode(const Transfer& transfer, double code) {
-    switch (transfer.kind) {
-        case Transfer::Kind::rec709:
-            return decode_rec709(code);
-        case Transfer::Kind::table:
-            return interpolate(transfer.table, value_of, radiance_of, code);
-        case Transfer::Kind::linear:
-            break;
-    }
+    if (transfer.kind == Transfer::Kind::rec709)
+        return decode_rec709(code);
+    if (transfer.kind == Transfer::Kind::table)
+        return interpolate(transfer.table, &Point::second, &Point::first, code);
     return std::min(code, 1.0);
 }
 
@@ -273,71 +264,47 @@ bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int 
     return finite;
 }
 
-void SensorModel::check_part(const RenderedPart& part) const {
-    if ((part.region & cv::Rect({0, 0}, size_)) != part.region ||
-        part.radiance.size() != part.region.size())
-        throw NumericalError(fmt::format("a part of {} x {} px at ({}, {}) is not in the sensor",
-                                         part.region.width, part.region.height, part.region.x,
-                                         part.region.y));
-}
-
 // Nothing where the sensor has none.
 const NoiseKey* SensorModel::used(const std::optional<NoiseKey>& noise) const {
     return noise && sensor_.gain_e_per_dn > 0.0 ? &*noise : nullptr;
 }
 
-CodeImage SensorModel::without_codes(cv::Size size) const {
-    return {cv::Mat(size, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
-}
-
-// The codes of `radiance`, whose first pixel is `first`, into a matrix of the same size.
-void SensorModel::expose_pixels(const Radiance& radiance, const cv::Point& first,
-                                const NoiseKey* noise, cv::Mat codes) const {
-    std::atomic<bool> finite = true;
-    for_each_row(radiance.rows, [&](int y) {
-        const float* row = radiance.ptr<float>(y);
-        const cv::Point start(first.x, first.y + y);
-        const auto exposed = [&](auto* to) {
-            return expose_row(row, start, radiance.cols, noise, to);
-        };
-        if (!(sensor_.bits > 8 ? exposed(codes.ptr<std::uint16_t>(y))
-                               : exposed(codes.ptr<std::uint8_t>(y))))
-            finite = false;
-    });
-    if (!finite)
-        refuse_not_finite(radiance);
-}
-
 CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> noise) const {
     check_size(radiance, size_);
-    CodeImage image = without_codes(size_);
-    expose_pixels(radiance, {0, 0}, used(noise), image.pixels);
-    return image;
+    return expose_region({cv::Rect({0, 0}, size_), radiance, 0.0, {}}, noise);
 }
 
 CodeImage SensorModel::expose(const RenderedPart& part, std::optional<NoiseKey> noise) const {
-    check_part(part);
+    check_part(part, size_);
     if (!response_.empty() || used(noise))
         return expose(part.within(cv::Rect({0, 0}, size_)), noise);
     if (!std::isfinite(part.background))
         throw NumericalError(fmt::format("the background's radiance is {}", part.background));
+    const CodeImage seen = expose_region(part);
     const double code = code_of(static_cast<float>(part.background));
-    CodeImage image = without_codes(size_);
-    if (sensor_.bits > 8)
-        std::fill_n(image.pixels.ptr<std::uint16_t>(), image.pixels.total(),
-                    static_cast<std::uint16_t>(code));
-    else
-        std::fill_n(image.pixels.ptr<std::uint8_t>(), image.pixels.total(),
-                    static_cast<std::uint8_t>(code));
-    expose_pixels(part.radiance, part.region.tl(), nullptr, image.pixels(part.region));
+    CodeImage image{cv::Mat(size_, seen.pixels.type(), cv::Scalar(code)), seen.bits};
+    if (!part.region.empty())
+        seen.pixels.copyTo(image.pixels(part.region));
     return image;
 }
 
 CodeImage SensorModel::expose_region(const RenderedPart& part,
                                      std::optional<NoiseKey> noise) const {
-    check_part(part);
-    CodeImage image = without_codes(part.region.size());
-    expose_pixels(part.radiance, part.region.tl(), used(noise), image.pixels);
+    check_part(part, size_);
+    const cv::Rect& region = part.region;
+    CodeImage image{cv::Mat(region.size(), sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
+    std::atomic<bool> finite = true;
+    for_each_row(region.height, [&](int y) {
+        const auto exposed = [&](auto* codes) {
+            return expose_row(part.radiance.ptr<float>(y), {region.x, region.y + y}, region.width,
+                              used(noise), codes);
+        };
+        if (!(sensor_.bits > 8 ? exposed(image.pixels.ptr<std::uint16_t>(y))
+                               : exposed(image.pixels.ptr<std::uint8_t>(y))))
+            finite = false;
+    });
+    if (!finite)
+        refuse_not_finite(part.radiance);
     return image;
 }
 
@@ -352,7 +319,7 @@ Radiance SensorModel::linear_radiance(const CodeImage& image) const {
         radiance_of_code[code] = static_cast<float>(
             decode(sensor_.transfer, (double(code) - sensor_.black_dn) / range_));
     Radiance radiance(image.pixels.size(), CV_32FC1);
-    for (int y = 0; y < radiance.rows; ++y) {
+    for (int y = 0; y < radiance.rows; ++y)
         for (int x = 0; x < radiance.cols; ++x) {
             const unsigned code = sensor_.bits > 8 ? image.pixels.at<std::uint16_t>(y, x)
                                                    : image.pixels.at<std::uint8_t>(y, x);
@@ -363,7 +330,6 @@ Radiance SensorModel::linear_radiance(const CodeImage& image) const {
                                 x, y, code, sensor_.bits));
             radiance.at<float>(y, x) = radiance_of_code[code];
         }
-    }
     return radiance;
 }
 

@@ -8,14 +8,12 @@
 //   4. transfer curve          T((s + n) / (F - black))
 //   5. black level             c = black + (F - black) T, so that no light gives exactly `black`
 //   6. quantisation            round half up, limited to 0..F (the saturation of a real sensor)
-// Noise thus lives in linear DN, before the curve. Photon and read noise together are one normal
-// deviate: mean and variance are right at every level, the Poisson distribution's skewness (1/5 at
-// 25 electrons) is not drawn. EMVA 1288's linear camera model has the same terms (there the
-// quantisation's variance 1/12 is written out; here it arises by itself).
+// The terms are those of EMVA 1288's linear camera model. Photon and read noise together are one
+// normal deviate: mean and variance are right at every level, the Poisson distribution's skewness
+// (1/5 at 25 electrons) is not drawn.
 //
-// Exposure is not here: whoever exposes longer scales the radiance, expose(radiance * factor).
-// A mosaic's image is the raw one: one value a pixel, that of the channel which channel_of_pixel()
-// gives, with that channel's signal and noise. Nothing is interpolated.
+// A longer exposure is expose(radiance * factor). A mosaic's image is the raw one: one value a
+// pixel, of the channel that channel_of_pixel() gives, with that channel's signal and noise.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +21,6 @@
 
 #include "calib/camera/camera_model.h"
 #include "core/image/image.h"
-#include "sim/sensor/sensor_noise.h"
 #include "sim/sensor/sensor_steps.h"
 #include "sim/tiles/render_plan.h"
 
@@ -31,9 +28,8 @@ namespace etalon {
 
 // Fraction of full scale from fraction of full scale. `encode` applies the curve, `decode` inverts
 // it. Both continue straight on with the first slope below 0 (noise around black stays unbiased);
-// above the curve's end they stay at its last value. Rec. 709 is ITU-R BT.709-6, item 1.2 as
-// printed: slope 4.5 below 0.018, then 1.099 L^0.45 - 0.099. Its two branches leave a gap of
-// 0.00025 at the break, which decodes to 0.018. A table is interpolated linearly.
+// above the curve's end they stay at its last value. Rec. 709 is ITU-R BT.709-6, item 1.2; its two
+// branches leave a gap of 0.00025, which decodes to 0.018. A table is interpolated linearly.
 double encode(const Transfer& transfer, double radiance);
 double decode(const Transfer& transfer, double code);
 
@@ -54,10 +50,8 @@ public:
     // steps of 16 bits take 15 ms and 5 MB (sim/sensor/sensor_steps.h).
     explicit SensorModel(const CameraModel& camera);
 
-    // Code values of a radiance image of the camera's size. CPU time of a pixel 0.1 ns in
-    // an even background, 0.3 ns elsewhere (0.5 without AVX-512 and where the curve has kinks), as
-    // much again with an illumination, 3 with noise (docs/performance.md).
-    // Throws NumericalError for another size or type and for a pixel that is not finite.
+    // Code values of a radiance image of the camera's size. CPU time: docs/performance.md. Throws
+    // NumericalError for another size or type and for a pixel that is not finite.
     CodeImage expose(const Radiance& radiance, std::optional<NoiseKey> noise = {}) const;
 
     // The same codes from a rendering's part. Without noise, illumination and mosaic all of the
@@ -84,15 +78,11 @@ public:
 
 private:
     double code_of(double radiance) const;
-    void check_part(const RenderedPart& part) const;
     const NoiseKey* used(const std::optional<NoiseKey>& noise) const;
-    CodeImage without_codes(cv::Size size) const;
     // False where a pixel's radiance, or what its response and noise make of it, is not finite.
     template <class Code>
     bool expose_row(const float* radiance, const cv::Point& first, int count, const NoiseKey* noise,
                     Code* codes) const;
-    void expose_pixels(const Radiance& radiance, const cv::Point& first, const NoiseKey* noise,
-                       cv::Mat codes) const;
 
     Sensor sensor_;
     cv::Size size_;

@@ -62,13 +62,14 @@ std::vector<int> without_corners(cv::Mat& pairs) {
 
 }  // namespace
 
-FilterKernel::FilterKernel(int k, const cv::Mat& weights)
-    : k_(k),
-      reach_x_((weights.cols - k) / 2),
-      reach_y_((weights.rows - k) / 2),
-      margin_x_((reach_x_ + k - 1) / k),
-      margin_y_((reach_y_ + k - 1) / k) {
-    const int n = weights.cols, before = k * margin_x() - reach_x_;
+FilterKernel::FilterKernel(int samples_per_output, const cv::Mat& weights)
+    : k(samples_per_output),
+      reach_x((weights.cols - k) / 2),
+      reach_y((weights.rows - k) / 2),
+      margin_x((reach_x + k - 1) / k),
+      margin_y((reach_y + k - 1) / k),
+      energy(cv::sum(weights)[0]) {
+    const int n = weights.cols, before = k * margin_x - reach_x;
     const int padding = (MirroredKernel::rows_at_once - 1) * k;
     const auto offset = [&](int column) {
         const int sample = before + column;
@@ -78,14 +79,11 @@ FilterKernel::FilterKernel(int k, const cv::Mat& weights)
         left_.push_back(offset(i));
         right_.push_back(offset(n - 1 - i));
     }
-    cv::Mat paired(weights.rows, static_cast<int>(left_.size()), CV_64FC1);
-    for (int row = 0; row < weights.rows; ++row)
-        for (int i = 0; i < paired.cols; ++i) {
-            const auto* from = weights.ptr<double>(row);
-            // The middle of an odd number is a pair with itself.
-            const double share = 2 * i == n - 1 ? 0.25 : 0.5;
-            paired.at<double>(row, i) = share * (from[i] + from[n - 1 - i]);
-        }
+    cv::Mat mirrored;
+    cv::flip(weights, mirrored, 1);
+    cv::Mat paired = cv::Mat(0.5 * (weights + mirrored)).colRange(0, (n + 1) / 2).clone();
+    if (n % 2 != 0)  // the middle is a pair with itself
+        paired.col(n / 2) *= 0.5;
     const std::vector<int> first = without_corners(paired);
     weights_.resize(length(weights.rows + 2 * padding) * left_.size());
     std::copy(paired.begin<double>(), paired.end<double>(),
@@ -97,16 +95,15 @@ FilterKernel::FilterKernel(int k, const cv::Mat& weights)
                 least = std::min(least, first[length(from)]);
         first_pairs_.push_back(least);
     }
-    energy_ = cv::sum(weights)[0];
 }
 
 int FilterKernel::phase_stride() const {
-    return strip + 2 * margin_x() + 2 * slack + padding_of_phase;
+    return strip + 2 * margin_x + 2 * slack + padding_of_phase;
 }
 
 MirroredKernel FilterKernel::view() const {
-    return {k_,
-            k_ + 2 * reach_y_,
+    return {k,
+            k + 2 * reach_y,
             static_cast<int>(left_.size()),
             left_.data(),
             right_.data(),
@@ -125,13 +122,13 @@ public:
           kernel_(kernel),
           region_(region),
           out_(out),
-          outputs_per_tile_(field.side / kernel.k()),
+          outputs_per_tile_(field.side / kernel.k),
           tile_shift_(std::countr_zero(static_cast<unsigned>(outputs_per_tile_))),
           phase_stride_(kernel.phase_stride()),
-          stride_(kernel.k() * phase_stride_),
-          window_(new float[length((block_rows * kernel.k() + 2 * kernel.reach_y()) * stride_)]) {}
+          stride_(kernel.k * phase_stride_),
+          window_(new float[length((block_rows * kernel.k + 2 * kernel.reach_y) * stride_)]) {}
 
-    // The same where groups of tiles are known by how they are found.
+    // Where groups of tiles are known by how they are found.
     void filter_row_of_groups(int left, int right, int top) {
         for (int x = left; x < right; x += block)
             for (int y = top; y < top + block_rows; y += block)
@@ -153,10 +150,19 @@ public:
     void filter_row(int left, int right, int top) {
         cv::Rect found;
         for (int x = left; x < right;) {
-            const bool constant = is_constant({x, top, block, block_rows});
-            const cv::Rect outputs(
-                x, top, constant ? constant_width(x, right, top) : strip_width(x, right, top),
-                block_rows);
+            const auto is_constant_at = [&](int at) {
+                return is_constant({at, top, block, block_rows});
+            };
+            const bool constant = is_constant_at(x);
+            const int width =
+                constant ? width_while(x, right,
+                                       [&](int at) {
+                                           return value_at({at, top}) == value_at({x, top}) &&
+                                                  is_constant_at(at);
+                                       })
+                         : width_while(x, std::min(right, x + strip),
+                                       [&](int at) { return !is_constant_at(at); });
+            const cv::Rect outputs(x, top, width, block_rows);
             x += outputs.width;
             if (constant) {
                 fill(outputs);
@@ -174,13 +180,13 @@ public:
 private:
     GroupKind group_at(const cv::Point& output) const {
         static_assert(block == 16);
-        return field_.groups->at(output.x >> 4, output.y >> 4);
+        return field_.groups->find(output.x >> 4, output.y >> 4);
     }
 
     cv::Rect tiles_seen(const cv::Rect& outputs) const {
-        const int x = outputs.x - kernel_.margin_x(), y = outputs.y - kernel_.margin_y();
-        const int last_x = outputs.br().x - 1 + kernel_.margin_x();
-        const int last_y = outputs.br().y - 1 + kernel_.margin_y();
+        const int x = outputs.x - kernel_.margin_x, y = outputs.y - kernel_.margin_y;
+        const int last_x = outputs.br().x - 1 + kernel_.margin_x;
+        const int last_y = outputs.br().y - 1 + kernel_.margin_y;
         const int left = x >> tile_shift_, top = y >> tile_shift_;
         return {left, top, (last_x >> tile_shift_) - left + 1, (last_y >> tile_shift_) - top + 1};
     }
@@ -189,21 +195,13 @@ private:
         return field_.map.is_constant(tiles_seen(outputs));
     }
 
-    // Of the constant blocks from x on that have the same value.
-    int constant_width(int x, int right, int top) const {
-        int end = x + block;
-        while (end < right && value_at({end, top}) == value_at({x, top}) &&
-               is_constant({end, top, block, block_rows}))
-            end += block;
-        return end - x;
-    }
-
-    // Of the blocks from x on that are not constant.
-    int strip_width(int x, int right, int top) const {
-        int end = x + block;
-        while (end < right && end < x + strip && !is_constant({end, top, block, block_rows}))
-            end += block;
-        return end - x;
+    // Of the blocks from x on up to `end` for which this holds.
+    template <class Holds>
+    static int width_while(int x, int end, const Holds& holds) {
+        int to = x + block;
+        while (to < end && holds(to))
+            to += block;
+        return to - x;
     }
 
     // Of the tile that an output lies in.
@@ -217,13 +215,13 @@ private:
         for (int y = own.y; y < own.br().y; ++y)
             for (int x = own.x; x < own.br().x; x += line)
                 hwy::Prefetch(out_.ptr<float>(y - region_.y) + (x - region_.x));
-        if (!field_.finer)
+        if (field_.side == 1)
             return;
         const cv::Rect seen = tiles_seen(outputs) & field_.map.tiles();
         const std::ptrdiff_t samples = std::ptrdiff_t{field_.side} * field_.side;
         for (int j = seen.y; j < seen.br().y; ++j) {
             const TileDetail* details = field_.map.details_from({seen.x, j});
-            const float* const* finer = &field_.finer[field_.map.index(seen.x, j)];
+            const float* const* finer = field_.map.finer_from({seen.x, j});
             for (int i = 0; i < seen.width; ++i)
                 for (std::ptrdiff_t n = 0; has_samples(details[i]) && n < samples; n += line)
                     hwy::Prefetch(finer[i] + field_.offset + n);
@@ -234,12 +232,12 @@ private:
         const cv::Rect part = outputs & region_;
         if (part.empty())
             return;
-        const float value = value_at(part.tl()) * static_cast<float>(kernel_.energy());
+        const float value = value_at(part.tl()) * static_cast<float>(kernel_.energy);
         if (value == 0.0f)
             return;
-        add_constant(value, part.width, part.height,
-                     out_.ptr<float>(part.y - region_.y) + (part.x - region_.x),
-                     static_cast<std::ptrdiff_t>(out_.step1()));
+        filter_loops().add_constant(value, part.width, part.height,
+                                    out_.ptr<float>(part.y - region_.y) + (part.x - region_.x),
+                                    static_cast<std::ptrdiff_t>(out_.step1()));
     }
 
     void filter(const cv::Rect& block_outputs) {
@@ -258,7 +256,7 @@ private:
                 }
                 const cv::Rect parts = without_constant_ends({x, y, end - x, part_rows});
                 if (!parts.empty())
-                    filter_parts(parts, window + (y - outputs.y) * kernel_.k() * stride_ + parts.x -
+                    filter_parts(parts, window + (y - outputs.y) * kernel_.k * stride_ + parts.x -
                                             outputs.x);
                 x = end;
             }
@@ -309,13 +307,13 @@ private:
         const cv::Rect part = outputs & region_;
         if (part == outputs) {
             float* to = out_.ptr<float>(part.y - region_.y) + (part.x - region_.x);
-            add_convolved(kernel_.view(), window, stride_, part.width, part.height, to,
-                          static_cast<std::ptrdiff_t>(out_.step1()));
+            filter_loops().add_convolved(kernel_.view(), window, stride_, part.width, part.height,
+                                         to, static_cast<std::ptrdiff_t>(out_.step1()));
             return;
         }
         float result[part_rows * strip] = {};
-        add_convolved(kernel_.view(), window, stride_, outputs.width, outputs.height, result,
-                      strip);
+        filter_loops().add_convolved(kernel_.view(), window, stride_, outputs.width, outputs.height,
+                                     result, strip);
         for (int y = part.y; y < part.br().y; ++y) {
             const float* from = result + (y - outputs.y) * strip + (part.x - outputs.x);
             float* to = out_.ptr<float>(y - region_.y) + (part.x - region_.x);
@@ -340,16 +338,16 @@ private:
     // Of tiles with n outputs a side. The window's rows begin at the left end of the first tile.
     template <int n>
     const float* gather_tiles(const cv::Rect& outputs) {
-        const int side = field_.side, k = kernel_.k();
-        const int top = outputs.y * k - kernel_.reach_y();
-        const int bottom = outputs.br().y * k + kernel_.reach_y();
+        const int side = field_.side, k = kernel_.k;
+        const int top = outputs.y * k - kernel_.reach_y;
+        const int bottom = outputs.br().y * k + kernel_.reach_y;
         const cv::Rect seen = tiles_seen(outputs);
         for (int j = floor_div(top, side); j * side < bottom; ++j) {
             const int first = std::max(top, j * side), last = std::min(bottom, (j + 1) * side);
             gather_tile_row<n>({seen.x, j, seen.width, 1}, first - j * side, last - first,
                                &window_[length((first - top) * stride_)]);
         }
-        return &window_[length(outputs.x - kernel_.margin_x() - seen.x * n)];
+        return &window_[length(outputs.x - kernel_.margin_x - seen.x * n)];
     }
 
     // Some rows of samples, from `first` on, of a row of tiles.
@@ -363,7 +361,7 @@ private:
             return;
         const float* values = field_.map.from(inside.tl());
         const TileDetail* details = field_.map.details_from(inside.tl());
-        const float* const* finer = &field_.finer[field_.map.index(inside.x, inside.y)];
+        const float* const* finer = field_.map.finer_from(inside.tl());
         for (int i = 0; i < inside.width; ++i, to += n) {
             if (!has_samples(details[i])) {
                 const int alike = count_alike(values + i, details + i, inside.width - i);
@@ -373,7 +371,7 @@ private:
             }
             const float* from = finer[i] + field_.offset + first * field_.side;
             if constexpr (n == 4)
-                split_phases(from, kernel_.k(), rows, phase_stride_, stride_, to);
+                filter_loops().split_phases(from, kernel_.k, rows, phase_stride_, stride_, to);
             else  // only with k = 1
                 for (int row = 0; row < rows; ++row)
                     std::copy_n(from + row * n, n, to + row * stride_);
@@ -392,12 +390,12 @@ private:
     }
 
     void fill_rows(float value, int columns, int rows, float* to) const {
-        fill_phases(value, columns, kernel_.k(), rows, phase_stride_, stride_, to);
+        filter_loops().fill_phases(value, columns, kernel_.k, rows, phase_stride_, stride_, to);
     }
 
     // Of a field with one sample per tile.
     const float* gather_plain(const cv::Rect& outputs) {
-        const cv::Rect seen = grown(outputs, kernel_.reach_x(), kernel_.reach_y());
+        const cv::Rect seen = grown(outputs, kernel_.reach_x, kernel_.reach_y);
         const cv::Rect inside = seen & field_.map.tiles();
         for (int y = seen.y; y < seen.br().y; ++y) {
             float* to = &window_[length((y - seen.y) * stride_)];
@@ -431,12 +429,12 @@ void for_each_band(const cv::Rect& region, const std::function<void(const cv::Re
     });
 }
 
-void add_filtered_band(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
-                       const cv::Rect& band, cv::Mat& out) {
-    const int n = field.side / kernel.k();
+void add_filtered(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
+                  const cv::Rect& band, cv::Mat& out) {
+    const int n = field.side / kernel.k;
     const cv::Rect own(field.map.tiles().x * n, field.map.tiles().y * n,
                        field.map.tiles().width * n, field.map.tiles().height * n);
-    const cv::Rect reached = grown(own, kernel.margin_x(), kernel.margin_y()) & band;
+    const cv::Rect reached = grown(own, kernel.margin_x, kernel.margin_y) & band;
     if (own.empty() || reached.empty())
         return;
     const int left = floor_div(reached.x, block) * block;
@@ -446,12 +444,6 @@ void add_filtered_band(const SampleField& field, const FilterKernel& kernel, con
         filter.filter_row_of_groups(left, reached.br().x, top);
     else
         filter.filter_row(left, reached.br().x, top);
-}
-
-void add_filtered(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
-                  cv::Mat& out) {
-    for_each_band(
-        region, [&](const cv::Rect& band) { add_filtered_band(field, kernel, region, band, out); });
 }
 
 }  // namespace etalon

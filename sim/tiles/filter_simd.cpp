@@ -13,10 +13,36 @@
 
 HWY_BEFORE_NAMESPACE();
 namespace etalon::HWY_NAMESPACE {
+namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
 using Vector16 = hn::CappedTag<float, 16>;
+
+// Calls body(d, x) for the vectors from x on up to `count`, ever smaller ones to the end: the same
+// operations, so that a value does not depend on its place.
+template <class D, class Body>
+HWY_INLINE int for_whole_vectors(D d, int x, int count, const Body& body) {
+    const int n = static_cast<int>(hn::Lanes(d));
+    for (; x + n <= count; x += n)
+        body(d, x);
+    return x;
+}
+template <class Body>
+HWY_INLINE void for_vectors(int count, const Body& body) {
+    int x = for_whole_vectors(Vector16(), 0, count, body);
+    x = for_whole_vectors(hn::CappedTag<float, 4>(), x, count, body);
+    for_whole_vectors(hn::CappedTag<float, 1>(), x, count, body);
+}
+
+float sum_eight(const float* from, std::ptrdiff_t stride, const float weights[8]) {
+    float even = 0.0f, odd = 0.0f;
+    for (int tap = 0; tap < 8; tap += 2) {
+        even += weights[tap] * from[tap * stride];
+        odd += weights[tap + 1] * from[(tap + 1) * stride];
+    }
+    return even + odd;
+}
 
 // Four output rows of one or two vectors: four or eight sums run side by side and hide each other's
 // latency. (The second half is not used of one vector.)
@@ -119,8 +145,8 @@ HWY_ATTR void add_four_rows(const MirroredKernel& kernel, const float* window,
     }
 }
 
-HWY_ATTR void AddConvolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
-                           int width, int height, float* out, std::ptrdiff_t out_stride) {
+void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
+                   int width, int height, float* out, std::ptrdiff_t out_stride) {
     const int n = static_cast<int>(hn::Lanes(Vector16()));
     for (int x = 0; x < width;) {
         const bool wide = x + 2 * n <= width;
@@ -136,76 +162,55 @@ HWY_ATTR void AddConvolved(const MirroredKernel& kernel, const float* window, st
     }
 }
 
-HWY_ATTR void FillRow(float value, std::ptrdiff_t count, bool past_caches, float* out) {
+void fill_row(float value, std::ptrdiff_t count, bool past_caches, float* out) {
     const Vector16 d;
     const auto n = static_cast<std::ptrdiff_t>(hn::Lanes(d));
-    const auto v = hn::Set(d, value);
-    const auto misplaced = static_cast<std::ptrdiff_t>(
-        reinterpret_cast<std::uintptr_t>(out) / sizeof(float) % static_cast<std::uintptr_t>(n));
     std::ptrdiff_t x = 0;
     if (past_caches) {
+        const auto misplaced = static_cast<std::ptrdiff_t>(
+            reinterpret_cast<std::uintptr_t>(out) / sizeof(float) % static_cast<std::uintptr_t>(n));
         for (const std::ptrdiff_t aligned = (n - misplaced) % n; x < std::min(aligned, count); ++x)
             out[x] = value;
         for (; x + n <= count; x += n)
-            hn::Stream(v, d, out + x);
+            hn::Stream(hn::Set(d, value), d, out + x);
         hwy::FlushStream();
     }
-    for (; x + n <= count; x += n)
-        hn::StoreU(v, d, out + x);
-    for (; x < count; ++x)
-        out[x] = value;
+    for_vectors(static_cast<int>(count - x), [&](auto part, int i) HWY_ATTR {
+        hn::StoreU(hn::Set(part, value), part, out + x + i);
+    });
 }
 
-HWY_ATTR void SumEightRows(const float* from, std::ptrdiff_t stride, const float weights[8],
-                           int width, float* to) {
-    const Vector16 d;
-    const int n = static_cast<int>(hn::Lanes(d));
-    int x = 0;
-    for (; x + n <= width; x += n) {
-        auto even = hn::Zero(d), odd = hn::Zero(d);
+void sum_eight_rows(const float* from, std::ptrdiff_t stride, const float weights[8], int width,
+                    float* to) {
+    int x = for_whole_vectors(Vector16(), 0, width, [&](auto d, int at) HWY_ATTR {
+        auto even = hn::Zero(d), odd = even;
         for (int tap = 0; tap < 8; tap += 2) {
-            const float* at = from + tap * stride + x;
-            even = hn::MulAdd(hn::Set(d, weights[tap]), hn::LoadU(d, at), even);
-            odd = hn::MulAdd(hn::Set(d, weights[tap + 1]), hn::LoadU(d, at + stride), odd);
+            const float* row = from + tap * stride + at;
+            even = hn::MulAdd(hn::Set(d, weights[tap]), hn::LoadU(d, row), even);
+            odd = hn::MulAdd(hn::Set(d, weights[tap + 1]), hn::LoadU(d, row + stride), odd);
         }
-        hn::StoreU(even + odd, d, to + x);
-    }
-    for (; x < width; ++x) {
-        float even = 0.0f, odd = 0.0f;
-        for (int tap = 0; tap < 8; tap += 2) {
-            even += weights[tap] * from[tap * stride + x];
-            odd += weights[tap + 1] * from[(tap + 1) * stride + x];
-        }
-        to[x] = even + odd;
-    }
+        hn::StoreU(even + odd, d, to + at);
+    });
+    for (; x < width; ++x)
+        to[x] = sum_eight(from + x, stride, weights);
 }
 
-HWY_ATTR void ThinRow(const float* from, const float weights[8], int count, float* to) {
-    const Vector16 d;
-    const int n = static_cast<int>(hn::Lanes(d));
-    int x = 0;
-    for (; x + n <= count; x += n) {
-        auto even = hn::Zero(d), odd = hn::Zero(d);
+void thin_row(const float* from, const float weights[8], int count, float* to) {
+    int x = for_whole_vectors(Vector16(), 0, count, [&](auto d, int at) HWY_ATTR {
+        auto even = hn::Zero(d), odd = even, first = even, second = even;
         for (int tap = 0; tap < 8; tap += 2) {
-            hn::Vec<Vector16> first, second;
-            hn::LoadInterleaved2(d, from + 2 * x + tap, first, second);
+            hn::LoadInterleaved2(d, from + 2 * at + tap, first, second);
             even = hn::MulAdd(hn::Set(d, weights[tap]), first, even);
             odd = hn::MulAdd(hn::Set(d, weights[tap + 1]), second, odd);
         }
-        hn::StoreU(even + odd, d, to + x);
-    }
-    for (; x < count; ++x) {
-        float even = 0.0f, odd = 0.0f;
-        for (int tap = 0; tap < 8; tap += 2) {
-            even += weights[tap] * from[2 * x + tap];
-            odd += weights[tap + 1] * from[2 * x + tap + 1];
-        }
-        to[x] = even + odd;
-    }
+        hn::StoreU(even + odd, d, to + at);
+    });
+    for (; x < count; ++x)
+        to[x] = sum_eight(from + 2 * x, 1, weights);
 }
 
-HWY_ATTR void FillPhases(float value, int columns, int k, int rows, std::ptrdiff_t phase,
-                         std::ptrdiff_t window_stride, float* to) {
+void fill_phases(float value, int columns, int k, int rows, std::ptrdiff_t phase,
+                 std::ptrdiff_t window_stride, float* to) {
     const Vector16 d;
     const int n = static_cast<int>(hn::Lanes(d));
     const auto v = hn::Set(d, value);
@@ -215,8 +220,8 @@ HWY_ATTR void FillPhases(float value, int columns, int k, int rows, std::ptrdiff
                 hn::StoreU(v, d, to + q * phase + x);
 }
 
-HWY_ATTR void SplitPhases(const float* from, int k, int rows, std::ptrdiff_t phase,
-                          std::ptrdiff_t window_stride, float* to) {
+void split_phases(const float* from, int k, int rows, std::ptrdiff_t phase,
+                  std::ptrdiff_t window_stride, float* to) {
     const hn::CappedTag<float, 4> d;
     const int n = static_cast<int>(hn::Lanes(d));
     hn::Vec<decltype(d)> v[4];
@@ -241,7 +246,7 @@ HWY_ATTR void SplitPhases(const float* from, int k, int rows, std::ptrdiff_t pha
 }
 
 // Sums of the columns of each row of parts, four columns at a time, then of these.
-HWY_ATTR void AverageParts(const float* values, int side, int parts, float* averages) {
+void average_parts(const float* values, int side, int parts, float* averages) {
     const hn::CappedTag<float, 4> d;
     const int n = static_cast<int>(hn::Lanes(d)), part = side / parts;
     constexpr int most = 4 * 48;  // more samples a tile side than any plan takes
@@ -268,284 +273,128 @@ HWY_ATTR void AverageParts(const float* values, int side, int parts, float* aver
     }
 }
 
-HWY_ATTR void AddConstant(float value, int width, int height, float* out, std::ptrdiff_t stride) {
-    const Vector16 d;
-    const int n = static_cast<int>(hn::Lanes(d));
-    for (int y = 0; y < height; ++y, out += stride) {
-        int x = 0;
-        for (; x + n <= width; x += n)
+void add_constant(float value, int width, int height, float* out, std::ptrdiff_t stride) {
+    for (int y = 0; y < height; ++y, out += stride)
+        for_vectors(width, [&](auto d, int x) HWY_ATTR {
             hn::StoreU(hn::Add(hn::Set(d, value), hn::LoadU(d, out + x)), d, out + x);
-        for (; x < width; ++x)
-            out[x] += value;
+        });
+}
+
+// The sum of weights[n] times the values at at(n), and its mirror image from at(6) on.
+template <class D, class At, class V>
+HWY_INLINE void sum_mirrored(D d, const float weights[6], const At& at, V& even, V& odd) {
+    even = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, at(0)));
+    odd = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, at(6)));
+    for (int n = 1; n < 6; ++n) {
+        const auto weight = hn::Set(d, weights[n]);
+        even = hn::MulAdd(weight, hn::LoadU(d, at(n)), even);
+        odd = hn::MulAdd(weight, hn::LoadU(d, at(6 - n)), odd);
     }
-}
-
-// From x on as many as whole vectors hold; returns where they end.
-template <class D>
-HWY_ATTR int sum_pair(D d, const float* const rows[7], const float weights[6], int x, int width,
-                      float* even, float* odd) {
-    const int n = static_cast<int>(hn::Lanes(d));
-    for (; x + n <= width; x += n) {
-        auto before = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, rows[0] + x));
-        auto behind = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, rows[6] + x));
-        for (int q = 1; q < 6; ++q) {
-            const auto weight = hn::Set(d, weights[q]);
-            before = hn::MulAdd(weight, hn::LoadU(d, rows[q] + x), before);
-            behind = hn::MulAdd(weight, hn::LoadU(d, rows[6 - q] + x), behind);
-        }
-        hn::StoreU(before, d, even + x);
-        hn::StoreU(behind, d, odd + x);
-    }
-    return x;
-}
-
-// Ever smaller vectors to the end: the same operations, so that a pixel does not depend on its
-// place.
-HWY_ATTR void SumRowPair(const float* const rows[7], const float weights[6], int width, float* even,
-                         float* odd) {
-    int x = sum_pair(Vector16(), rows, weights, 0, width, even, odd);
-    x = sum_pair(hn::CappedTag<float, 4>(), rows, weights, x, width, even, odd);
-    sum_pair(hn::CappedTag<float, 1>(), rows, weights, x, width, even, odd);
-}
-
-// Fine samples before and behind the coarse samples at `at`, to be interleaved.
-template <class D, class V>
-HWY_ATTR void interpolate(D d, const float* at, const float* weights, V& even, V& odd) {
-    const auto c0 = hn::LoadU(d, at - 3), c1 = hn::LoadU(d, at - 2), c2 = hn::LoadU(d, at - 1);
-    const auto c3 = hn::LoadU(d, at), c4 = hn::LoadU(d, at + 1), c5 = hn::LoadU(d, at + 2);
-    const auto c6 = hn::LoadU(d, at + 3);
-    const auto w0 = hn::Set(d, weights[0]), w1 = hn::Set(d, weights[1]);
-    const auto w2 = hn::Set(d, weights[2]), w3 = hn::Set(d, weights[3]);
-    const auto w4 = hn::Set(d, weights[4]), w5 = hn::Set(d, weights[5]);
-    even = hn::MulAdd(w1, c1, hn::Mul(w0, c0));
-    odd = hn::MulAdd(w1, c5, hn::Mul(w0, c6));
-    even = hn::MulAdd(w3, c3, hn::MulAdd(w2, c2, even));
-    odd = hn::MulAdd(w3, c3, hn::MulAdd(w2, c4, odd));
-    even = hn::MulAdd(w5, c5, hn::MulAdd(w4, c4, even));
-    odd = hn::MulAdd(w5, c1, hn::MulAdd(w4, c2, odd));
-}
-
-// Adds to `out`, whose first sample is the fine sample f, or writes with the base added: as many
-// pairs as whole vectors hold. Returns where they end.
-template <bool add, class D>
-HWY_ATTR int interpolate_pairs(D d, const float* coarse, const float weights[6], int f, int last,
-                               float base, float* out) {
-    const int n = static_cast<int>(hn::Lanes(d));
-    for (; f + 2 * n <= last; f += 2 * n, out += 2 * n) {
-        hn::Vec<D> even, odd, even_before = hn::Set(d, base), odd_before = even_before;
-        interpolate(d, coarse + (f >> 1), weights, even, odd);
-        if (add)
-            hn::LoadInterleaved2(d, out, even_before, odd_before);
-        hn::StoreInterleaved2(hn::Add(even, even_before), hn::Add(odd, odd_before), d, out);
-    }
-    return f;
-}
-
-// Ever smaller vectors to the end.
-template <bool add>
-HWY_ATTR void interpolate_row(const float* coarse, const float weights[6], int first, int last,
-                              float base, float* out) {
-    const hn::CappedTag<float, 1> one;
-    int f = first;
-    const auto put_one = [&]() HWY_ATTR {
-        hn::Vec<decltype(one)> even, odd;
-        interpolate(one, coarse + (f >> 1), weights, even, odd);
-        float* to = out + f - first;
-        const auto before = add ? hn::LoadU(one, to) : hn::Set(one, base);
-        hn::StoreU(hn::Add((f & 1) != 0 ? odd : even, before), one, to);
-        ++f;
-    };
-    if ((f & 1) != 0 && f < last)
-        put_one();
-    f = interpolate_pairs<add>(Vector16(), coarse, weights, f, last, base, out + f - first);
-    f = interpolate_pairs<add>(hn::CappedTag<float, 4>(), coarse, weights, f, last, base,
-                               out + f - first);
-    while (f < last)
-        put_one();
-}
-
-HWY_ATTR void PutInterpolated(const float* coarse, const float weights[6], int first, int last,
-                              bool add, float base, float* out) {
-    if (add)
-        interpolate_row<true>(coarse, weights, first, last, 0.0f, out);
-    else
-        interpolate_row<false>(coarse, weights, first, last, base, out);
-}
-
-// Where and how a row of ramps is written.
-enum class RampStore { add, keep, stream };
-template <RampStore how, class D>
-HWY_INLINE void store_ramp(D d, hn::Vec<D> ramp, float* to) {
-    if (how == RampStore::add)
-        hn::StoreU(hn::Add(ramp, hn::LoadU(d, to)), d, to);
-    else if (how == RampStore::stream)
-        hn::Stream(ramp, d, to);
-    else
-        hn::StoreU(ramp, d, to);
-}
-
-// Square i's pixels: its own value in the middle, and from there the ways to its neighbours'
-// values.
-struct Ramp {
-    using D = hn::CappedTag<float, 8>;
-    using V = hn::Vec<D>;
-    static constexpr D d{};
-
-    explicit HWY_INLINE Ramp(int shift) : side(1 << shift) {}
-
-    // Places in the square, from its middle, of a vector of pixels.
-    HWY_INLINE V ways(int from) const {
-        const float step = 1.0f / static_cast<float>(side);
-        return hn::MulAdd(hn::Iota(d, static_cast<float>(from)), hn::Set(d, step),
-                          hn::Set(d, 0.5f * step - 0.5f));
-    }
-    HWY_INLINE V at(V way, V middle, V from_left, V to_right) const {
-        const V zero = hn::Zero(d);
-        return hn::MulAdd(hn::Min(way, zero), from_left,
-                          hn::MulAdd(hn::Max(way, zero), to_right, middle));
-    }
-
-    int side;
-};
-
-// The pixels of a part of a square: vectors of which some lanes are taken.
-template <RampStore how>
-HWY_ATTR void put_some(const Ramp& ramp, const float* here, int x, int end, float* to) {
-    const Ramp::D d;
-    const int n = static_cast<int>(hn::Lanes(d));
-    const auto middle = hn::Set(d, here[0]), from_left = hn::Set(d, here[0] - here[-1]);
-    const auto to_right = hn::Set(d, here[1] - here[0]);
-    while (x < end) {
-        const int lane = x & (n - 1), lanes = std::min(n - lane, end - x);
-        float values[8];
-        hn::StoreU(ramp.at(ramp.ways((x - lane) & (ramp.side - 1)), middle, from_left, to_right), d,
-                   values);
-        for (int i = 0; i < lanes; ++i)
-            to[i] = values[lane + i] + (how == RampStore::add ? to[i] : 0.0f);
-        x += lanes, to += lanes;
-    }
-}
-
-// `count` whole squares, the first of them `here`.
-template <RampStore how>
-HWY_ATTR void put_squares(const Ramp& ramp, const float* here, int count, float* to) {
-    const Ramp::D d;
-    const int n = static_cast<int>(hn::Lanes(d));
-    const auto first_ways = ramp.ways(0);
-    auto middle = hn::Set(d, here[0]), from_left = hn::Sub(middle, hn::Set(d, here[-1]));
-    for (int i = 0; i < count; ++i) {
-        const auto next = hn::Set(d, here[i + 1]), to_right = hn::Sub(next, middle);
-        store_ramp<how>(d, ramp.at(first_ways, middle, from_left, to_right), to);
-        for (int part = n; part < ramp.side; part += n)
-            store_ramp<how>(d, ramp.at(ramp.ways(part), middle, from_left, to_right), to + part);
-        to += ramp.side;
-        middle = next;
-        from_left = to_right;
-    }
-}
-
-template <bool add>
-HWY_ATTR void ramp_row(const float* coarse, int shift, int first, int last, bool past_caches,
-                       float* out) {
-    constexpr RampStore how = add ? RampStore::add : RampStore::keep;
-    const Ramp ramp(shift);
-    const int begin = std::min(last, ((first - 1) | (ramp.side - 1)) + 1);  // of whole squares
-    if (first < begin)
-        put_some<how>(ramp, coarse + (first >> shift), first, begin, out);
-    const int count = (last - begin) >> shift, end = begin + (count << shift);
-    float* to = out + begin - first;
-    const bool stream =
-        !add && past_caches && reinterpret_cast<std::uintptr_t>(to) % (sizeof(float) * 8) == 0;
-    if (count > 0 && stream) {
-        put_squares<RampStore::stream>(ramp, coarse + (begin >> shift), count, to);
-        hwy::FlushStream();
-    } else if (count > 0) {
-        put_squares<how>(ramp, coarse + (begin >> shift), count, to);
-    }
-    if (end < last)
-        put_some<how>(ramp, coarse + (end >> shift), end, last, out + end - first);
-}
-
-HWY_ATTR void PutRamps(const float* coarse, int shift, int first, int last, bool add,
-                       bool past_caches, float* out) {
-    if (add)
-        ramp_row<true>(coarse, shift, first, last, false, out);
-    else
-        ramp_row<false>(coarse, shift, first, last, past_caches, out);
-}
-
-}  // namespace etalon::HWY_NAMESPACE
-HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-
-namespace etalon {
-
-HWY_EXPORT(AddConvolved);
-HWY_EXPORT(SumEightRows);
-HWY_EXPORT(ThinRow);
-HWY_EXPORT(FillPhases);
-HWY_EXPORT(SplitPhases);
-HWY_EXPORT(AverageParts);
-HWY_EXPORT(AddConstant);
-HWY_EXPORT(SumRowPair);
-HWY_EXPORT(FillRow);
-HWY_EXPORT(PutInterpolated);
-HWY_EXPORT(PutRamps);
-
-void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t window_stride,
-                   int width, int height, float* out, std::ptrdiff_t out_stride) {
-    HWY_DYNAMIC_DISPATCH(AddConvolved)
-    (kernel, window, window_stride, width, height, out, out_stride);
-}
-
-void sum_eight_rows(const float* from, std::ptrdiff_t stride, const float weights[8], int width,
-                    float* to) {
-    HWY_DYNAMIC_DISPATCH(SumEightRows)(from, stride, weights, width, to);
-}
-
-void thin_row(const float* from, const float weights[8], int count, float* to) {
-    HWY_DYNAMIC_DISPATCH(ThinRow)(from, weights, count, to);
-}
-
-void fill_phases(float value, int columns, int k, int rows, std::ptrdiff_t phase_stride,
-                 std::ptrdiff_t window_stride, float* to) {
-    HWY_DYNAMIC_DISPATCH(FillPhases)(value, columns, k, rows, phase_stride, window_stride, to);
-}
-
-void split_phases(const float* from, int k, int rows, std::ptrdiff_t phase_stride,
-                  std::ptrdiff_t window_stride, float* to) {
-    HWY_DYNAMIC_DISPATCH(SplitPhases)(from, k, rows, phase_stride, window_stride, to);
-}
-
-void average_parts(const float* values, int side, int parts, float* averages) {
-    HWY_DYNAMIC_DISPATCH(AverageParts)(values, side, parts, averages);
-}
-
-void add_constant(float value, int width, int height, float* out, std::ptrdiff_t out_stride) {
-    HWY_DYNAMIC_DISPATCH(AddConstant)(value, width, height, out, out_stride);
 }
 
 void sum_row_pair(const float* const rows[7], const float weights[6], int width, float* even,
                   float* odd) {
-    HWY_DYNAMIC_DISPATCH(SumRowPair)(rows, weights, width, even, odd);
+    for_vectors(width, [&](auto d, int x) HWY_ATTR {
+        auto before = hn::Zero(d), behind = before;
+        const auto at = [&](int n) HWY_ATTR { return rows[n] + x; };
+        sum_mirrored(d, weights, at, before, behind);
+        hn::StoreU(before, d, even + x);
+        hn::StoreU(behind, d, odd + x);
+    });
 }
 
-void fill_row(float value, std::ptrdiff_t count, bool past_caches, float* out) {
-    HWY_DYNAMIC_DISPATCH(FillRow)(value, count, past_caches, out);
+// Fine samples before and behind the coarse samples from `coarse` on, to be interleaved.
+template <class D, class V>
+HWY_INLINE void interpolate(D d, const float* coarse, const float* weights, V& even, V& odd) {
+    const auto at = [&](int n) HWY_ATTR { return coarse + n - 3; };
+    sum_mirrored(d, weights, at, even, odd);
 }
 
 void put_interpolated(const float* coarse, const float weights[6], int first, int last,
                       std::optional<float> base, float* out) {
-    HWY_DYNAMIC_DISPATCH(PutInterpolated)
-    (coarse, weights, first, last, !base, base.value_or(0.0f), out);
+    const bool add = !base;
+    const float value = add ? 0.0f : *base;
+    const auto put_one = [&](int f) HWY_ATTR {
+        const hn::CappedTag<float, 1> one;
+        auto even = hn::Zero(one), odd = even;
+        interpolate(one, coarse + (f >> 1), weights, even, odd);
+        float* to = out + f - first;
+        const auto before = add ? hn::LoadU(one, to) : hn::Set(one, value);
+        hn::StoreU(hn::Add((f & 1) != 0 ? odd : even, before), one, to);
+    };
+    const int begin = first + (first & 1), pairs = std::max(0, last - begin) / 2;
+    if (first < std::min(begin, last))
+        put_one(first);
+    for_vectors(pairs, [&](auto d, int i) HWY_ATTR {
+        auto even = hn::Zero(d), odd = even, even_before = hn::Set(d, value),
+             odd_before = even_before;
+        interpolate(d, coarse + (begin >> 1) + i, weights, even, odd);
+        float* to = out + begin - first + 2 * i;
+        if (add)
+            hn::LoadInterleaved2(d, to, even_before, odd_before);
+        hn::StoreInterleaved2(hn::Add(even, even_before), hn::Add(odd, odd_before), d, to);
+    });
+    if (begin + 2 * pairs < last)
+        put_one(begin + 2 * pairs);
 }
 
+// In a square: its own value in the middle, and from there the ways to its neighbours' values.
 void put_ramps(const float* coarse, int shift, int first, int last, bool add, bool past_caches,
                float* out) {
-    HWY_DYNAMIC_DISPATCH(PutRamps)(coarse, shift, first, last, add, past_caches, out);
+    const hn::CappedTag<float, 8> d;
+    const int n = static_cast<int>(hn::Lanes(d)), side = 1 << shift;
+    const auto zero = hn::Zero(d), step = hn::Set(d, 1.0f / static_cast<float>(side));
+    const auto half_before = hn::Set(d, 0.5f / static_cast<float>(side) - 0.5f);
+    const auto place = static_cast<int>(reinterpret_cast<std::uintptr_t>(out) / sizeof(float) % 8);
+    const bool stream = !add && past_caches && ((place - first) & 7) == 0;
+    for (int x = first & -n; x < last; x += n) {
+        const float* here = coarse + (x >> shift);
+        const auto middle = hn::Set(d, here[0]), from_left = middle - hn::Set(d, here[-1]);
+        const auto to_right = hn::Set(d, here[1]) - middle;
+        const auto in_square = hn::Iota(d, static_cast<float>(x & (side - 1)));
+        const auto way = hn::MulAdd(in_square, step, half_before);
+        const auto ramp = hn::MulAdd(hn::Min(way, zero), from_left,
+                                     hn::MulAdd(hn::Max(way, zero), to_right, middle));
+        float* to = out + (x - first);
+        if (x < first || x + n > last) {
+            HWY_ALIGN float values[8];
+            hn::Store(ramp, d, values);
+            for (int i = std::max(0, first - x); i < std::min(n, last - x); ++i)
+                to[i] = add ? values[i] + to[i] : values[i];
+        } else if (add) {
+            hn::StoreU(hn::Add(ramp, hn::LoadU(d, to)), d, to);
+        } else if (stream) {
+            hn::Stream(ramp, d, to);
+        } else {
+            hn::StoreU(ramp, d, to);
+        }
+    }
+    if (stream)
+        hwy::FlushStream();
+}
+
+const FilterLoops* loops() {
+    static constexpr FilterLoops all{add_convolved,    sum_eight_rows, thin_row,     fill_phases,
+                                     split_phases,     average_parts,  add_constant, sum_row_pair,
+                                     put_interpolated, fill_row,       put_ramps};
+    return &all;
+}
+
+}  // namespace
+}  // namespace etalon::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace etalon {
+namespace {
+
+HWY_EXPORT(loops);
+
+}  // namespace
+
+const FilterLoops& filter_loops() {
+    return *HWY_DYNAMIC_DISPATCH(loops)();
 }
 
 }  // namespace etalon
-
-#endif  // HWY_ONCE
+#endif

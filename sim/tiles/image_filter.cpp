@@ -2,15 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Core>
 #include <Eigen/SparseCore>
 #include <cmath>
-#include <functional>
 #include <numbers>
-#include <opencv2/core.hpp>
+#include <opencv2/core/eigen.hpp>
 
 #include "core/program/errors.h"
-#include "sim/psf/lagrange.h"
 
 namespace etalon {
 namespace {
@@ -73,48 +70,26 @@ FineAxis fine_axis(double half, double step, double pitch, const SampleAxis& sam
     return axis;
 }
 
-// Of `nodes` times samples: half a gigabyte, some minutes.
-void check_size(double responses, int k) {
-    constexpr double most = 6e7;
-    if (!(responses <= most))
-        throw NumericalError(fmt::format(
-            "the point spread is too wide to be filtered at {} samples a pixel side", k));
-}
-
-// A smooth function of the radius, from 0 to `end`, by cubics through values a step apart.
-class RadialTable {
-public:
-    RadialTable(const Response& function, double end, double step) : step_(step) {
-        const int count = static_cast<int>(std::ceil(end / step)) + 3;
-        for (int i = -1; i < count; ++i)
-            values_.push_back(function(std::abs(i * step)));
-    }
-
-    double operator()(double r) const {
-        const double place = r / step_, whole = std::floor(place), t = place - whole;
-        const double* v = &values_[static_cast<std::size_t>(whole)];
-        const double near = v[1] + t * (v[2] - v[1]);
-        const double bend =
-            (v[0] - 2.0 * v[1] + v[2]) * (2.0 - t) + (v[1] - 2.0 * v[2] + v[3]) * (1.0 + t);
-        return near - t * (1.0 - t) / 6.0 * bend;
-    }
-
-private:
-    double step_;
-    std::vector<double> values_;
-};
-
 // weights(j, i) = integral of density(r) response_x(x - x_i) response_y(y - y_j) over the plane.
 // The density is a function of the radius; a quarter of its values gives all of them.
 Eigen::MatrixXd product_weights(const Response& density, const FineAxis& x, const FineAxis& y) {
     constexpr double table_steps = 8.0;  // a fine node: 3e-7 of an Airy pattern's ring
     const auto nx = x.position.size(), ny = y.position.size();
-    const RadialTable table(density, std::hypot(x.position[0], y.position[0]),
-                            x.step / table_steps);
+    const double step = x.step / table_steps, end = std::hypot(x.position[0], y.position[0]);
+    std::vector<double> table;  // from -1 step on, joined by cubics
+    for (int i = -1; i < std::ceil(end / step) + 3.0; ++i)
+        table.push_back(density(std::abs(i * step)));
+    const auto tabulated = [&](double r) {
+        const double place = r / step, whole = std::floor(place), t = place - whole;
+        const double* v = &table[static_cast<std::size_t>(whole)];
+        const double bend =
+            (v[0] - 2.0 * v[1] + v[2]) * (2.0 - t) + (v[1] - 2.0 * v[2] + v[3]) * (1.0 + t);
+        return v[1] + t * (v[2] - v[1]) - t * (1.0 - t) / 6.0 * bend;
+    };
     Eigen::MatrixXd values(ny, nx);
     for (Eigen::Index j = 0; j < ny / 2; ++j)
         for (Eigen::Index i = 0; i < nx / 2; ++i) {
-            const double value = table(std::hypot(x.position[i], y.position[j]));
+            const double value = tabulated(std::hypot(x.position[i], y.position[j]));
             values(j, i) = values(ny - 1 - j, i) = values(j, nx - 1 - i) =
                 values(ny - 1 - j, nx - 1 - i) = value;
         }
@@ -137,7 +112,7 @@ Eigen::MatrixXd unspread_weights(const SampleAxis& columns, const SampleAxis& ro
 }
 
 // The mean of E over a smooth step from a to b, by its slope 30 t^2 (1 - t)^2. E oscillates with
-// half of lambda N, far out by less than what many nodes a period would be worth.
+// half of lambda N.
 double mean_energy(const PointSpreadFunction& psf, double a, double b) {
     constexpr double least = 512.0, most = 2048.0, nodes_per_period = 16.0;
     const auto n =
@@ -150,8 +125,7 @@ double mean_energy(const PointSpreadFunction& psf, double a, double b) {
     return sum / n;
 }
 
-// Energy that the window lets through, the integral of window(r) dE(r), by parts; E is known in
-// closed form.
+// Energy that the window lets through, the integral of window(r) dE(r), by parts.
 double windowed_energy(const PointSpreadFunction& psf, const RadialWindow& window) {
     const double up_to = mean_energy(psf, window.fall_from, window.fall_to);
     return window.rise_to > 0.0 ? up_to - mean_energy(psf, window.rise_from, window.rise_to)
@@ -177,10 +151,8 @@ Eigen::MatrixXd trimmed(const Eigen::MatrixXd& weights, double part) {
 
 FilterKernel scaled_kernel(int k, const Eigen::MatrixXd& weights, double energy) {
     const double scale = energy / weights.sum();
-    cv::Mat result(static_cast<int>(weights.rows()), static_cast<int>(weights.cols()), CV_64FC1);
-    for (int j = 0; j < result.rows; ++j)
-        for (int i = 0; i < result.cols; ++i)
-            result.at<double>(j, i) = weights(j, i) * scale;
+    cv::Mat result;
+    cv::eigen2cv(Eigen::MatrixXd(weights * scale), result);
     return FilterKernel(k, result);
 }
 
@@ -191,9 +163,8 @@ double RadialWindow::operator()(double r) const {
     return rise * (1.0 - smooth_step((r - fall_from) / (fall_to - fall_from)));
 }
 
-// Where the levels meet. The core must hold the rings that the tail's grids cannot follow, so it
-// grows with lambda N, and the grids with it. The factors keep the error beside the edge of a
-// half-plane below 0.02 gray.
+// Where the levels meet. The core must hold the rings that the tail's grids cannot follow. The
+// factors keep the error beside the edge of a half-plane below 0.02 gray.
 ImageFilter::ImageFilter(const CameraModel& camera) {
     if (!camera.lens)
         return;
@@ -218,11 +189,9 @@ int ImageFilter::reach_px() const {
 }
 
 const DeconvolvedPsf* ImageFilter::sharpened() const {
-    std::call_once(sharpening_, [this] {
-        if (psf_)
-            sharpened_ = DeconvolvedPsf::of(*psf_, core_, core_.fall_to);
-    });
-    return sharpened_ ? &*sharpened_ : nullptr;
+    const std::optional<DeconvolvedPsf>& made = sharpened_.get(
+        [this] { return psf_ ? DeconvolvedPsf::of(*psf_, core_, core_.fall_to) : std::nullopt; });
+    return made ? &*made : nullptr;
 }
 
 bool ImageFilter::has_square_pixels() const {
@@ -232,34 +201,30 @@ bool ImageFilter::has_square_pixels() const {
 
 const EdgeTable* ImageFilter::edges() const {
     constexpr double wide_px = 8.0;
-    std::call_once(edges_made_, [this] {
-        if (has_tail() && has_square_pixels() && core_.fall_to < wide_px)
-            edges_.emplace([this](double r) { return core_(r) * psf_->density(r); }, core_.fall_to,
-                           windowed_energy(*psf_, core_));
-    });
-    return edges_ ? &*edges_ : nullptr;
+    const auto make = [this]() -> std::unique_ptr<const EdgeTable> {
+        if (!has_tail() || !has_square_pixels() || core_.fall_to >= wide_px)
+            return nullptr;
+        return std::make_unique<EdgeTable>([this](double r) { return core_(r) * psf_->density(r); },
+                                           core_.fall_to, windowed_energy(*psf_, core_));
+    };
+    return edges_.get(make).get();
 }
 
 const WedgeTable* ImageFilter::wedges() const {
-    std::call_once(wedges_made_, [this] {
+    const auto make = [this]() -> std::unique_ptr<const WedgeTable> {
         const double reach = core_.fall_to;
-        if (psf_ && has_square_pixels() && WedgeTable::suits(*psf_, reach))
-            wedges_.emplace(radial_transfer(*psf_, core_, reach, WedgeTable::end_px(reach)), reach);
-    });
-    return wedges_ ? &*wedges_ : nullptr;
+        if (!psf_ || !has_square_pixels() || !WedgeTable::suits(*psf_, reach))
+            return nullptr;
+        return std::make_unique<WedgeTable>(
+            radial_transfer(*psf_, core_, reach, WedgeTable::end_px(reach)), reach);
+    };
+    return wedges_.get(make).get();
 }
 
 // Renders that need another kernel do not wait while one is made.
-template <class Make>
-const FilterKernel& ImageFilter::Slot::get(const Make& make) {
-    std::call_once(made_, [&] { kernel_.emplace(make()); });
-    return *kernel_;
-}
-
-ImageFilter::Slot& ImageFilter::slot(std::map<std::pair<int, int>, Slot>& slots,
-                                     std::pair<int, int> key) const {
+const Lazy<FilterKernel>& ImageFilter::slot(Kernels& kernels, std::pair<int, int> key) const {
     const std::lock_guard lock(mutex_);
-    return slots[key];
+    return kernels[key];
 }
 
 const FilterKernel& ImageFilter::core(int k, SampleKind kind) const {
@@ -285,7 +250,10 @@ FilterKernel ImageFilter::make_core(int k, SampleKind kind) const {
     const Response response = pixel_response(k, kind);
     const double step = std::min(std::max(psf_->scale_px() / 8.0, 1.0 / 256.0), 1.0 / (8.0 * k));
     const SampleAxis columns{2 * reach_x + k, 1.0 / k}, rows{2 * reach_y + k, 1.0 / k};
-    check_size(2.0 * radius / step * std::max(columns.count, rows.count), k);
+    constexpr double most_responses = 6e7;  // half a gigabyte, some minutes
+    if (!(2.0 * radius / step * std::max(columns.count, rows.count) <= most_responses))
+        throw NumericalError(fmt::format(
+            "the point spread is too wide to be filtered at {} samples a pixel side", k));
     const FineAxis x = fine_axis(radius, step, 1.0, columns, response);
     const FineAxis y = fine_axis(radius, step, pitch_y_, rows, response);
     const double energy = windowed_energy(*psf_, core_);
@@ -331,8 +299,7 @@ FilterKernel ImageFilter::make_ring(int shift, bool and_finer) const {
 
 // The part of the rings' energy goes with lambda N / s, and what the grid cannot follow of an edge
 // blurred by R >> s with (s / R)^2. The factors are above the largest difference found over edges
-// of all directions and places, lambda N from 0.1 to 2 px and R / s from 0.5 to 8
-// (tests/sim/tiles/tail_pyramid_test.cpp).
+// of all directions and places (tests/sim/tiles/tail_pyramid_test.cpp).
 double ImageFilter::gray_of_coarser_ring(int shift, double blur_px) const {
     if (shift <= first_shift_)
         return 0.0;

@@ -1,27 +1,31 @@
 // From samples of the aperture average to pixels: convolution with (pixel box * point spread),
 // split by radius into a core, filtered at k samples per pixel, and rings of the diffraction tail,
-// each twice as wide as the one before and filtered on a grid twice as coarse.
-//
-// Weights by product integration: the samples are interpolated by the 6-point Lagrange kernel and
-// the interpolant is integrated against the kernel. Each level's weights sum to the energy that its
-// ring of radii holds.
+// each twice as wide as the one before and filtered on a grid twice as coarse. docs/rendering.md,
+// "Filter", has the weights.
 #pragma once
 
 #include <map>
-#include <memory>
-#include <mutex>
-#include <optional>
-#include <utility>
 
-#include "calib/camera/camera_model.h"
 #include "sim/psf/deconvolved_psf.h"
-#include "sim/psf/diffraction.h"
-#include "sim/psf/edge_table.h"
-#include "sim/psf/wedge_table.h"
 #include "sim/tiles/core_filter.h"
 #include "sim/tiles/sampling.h"
 
 namespace etalon {
+
+// A value that is made when it is first asked for. Safe from every thread.
+template <class T>
+class Lazy {
+public:
+    template <class Make>
+    const T& get(const Make& make) const {
+        std::call_once(made_, [&] { value_.emplace(make()); });
+        return *value_;
+    }
+
+private:
+    mutable std::once_flag made_;
+    mutable std::optional<T> value_;
+};
 
 // Smooth ring of radii: 0 up to rise_from, 1 from rise_to to fall_from, 0 from fall_to.
 struct RadialWindow {
@@ -40,15 +44,16 @@ public:
     const PointSpreadFunction* point_spread() const { return psf_ ? &*psf_ : nullptr; }
     bool has_tail() const { return psf_ && psf_->is_airy(); }
 
-    // What sharp images can be sampled for; nullptr where there is none. Made when first asked for.
+    // What follows is made when first asked for.
+
+    // What sharp images can be sampled for; nullptr where there is none.
     const DeconvolvedPsf* sharpened() const;
 
-    // The core beside straight edges; nullptr where pixels are not square or the core is wide. Made
-    // when first asked for.
+    // The core beside straight edges; nullptr where pixels are not square or the core is wide.
     const EdgeTable* edges() const;
 
     // The core beside edges and corners of sharp images; nullptr where pixels are not square or the
-    // spread does not suit. Made when first asked for.
+    // spread does not suit.
     const WedgeTable* wedges() const;
 
     // On samples at k per pixel; disk samples need sharpened().
@@ -80,19 +85,10 @@ public:
     double tail_reach_px(double contrast, double area_px, double allowed_gray) const;
 
 private:
-    // A kernel that is made when first asked for.
-    class Slot {
-    public:
-        template <class Make>
-        const FilterKernel& get(const Make& make);
-
-    private:
-        std::once_flag made_;
-        std::optional<FilterKernel> kernel_;
-    };
+    using Kernels = std::map<std::pair<int, int>, Lazy<FilterKernel>>;
 
     bool has_square_pixels() const;
-    Slot& slot(std::map<std::pair<int, int>, Slot>& slots, std::pair<int, int> key) const;
+    const Lazy<FilterKernel>& slot(Kernels& kernels, std::pair<int, int> key) const;
     FilterKernel make_core(int k, SampleKind kind) const;
     FilterKernel make_ring(int shift, bool and_finer) const;
 
@@ -101,13 +97,11 @@ private:
     double split_px_ = 1.0;  // s: the core ends between 1.5 s and 3 s
     int first_shift_ = 0;
     RadialWindow core_{-1, -1, 0, 0};
-    mutable std::once_flag sharpening_, edges_made_, wedges_made_;
-    mutable std::optional<EdgeTable> edges_;
-    mutable std::optional<WedgeTable> wedges_;
-    mutable std::optional<DeconvolvedPsf> sharpened_;
+    Lazy<std::optional<DeconvolvedPsf>> sharpened_;
+    Lazy<std::unique_ptr<const EdgeTable>> edges_;
+    Lazy<std::unique_ptr<const WedgeTable>> wedges_;
     mutable std::mutex mutex_;
-    mutable std::map<std::pair<int, int>, Slot> cores_,
-        rings_;  // by k and kind, by shift and whether alone
+    mutable Kernels cores_, rings_;  // by k and kind, by shift and whether alone
 };
 
 }  // namespace etalon

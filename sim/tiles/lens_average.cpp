@@ -1,7 +1,6 @@
 #include "sim/tiles/lens_average.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -10,13 +9,9 @@ namespace {
 
 using std::numbers::pi;
 
-// The sum that both closed-form methods share. A window (the aperture, or a pixel's box) is crossed
-// by some consecutive grid lines of each direction; its average radiance is
-//     base cell + sum over lines of (contrast along the base row or column) * (area beyond)
-//               + sum over crossings of (mixed difference of the four cells) * (area beyond both).
-//
-// `column_cuts[n]` is the window's part beyond the line u = base_column + 1 + n, and so on. A cut
-// has a member `area`; wedge_area(a, b) is the area beyond both. All areas are fractions of the
+// The sum that both closed-form methods share (docs/rendering.md, "E"), over a window: the
+// aperture, or a pixel's box. `column_cuts[n]` is its part beyond the line u = base_column + 1 + n,
+// and so on. A cut has a member `area`; wedge_area(a, b) is the area beyond both; fractions of the
 // window.
 template <class Cut, class WedgeArea>
 double sum_of_cells(const MarkerView& view, int base_column, int base_row,
@@ -45,13 +40,11 @@ double sum_of_cells(const MarkerView& view, int base_column, int base_row,
 }
 
 // The chords cross at P inside the disk and b's normal lies counter-clockwise of a's by
-// 0 < turn < pi. Walked counter-clockwise the wedge is: along b's arc and a's arc to the end of
-// a's chord, along that chord to P, along b's chord back to its beginning.
+// 0 < turn < pi.
 double crossed_area(const DiskChord& a, const DiskChord& b, double turn, double sine,
                     double cosine) {
     // P's coordinate on a's chord, from its middle along the normal turned by +90 degrees, and on
-    // b's. The second comes from the first, not from the same formula: the errors that a division
-    // by a tiny sine brings then cancel in the sum.
+    // b's. The second comes from the first: the errors of a tiny sine then cancel in the sum.
     const double s_a =
         std::clamp((a.offset * cosine - b.offset) / sine, -a.half_length, a.half_length);
     const double s_b = std::clamp(a.offset * sine + s_a * cosine, -b.half_length, b.half_length);
@@ -82,9 +75,8 @@ double disk_wedge_area(const DiskChord& a, const DiskChord& b) {
     if (sine < 0.0)
         return disk_wedge_area(b, a);
     const double turn = std::atan2(sine, cosine);
-    // Where the chords do not cross, one of these angles is not negative: how far the arcs are
-    // apart, overlap at both ends, or lie inside each other. The largest decides, so that rounding
-    // can only choose between cases with the same area.
+    // Where the chords do not cross, one of these angles is not negative. The largest decides, so
+    // that rounding can only choose between cases with the same area.
     const double apart = turn - (a.half_angle + b.half_angle);
     const double around = a.half_angle + b.half_angle + turn - 2.0 * pi;
     const double a_inside_b = b.half_angle - a.half_angle - turn;
@@ -103,34 +95,57 @@ double disk_wedge_area(const DiskChord& a, const DiskChord& b) {
     return std::clamp(area, least, std::max(least, std::min(a.area, b.area)));
 }
 
-// Returns the index of the cell before the first line that crosses the aperture.
-int LensAverage::cut_aperture(int axis, int first, int last, const SensorPoint& point,
-                              std::vector<DiskChord>& chords) const {
-    const double radius = view_.aperture().radius_mm;
-    chords.clear();
+namespace {
+
+// The cuts of those lines behind the cells `first` to `last` that cross a window. Returns the cell
+// before them. `line_at(i)` has a line's offset and reach, and makes its cut.
+template <class LineAt, class Cut>
+int cut_window(int first, int last, const LineAt& line_at, std::vector<Cut>& cuts) {
+    cuts.clear();
     int base = first;
     for (int i = first + 1; i <= last; ++i) {
-        const LensLine line = view_.lens_line(axis, i, point);
-        const double slope = line.slope.norm(), reach = radius * slope;
-        if (line.offset >= reach) {  // every ray passes beyond it, and so beyond all before it
+        const auto line = line_at(i);
+        if (line.offset >= line.reach) {  // all of it lies beyond the line, and all before that
             base = i;
-            chords.clear();
-        } else if (line.offset <= -reach) {  // no ray reaches it, nor any after it
+            cuts.clear();
+        } else if (line.offset <= -line.reach) {  // nothing reaches it, nor any after it
             break;
         } else {
-            chords.push_back(disk_chord(line.slope / slope, line.offset / reach));
+            cuts.push_back(line.cut());
         }
     }
     return base;
 }
 
+struct LineOfDisk {
+    double offset, reach;
+    Eigen::Vector2d normal;
+
+    DiskChord cut() const { return disk_chord(normal, offset / reach); }
+};
+
+struct LineOfSquare {
+    double offset, reach;
+    Eigen::Vector2d gradient;
+
+    SquareCut cut() const { return square_cut(gradient, offset); }
+};
+
+}  // namespace
+
 double LensAverage::at(const Eigen::Vector2d& x, const CellRange& range) {
     if (range.is_single())
         return view_.cell(range.first_column, range.first_row);
     const SensorPoint point = view_.sensor_point(x);
-    const int column =
-        cut_aperture(0, range.first_column, range.last_column, point, column_chords_);
-    const int row = cut_aperture(1, range.first_row, range.last_row, point, row_chords_);
+    const auto lines = [&](int axis) {
+        return [&, axis](int i) -> LineOfDisk {
+            const LensLine line = view_.lens_line(axis, i, point);
+            const double slope = line.slope.norm();
+            return {line.offset, view_.aperture().radius_mm * slope, line.slope / slope};
+        };
+    };
+    const int column = cut_window(range.first_column, range.last_column, lines(0), column_chords_);
+    const int row = cut_window(range.first_row, range.last_row, lines(1), row_chords_);
     return sum_of_cells(view_, column, row, column_chords_, row_chords_, disk_wedge_area);
 }
 
@@ -214,64 +229,39 @@ double square_wedge_area(const SquareCut& a, const SquareCut& b) {
 
 namespace {
 
-struct RingRule {
-    int rings;
+struct GaussRule {
     std::array<double, 4> area, weight;  // enclosed share of the disk's area; share of the weight
 };
 
-// Gauss-Legendre on [0, 1] (Abramowitz and Stegun, table 25.4).
-constexpr std::array<RingRule, 4> ring_rules{{
-    {1, {0.5}, {1.0}},
-    {2, {0.2113248654051871, 0.7886751345948129}, {0.5, 0.5}},
-    {3,
-     {0.1127016653792583, 0.5, 0.8872983346207417},
+// Gauss-Legendre on [0, 1] (Abramowitz and Stegun, table 25.4), with one to four nodes.
+constexpr std::array<GaussRule, 4> gauss_rules{{
+    {{0.5}, {1.0}},
+    {{0.2113248654051871, 0.7886751345948129}, {0.5, 0.5}},
+    {{0.1127016653792583, 0.5, 0.8872983346207417},
      {0.2777777777777778, 0.4444444444444444, 0.2777777777777778}},
-    {4,
-     {0.0694318442029737, 0.3300094782075719, 0.6699905217924281, 0.9305681557970263},
+    {{0.0694318442029737, 0.3300094782075719, 0.6699905217924281, 0.9305681557970263},
      {0.1739274225687269, 0.3260725774312731, 0.3260725774312731, 0.1739274225687269}},
 }};
 
 }  // namespace
 
-std::vector<LensPoint> lens_points(double radius_mm, int rings, int spokes) {
+std::vector<LensPoint> lens_points(double radius_mm, const LensRule& rule) {
+    const auto [rings, spokes] = rule;
     if (spokes == 0)
         return {{Eigen::Vector2d::Zero(), 1.0}};
-    const RingRule& rule = ring_rules[static_cast<std::size_t>(rings - 1)];
+    const GaussRule& gauss = gauss_rules[static_cast<std::size_t>(rings - 1)];
     std::vector<LensPoint> points;
     for (int ring = 0; ring < rings; ++ring) {
         const auto r = static_cast<std::size_t>(ring);
-        const double radius = radius_mm * std::sqrt(rule.area[r]);
+        const double radius = radius_mm * std::sqrt(gauss.area[r]);
         for (int spoke = 0; spoke < spokes; ++spoke) {
             const double turn = spoke + 0.25 + 0.5 * (ring % 2);
             const double angle = 2.0 * std::numbers::pi * turn / spokes;
             points.push_back(
-                {{radius * std::cos(angle), radius * std::sin(angle)}, rule.weight[r] / spokes});
+                {{radius * std::cos(angle), radius * std::sin(angle)}, gauss.weight[r] / spokes});
         }
     }
     return points;
-}
-
-// Returns the index of the cell before the first line that crosses the box.
-int CellCoverage::cut_box(int axis, int first, int last, const Eigen::Vector2d& x,
-                          const SensorPoint& point, const Eigen::Matrix2d& sides,
-                          const Eigen::Vector2d& l, std::vector<SquareCut>& cuts) const {
-    cuts.clear();
-    int base = first;
-    for (int i = first + 1; i <= last; ++i) {
-        const LensLine line = view_.lens_line(axis, i, point);
-        const double offset = line.offset + line.slope.dot(l);
-        const Eigen::Vector2d gradient = sides.transpose() * view_.line_gradient(axis, i, x, l);
-        const double reach = 0.5 * gradient.cwiseAbs().sum();
-        if (offset >= reach) {
-            base = i;
-            cuts.clear();
-        } else if (offset <= -reach) {
-            break;
-        } else {
-            cuts.push_back(square_cut(gradient, offset));
-        }
-    }
-    return base;
 }
 
 double CellCoverage::over(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides,
@@ -281,10 +271,18 @@ double CellCoverage::over(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides
     const SensorPoint point = view_.sensor_point(x);
     double sum = 0.0;
     for (const LensPoint& p : points_) {
-        const int column = cut_box(0, range.first_column, range.last_column, x, point, sides,
-                                   p.l_mm, column_cuts_);
-        const int row =
-            cut_box(1, range.first_row, range.last_row, x, point, sides, p.l_mm, row_cuts_);
+        const auto lines = [&](int axis) {
+            return [&, axis](int i) -> LineOfSquare {
+                const LensLine line = view_.lens_line(axis, i, point);
+                const Eigen::Vector2d gradient =
+                    sides.transpose() * view_.line_gradient(axis, i, x, p.l_mm);
+                return {line.offset + line.slope.dot(p.l_mm), 0.5 * gradient.cwiseAbs().sum(),
+                        gradient};
+            };
+        };
+        const int column =
+            cut_window(range.first_column, range.last_column, lines(0), column_cuts_);
+        const int row = cut_window(range.first_row, range.last_row, lines(1), row_cuts_);
         sum +=
             p.weight * sum_of_cells(view_, column, row, column_cuts_, row_cuts_, square_wedge_area);
     }

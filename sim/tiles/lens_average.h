@@ -1,17 +1,10 @@
-// The two closed-form methods in double precision, and the areas that straight lines cut from a
-// disk and from a square, as fractions: what the aperture or a pixel sees past one edge and past
-// two crossing edges.
+// The two closed-form methods in double precision (docs/rendering.md, "E" and "C"), and the areas
+// that straight lines cut from a disk and from a square, as fractions.
 #pragma once
-
-#include <Eigen/Core>
-#include <vector>
 
 #include "sim/scene/marker_view.h"
 
 namespace etalon {
-
-// The disk by Green's theorem; docs/rendering.md says how the wedge of nearly parallel lines, and
-// of lines that cross near the rim, is kept accurate to 1e-15.
 
 // The part normal . l + offset >= 0 of the unit disk, cut by a chord.
 struct DiskChord {
@@ -25,12 +18,11 @@ struct DiskChord {
 // Needs a unit normal and |offset| < 1.
 DiskChord disk_chord(const Eigen::Vector2d& normal, double offset);
 
-// Fraction of the disk that lies in both parts. In [max(0, a + b - 1), min(a, b)] always.
+// Fraction of the disk that lies in both parts, to 1e-15. In [max(0, a + b - 1), min(a, b)] always.
 double disk_wedge_area(const DiskChord& a, const DiskChord& b);
 
-// Method E: the radiance that a point of the sensor receives through the whole aperture. Exact for
-// a planar grid, tilt and change of blur across the marker included. Holds scratch memory: one per
-// thread. The view must outlive it.
+// Method E: the radiance that a point of the sensor receives through the whole aperture. Holds
+// scratch memory: one per thread. The view must outlive it.
 class LensAverage {
 public:
     explicit LensAverage(const MarkerView& view) : view_(view) {}
@@ -40,9 +32,6 @@ public:
     double at(const Eigen::Vector2d& x, const CellRange& range);
 
 private:
-    int cut_aperture(int axis, int first, int last, const SensorPoint& point,
-                     std::vector<DiskChord>& chords) const;
-
     const MarkerView& view_;
     std::vector<DiskChord> column_chords_, row_chords_;
 };
@@ -71,13 +60,16 @@ struct LensPoint {
     double weight;
 };
 
-// `rings` x `spokes` points: radii by Gauss-Legendre in the enclosed area, spokes equally spaced,
-// every other ring turned by half a spoke. Rings 1..4; spokes 0 gives the lens centre alone.
-std::vector<LensPoint> lens_points(double radius_mm, int rings, int spokes);
+// Rings 1..4: radii by Gauss-Legendre in the enclosed area, spokes equally spaced, every other ring
+// turned by half a spoke. Spokes 0: the lens centre alone.
+struct LensRule {
+    int rings, spokes;
+    int points() const { return spokes == 0 ? 1 : rings * spokes; }
+};
+std::vector<LensPoint> lens_points(double radius_mm, const LensRule& rule);
 
 // Method C: the radiance that a small box of the sensor receives, from its exact area in each cell,
-// at a few points of the aperture. For edges whose blur is far narrower than the box. Memory and
-// view as above.
+// at a few points of the aperture. Memory and view as above.
 class CellCoverage {
 public:
     CellCoverage(const MarkerView& view, std::vector<LensPoint> points)
@@ -88,10 +80,6 @@ public:
     double over(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides, const CellRange& range);
 
 private:
-    int cut_box(int axis, int first, int last, const Eigen::Vector2d& x, const SensorPoint& point,
-                const Eigen::Matrix2d& sides, const Eigen::Vector2d& l,
-                std::vector<SquareCut>& cuts) const;
-
     const MarkerView& view_;
     std::vector<LensPoint> points_;
     std::vector<SquareCut> column_cuts_, row_cuts_;

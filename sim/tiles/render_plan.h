@@ -1,5 +1,5 @@
-// What a renderer (sim/render/renderer.h) makes and a sensor (sim/sensor/sensor_model.h) sees, with
-// the record of what was done and left out: every choice stands with its bound.
+// What a renderer (sim/render/renderer.h) makes and a sensor (sim/sensor/sensor_model.h) sees, and
+// what was done and left out for it, with bounds.
 #pragma once
 
 #include <string>

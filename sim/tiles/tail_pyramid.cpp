@@ -3,10 +3,6 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
-#include <array>
-
-#include "sim/psf/lagrange.h"
-#include "sim/scene/marker_view.h"
 #include "sim/tiles/lens_average.h"
 
 namespace etalon {
@@ -30,29 +26,17 @@ cv::Rect halves_inside(const cv::Rect& rect) {
     return first.x < end.x && first.y < end.y ? cv::Rect(first, end) : cv::Rect();
 }
 
-// Each of the averages of two pairs of values, one below the other.
 void average_pairs(const float* upper, const float* lower, int count, float* averages) {
     for (int i = 0; i < count; ++i)
         averages[i] = 0.25f * (upper[2 * i] + upper[2 * i + 1] + lower[2 * i] + lower[2 * i + 1]);
 }
 
-// The pixels that hold the marker's image, blur included.
-cv::Rect marker_box(const MarkerView& marker, const Intrinsics& intrinsics,
-                    const std::vector<Eigen::Vector2d>& outline, const cv::Rect& limit) {
-    constexpr double bulge_px = 16.0;  // between two of its points, at most
-    const BlurRange blur = blur_over_marker(marker, intrinsics);
-    return pixels_around(outline, Eigen::Array2d::Constant(2.0 * blur.largest_px + bulge_px),
-                         limit);
-}
-
-// What the tail of the diffraction pattern is summed over: averages of one marker's image over the
-// squares of ever coarser grids, from the pixels on. Inside the sampled tiles they come from the
-// samples; outside, squares of 8 px and more are averaged over 4 x 4 lens averages (finer grids
-// take the value of the 8-px square).
+// What the tail is summed over: averages of one marker's image over the squares of ever coarser
+// grids. Inside the sampled tiles they come from the samples; outside, squares of 8 px and more are
+// averaged over 4 x 4 lens averages (finer grids take the value of the 8-px square).
 class TailSources {
 public:
-    // `pixels`: those of TailPyramid::sources(), or the part of them that matters. All must outlive
-    // it.
+    // `pixels`: those of TailPyramid::sources(), or the part of them that matters.
     TailSources(const TileSamples& samples, const MarkerView& marker, const SquareCorners& corners,
                 const cv::Rect& pixels)
         : samples_(samples), marker_(marker), corners_(corners), pixels_(pixels) {}
@@ -78,8 +62,7 @@ private:
     const SquareCorners& corners_;
     cv::Rect pixels_;
     std::vector<TileMap> squares_;  // by shift, from 2 on
-    // Of each refined tile: its quarters and samples, and 4 x 4 averages of its pixels.
-    std::unique_ptr<const float*[]> values_, pixel_values_;
+    TileMap pixel_tiles_;           // with 4 x 4 averages of its pixels for each refined tile
     std::vector<float> pixel_averages_;
 };
 
@@ -87,41 +70,35 @@ void TailSources::average(const std::vector<cv::Rect>& needed, int finest) {
     squares_.assign(needed.size(), TileMap());
     // Tiles are needed where the finer grids are, too, and wherever there are samples.
     take_tiles(grown(needed[tile_shift], 2, 2) | samples_.tiles());
-    if (finest == 0)
-        average_pixels();
     average_squares(needed);
     fill_tiles_outside();
     for (TileMap& squares : squares_)
         squares.finish();
+    if (finest == 0)
+        average_pixels();
 }
 
 void TailSources::take_tiles(const cv::Rect& needed_tiles) {
-    TileMap& tiles = squares_[tile_shift];
-    const TileMap& sampled = samples_.map();
-    tiles = TileMap(cells_of(pixels_, tile_px) & needed_tiles);
-    tiles.copy(sampled);
-    values_ = std::make_unique_for_overwrite<const float*[]>(
-        static_cast<std::size_t>(tiles.tiles().area()));
-    const cv::Rect both = tiles.tiles() & sampled.tiles();
-    for (int j = both.y; j < both.br().y; ++j)
-        std::copy_n(samples_.all_values() + sampled.index(both.x, j), both.width,
-                    &values_[tiles.index(both.x, j)]);
+    squares_[tile_shift] = TileMap(cells_of(pixels_, tile_px) & needed_tiles);
+    squares_[tile_shift].copy(samples_.map());
 }
 
 void TailSources::average_pixels() {
-    constexpr int side = tile_px, pixels = side * side;
-    const TileMap& tiles = squares_[tile_shift];
-    const auto count = static_cast<std::size_t>(tiles.tiles().area());
-    pixel_averages_.resize(static_cast<std::size_t>(pixels) * tiles.refined_count());
-    pixel_values_ = std::make_unique_for_overwrite<const float*[]>(count);
+    constexpr int pixels = tile_px * tile_px;
+    pixel_tiles_ = squares_[tile_shift];
+    std::vector<cv::Point> refined;
+    for_each_cell(pixel_tiles_.tiles(), [&](int i, int j) {
+        if (pixel_tiles_.refined(i, j))
+            refined.emplace_back(i, j);
+    });
+    pixel_averages_.resize(pixels * refined.size());
     float* next = pixel_averages_.data();
-    for (std::size_t n = 0; n < count; ++n)
-        if (tiles.refined(n)) {
-            average_parts(values_[n] + samples_.unspread_offset(), samples_.k() * tile_px, side,
-                          next);
-            pixel_values_[n] = next;
-            next += pixels;
-        }
+    for (const cv::Point& tile : refined) {
+        filter_loops().average_parts(*pixel_tiles_.finer_from(tile) + samples_.unspread_offset(),
+                                     samples_.k() * tile_px, tile_px, next);
+        pixel_tiles_.set(tile.x, tile.y, pixel_tiles_.at(tile), TileDetail::quarters, next);
+        next += pixels;
+    }
 }
 
 // Each square from the four finer ones where all of them are known, otherwise through the lens.
@@ -143,16 +120,15 @@ void TailSources::average_squares(const std::vector<cv::Rect>& needed) {
                            : lens_mean(shift, i, j, lens_average);
             };
             for (int j = rows.begin(); j < rows.end(); ++j) {
-                const bool inside = j >= within.y && j < within.br().y;
-                const int from = inside ? within.x : cells.br().x;
-                const int to = inside ? within.br().x : cells.br().x;
-                for (int i = cells.x; i < from; ++i)
-                    squares_[n].set(i, j, mean(i, j));
-                if (from < to)
-                    average_pairs(finer.from({2 * from, 2 * j}), finer.from({2 * from, 2 * j + 1}),
-                                  to - from, squares_[n].from({from, j}));
-                for (int i = to; i < cells.br().x; ++i)
-                    squares_[n].set(i, j, mean(i, j));
+                for (int i = cells.x; i < cells.br().x; ++i) {
+                    if (!within.contains({i, j})) {
+                        squares_[n].set(i, j, mean(i, j));
+                        continue;
+                    }
+                    average_pairs(finer.from({2 * i, 2 * j}), finer.from({2 * i, 2 * j + 1}),
+                                  within.width, squares_[n].from({i, j}));
+                    i += within.width - 1;
+                }
             }
         });
     }
@@ -163,10 +139,10 @@ void TailSources::fill_tiles_outside() {
     const cv::Rect all = tiles.tiles();
     if (contains(samples_.tiles(), all))
         return;
-    for (int j = all.y; j < all.br().y; ++j)
-        for (int i = all.x; i < all.br().x; ++i)
-            if (!samples_.tiles().contains({i, j}))
-                tiles.set(i, j, squares_[square_shift].at({i >> 1, j >> 1}));
+    for_each_cell(all, [&](int i, int j) {
+        if (!samples_.tiles().contains({i, j}))
+            tiles.set(i, j, squares_[square_shift].at({i >> 1, j >> 1}));
+    });
 }
 
 // Of 4 x 4 lens averages; their points are interpolated between the square's corners.
@@ -195,24 +171,18 @@ SampleField TailSources::field(int shift) const {
     if (shift >= tile_shift)
         return {squares_[static_cast<std::size_t>(shift)]};
     if (shift == 0)
-        return {squares_[tile_shift], tile_px, pixel_values_.get()};
-    return {squares_[tile_shift], tile_px / 2, values_.get()};
+        return {pixel_tiles_, tile_px};
+    return {squares_[tile_shift], tile_px / 2};
 }
 
-// Weights of six samples for a point a quarter of a step before the fourth.
-std::array<float, 6> quarter_weights() {
-    std::array<float, 6> weights;
-    for (std::size_t n = 0; n < 6; ++n)
-        weights[n] = static_cast<float>(lagrange6(2.75 - static_cast<double>(n)));
-    return weights;
-}
-
-// Adds the coarse values, interpolated up by two, to a band of rows of `fine`, whose first value
-// has the indices `to.tl()`; writes them and the background where there is one. `from` must hold
-// three more coarse squares around.
+// Adds the coarse values, interpolated up by two, to a band of rows of `fine`, or writes them and
+// the background. `from` and `to`: the squares of both; `from` holds three more around.
 void add_refined(const cv::Mat& coarse, const cv::Rect& from, const cv::Rect& to,
                  const cv::Rect& band, std::optional<float> background, cv::Mat& fine) {
-    const std::array<float, 6> weights = quarter_weights();
+    std::array<float, 6>
+        weights;  // of the samples for a point a quarter of a step before the fourth
+    for (std::size_t n = 0; n < 6; ++n)
+        weights[n] = static_cast<float>(lagrange6(2.75 - static_cast<double>(n)));
     const auto width = static_cast<std::size_t>(from.width);
     std::vector<float> pair(2 * width);  // the fine rows 2 i and 2 i + 1
     for (int y = band.y; y < band.br().y; ++y) {
@@ -220,11 +190,12 @@ void add_refined(const cv::Mat& coarse, const cv::Rect& from, const cv::Rect& to
             const float* rows[7];
             for (int n = 0; n < 7; ++n)
                 rows[n] = coarse.ptr<float>((y >> 1) + n - 3 - from.y);
-            sum_row_pair(rows, weights.data(), from.width, pair.data(), pair.data() + width);
+            filter_loops().sum_row_pair(rows, weights.data(), from.width, pair.data(),
+                                        pair.data() + width);
         }
         const float* row = pair.data() + (y & 1 ? width : 0) - from.x;
         float* to_row = fine.ptr<float>(y - to.y);
-        put_interpolated(row, weights.data(), to.x, to.br().x, background, to_row);
+        filter_loops().put_interpolated(row, weights.data(), to.x, to.br().x, background, to_row);
     }
 }
 
@@ -233,10 +204,9 @@ int smooth_shift(const ImageFilter& filter) {
 }
 
 // What is written where. Beside the marker every grid is interpolated from the next coarser one. A
-// pixel 6 of the smooth grid's squares away from it sees no ring of a finer grid, and so little
-// curvature that straight lines between the smooth grid's sums are off by less than 0.06 lambda N
-// gray over the square's side in px: beside a half-plane the tail is 26 lambda N / r gray at the
-// distance r, and its second derivative 2 / r^2 of that.
+// pixel 6 of the smooth grid's squares away from it sees no ring of a finer grid. There straight
+// lines between the smooth grid's sums are off by less than 0.06 lambda N gray over the square's
+// side in px: beside a half-plane the tail is 26 lambda N / r gray at the distance r.
 struct Targets {
     cv::Rect reached, beside;       // pixels
     std::vector<cv::Rect> squares;  // by shift, pixels (beside) first: where sums are needed
@@ -286,8 +256,8 @@ void add_smooth(const cv::Mat& sums, const cv::Rect& squares, int shift, const c
             for (std::size_t x = 0; x < row.size(); ++x)
                 row[x] = from[x] + way * (next[x] - from[x]) + base;
             float* to = pixels.ptr<float>(y - region.y) + (part.x - region.x);
-            put_ramps(row.data() - between.x, shift, part.x, part.br().x, !background, past_caches,
-                      to);
+            filter_loops().put_ramps(row.data() - between.x, shift, part.x, part.br().x,
+                                     !background, past_caches, to);
         }
     });
 }
@@ -315,7 +285,7 @@ struct Rings {
         std::vector<cv::Rect> result;
         for (const cv::Rect& target : targets) {
             const FilterKernel& ring = on(static_cast<int>(result.size()));
-            result.push_back(grown(target, ring.margin_x(), ring.margin_y()));
+            result.push_back(grown(target, ring.margin_x, ring.margin_y));
         }
         return result;
     }
@@ -341,27 +311,23 @@ Eigen::Vector2d SquareCorners::compute(int shift, const cv::Point& node) const {
 }
 
 Eigen::Vector2d SquareCorners::point_at(int shift, const cv::Point& node) const {
-    const Table& known = table(shift);
-    const cv::Point at(floor_div(node.x, part_side), floor_div(node.y, part_side));
-    if (!known.parts.contains(at))
-        return compute(shift, node);
-    Part& part = known.of_parts[(at.y - known.parts.y) * known.parts.width + at.x - known.parts.x];
-    const cv::Point first = part_side * at;
-    std::call_once(part.once, [&] {
-        for (int n = 0; n < part_side * part_side; ++n)
-            part.points.push_back(compute(shift, first + cv::Point(n % part_side, n / part_side)));
-    });
-    return part.points[static_cast<std::size_t>((node.y - first.y) * part_side + node.x - first.x)];
-}
-
-const SquareCorners::Table& SquareCorners::table(int shift) const {
     constexpr int margin = 32;  // squares beyond the image that rings and interpolation see
-    Table& result = tables_[static_cast<std::size_t>(shift)];
-    std::call_once(result.once, [&] {
-        result.parts = cells_of(grown(cells_of(pixels_, 1 << shift), margin, margin), part_side);
-        result.of_parts = std::make_unique<Part[]>(static_cast<std::size_t>(result.parts.area()));
+    const CellTable<Part>& parts = parts_[static_cast<std::size_t>(shift)].get([&] {
+        return CellTable<Part>(
+            cells_of(grown(cells_of(pixels_, 1 << shift), margin, margin), part_side));
     });
-    return result;
+    const cv::Point at(floor_div(node.x, part_side), floor_div(node.y, part_side));
+    if (!parts.rect.contains(at))
+        return compute(shift, node);
+    const cv::Point first = part_side * at, within = node - first;
+    const auto& points = parts.at(at.x, at.y).get([&] {
+        std::vector<Eigen::Vector2d> made;
+        for_each_cell({first, cv::Size(part_side, part_side)}, [&](int x, int y) {
+            made.push_back(compute(shift, {x, y}));
+        });
+        return made;
+    });
+    return points[static_cast<std::size_t>(within.y * part_side + within.x)];
 }
 
 TailPyramid::TailPyramid(const ImageFilter& filter, const Projector& projector,
@@ -372,8 +338,10 @@ cv::Rect TailPyramid::sources(const TileSamples& samples, const MarkerView& mark
                               const std::vector<Eigen::Vector2d>& outline,
                               const cv::Rect& limit) const {
     const cv::Rect sampled = scaled(samples.tiles_off_background(), tile_px);
-    const cv::Rect box =
-        marker_box(marker, corners_.projector().camera().intrinsics, outline, limit);
+    constexpr double bulge_px = 16.0;  // of the outline between two of its points, at most
+    const BlurRange blur = blur_over_marker(marker, corners_.projector().camera().intrinsics);
+    const double margin = 2.0 * blur.largest_px + bulge_px;
+    const cv::Rect box = pixels_around(outline, Eigen::Array2d::Constant(margin), limit);
     if (contains(scaled(samples.tiles(), tile_px), box))
         return sampled & limit;
     return (sampled.empty() ? box : sampled | box) & limit;
@@ -426,7 +394,7 @@ void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, cons
         else if (base)
             sums(band - target.tl()).setTo(*base);
         if (shift >= rings.first)
-            add_filtered_band(sources.field(shift), rings.on(shift), target, band, sums);
+            add_filtered(sources.field(shift), rings.on(shift), target, band, sums);
     };
     for (int shift = rings.top; shift > 0; --shift) {
         const cv::Rect& target = targets.squares[static_cast<std::size_t>(shift)];

@@ -1,30 +1,15 @@
 // The tail of the diffraction pattern: what a marker adds to pixels from some to thousands of
-// pixels away, a few grays beside an edge and tenths of a gray far from it. Rings of radii, each
-// twice as wide as the one before, are filtered on averages over squares twice as large; the sums
-// are interpolated (6-point Lagrange) from each grid to the next finer one, down to the pixels.
-//
-// A grid is named by the binary logarithm of its step in px, its "shift"; square (i, j) holds the
-// pixels from 2^shift (i, j) on.
+// pixels away (docs/rendering.md, "Filter"). A grid is named by the binary logarithm of its step in
+// px, its "shift"; square (i, j) holds the pixels from 2^shift (i, j) on.
 #pragma once
 
-#include <array>
-#include <functional>
-#include <memory>
-#include <mutex>
-#include <optional>
-#include <vector>
-
-#include "calib/camera/projector.h"
-#include "sim/scene/marker_view.h"
-#include "sim/tiles/core_filter.h"
 #include "sim/tiles/image_filter.h"
 #include "sim/tiles/tile_samples.h"
 
 namespace etalon {
 
-// Undistorted points at the corners of squares, one per camera; those of the pixels that were named
-// and a margin are computed on first use, 16 x 16 at once (0.5 us each), others each time. Safe
-// from every thread.
+// Undistorted points at the corners of squares, one per camera. Those of the named pixels and a
+// margin are kept, made 16 x 16 at once (0.5 us each). Safe from every thread.
 class SquareCorners {
 public:
     static constexpr int max_shift = 20;
@@ -42,27 +27,18 @@ public:
 
 private:
     static constexpr int part_side = 16;
-    struct Part {
-        std::once_flag once;
-        std::vector<Eigen::Vector2d> points;  // NaN: no ray
-    };
-    struct Table {
-        std::once_flag once;
-        cv::Rect parts;
-        std::unique_ptr<Part[]> of_parts;
-    };
+    using Part = Lazy<std::vector<Eigen::Vector2d>>;  // NaN: no ray
 
     Eigen::Vector2d compute(int shift, const cv::Point& node) const;
     Eigen::Vector2d point_at(int shift, const cv::Point& node) const;
-    const Table& table(int shift) const;
 
     const Projector& projector_;
     cv::Rect pixels_;
-    mutable std::array<Table, max_shift + 1> tables_;
+    std::array<Lazy<CellTable<Part>>, max_shift + 1> parts_;
 };
 
 // What several markers add to a region's pixels far from themselves: sums over the squares of a
-// smooth grid, which are put into the pixels once, and not once for each marker.
+// smooth grid, put into the pixels once for all markers.
 struct FarTail {
     int shift;
     cv::Rect region, squares;
@@ -86,12 +62,11 @@ public:
 
     // Adds to the region's `pixels` (CV_32FC1, its size) the tail of everything within `reach_px`
     // (infinity included) of a pixel; `seen_at` is what sources() gave for the region with that
-    // much room around it. With a `background`, writes tail and background instead,
-    // whatever was there; without one, leaves the pixels far from the marker to `far`. The samples
-    // must cover the region and ImageFilter::reach_px() around it, best in multiples of 8 px.
-    // `finest`: the shift of the first ring's grid. Calls `done` for each band of the region
-    // (for_each_band()), from its thread, as soon as nothing else will be written there. Parallel,
-    // and the same bytes for any number of threads.
+    // much room around it. With a `background` writes both; without one leaves the pixels far from
+    // the marker to `far`. The samples must cover the region and ImageFilter::reach_px() around it,
+    // best in multiples of 8 px. `finest`: the shift of the first ring's grid. Calls `done` for
+    // each band of the region (for_each_band()), from its thread, when nothing else will be written
+    // there. Parallel, and the same bytes for any number of threads.
     void add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,
              double reach_px, int finest, const cv::Rect& region, std::optional<float> background,
              FarTail& far, cv::Mat& pixels, const std::function<void(const cv::Rect&)>& done) const;

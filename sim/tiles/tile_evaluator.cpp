@@ -1,8 +1,8 @@
 #include "sim/tiles/tile_evaluator.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
+#include <utility>
 
 namespace etalon {
 namespace {
@@ -18,34 +18,18 @@ std::array<float, 16> coefficients(const Eigen::Matrix4d& polynomial) {
 // Lines far beyond every ray of the tile are as good at this distance, and finite.
 constexpr double far_away_px = 1e8;
 
-// A linear form of the sensor point as seen from a tile: its value at the centre and its change
-// per px. `from_px`: d x / d px.
-struct TileForm {
-    double value;
-    Eigen::Vector2d gradient;
-
-    TileForm(const Eigen::Vector3d& form, const Eigen::Vector2d& centre,
-             const Eigen::Matrix2d& from_px)
-        : value(form.head<2>().dot(centre) + form.z()),
-          gradient(from_px.transpose() * form.head<2>()) {}
-};
-
-// The line h_axis - index h2.
-TileLine tile_line(const TileForm& axis, const TileForm& w, int index) {
-    const double distance = axis.value - index * w.value;
-    const Eigen::Vector2d gradient = axis.gradient - index * w.gradient;
-    const double steepness = gradient.norm();
+// Where a linear form of (dx, dy, 1) is zero.
+TileLine tile_line(const Eigen::Vector3d& form) {
+    const double distance = form.z(), steepness = form.head<2>().norm();
     if (!(std::abs(distance) < far_away_px * steepness))
         return {static_cast<float>(std::copysign(far_away_px, distance)), 1.0f, 0.0f, 1.0f, 0.0f};
     const double scale = 1.0 / steepness;
-    const auto x = static_cast<float>(gradient.x() * scale);
-    const auto y = static_cast<float>(gradient.y() * scale);
+    const auto x = static_cast<float>(form.x() * scale), y = static_cast<float>(form.y() * scale);
     return {static_cast<float>(distance * scale), x, y, x, y};
 }
 
-// A marker and a tile's points in the frame in which the tile sees them: the view's own, but of a
-// wide lens one that looks along the tile's middle ray, about which the pupil stays round and the
-// focus flat to second order.
+// A marker and a tile's points in the frame in which the tile sees them: the view's own, of a wide
+// lens one that looks along the tile's middle ray (docs/rendering.md, "Wide lenses").
 struct TileView {
     Eigen::Matrix3d h;
     TilePolynomial place;
@@ -79,54 +63,6 @@ Eigen::Matrix2d to_sensor_px(const TilePolynomial& place, double pitch_y) {
     return Eigen::Vector2d(tile_px, tile_px * pitch_y).asDiagonal() * by_place.inverse();
 }
 
-// Everything but the polynomials and the lens: lines in coordinates x' = to_px (x - centre).
-void set_lines(const MarkerView& view, const TileView& seen, const CellRange& range,
-               const Eigen::Matrix2d& to_px, TileGeometry& geometry) {
-    const Eigen::Vector2d& centre = seen.place.centre;
-    const auto cell = [&](int column, int row) { return view.cell(column, row); };
-    const Eigen::Matrix2d from_px = to_px.inverse();
-    const TileForm u(seen.h.row(0), centre, from_px), v(seen.h.row(1), centre, from_px);
-    const TileForm w(seen.h.row(2), centre, from_px);
-    const int first_column = range.first_column, first_row = range.first_row;
-    geometry.base = static_cast<float>(cell(first_column, first_row) - view.background());
-    geometry.columns.clear();
-    geometry.column_contrast.clear();
-    for (int i = first_column + 1; i <= range.last_column; ++i) {
-        geometry.columns.push_back(tile_line(u, w, i));
-        geometry.column_contrast.push_back(
-            static_cast<float>(cell(i, first_row) - cell(i - 1, first_row)));
-    }
-    geometry.rows.clear();
-    geometry.row_contrast.clear();
-    geometry.mixed.clear();
-    for (int j = first_row + 1; j <= range.last_row; ++j) {
-        geometry.rows.push_back(tile_line(v, w, j));
-        geometry.row_contrast.push_back(
-            static_cast<float>(cell(first_column, j) - cell(first_column, j - 1)));
-        for (int i = first_column + 1; i <= range.last_column; ++i)
-            geometry.mixed.push_back(static_cast<float>(cell(i, j) - cell(i - 1, j) -
-                                                        cell(i, j - 1) + cell(i - 1, j - 1)));
-    }
-}
-
-// The polynomials and the lens in coordinates x' = to_px (x - centre) in which the blur disk is
-// (nearly) round.
-void set_lens(double radius_mm, const TileView& seen, const Eigen::Matrix2d& to_px,
-              TileGeometry& geometry) {
-    const TilePolynomial& place = seen.place;
-    geometry.dx = coefficients(to_px(0, 0) * place.x + to_px(0, 1) * place.y);
-    geometry.dy = coefficients(to_px(1, 0) * place.x + to_px(1, 1) * place.y);
-    const double px = std::sqrt(std::abs(to_px.determinant()));
-    const Eigen::Matrix2d by_px = px * to_px.inverse().transpose();
-    const Eigen::Vector2d slope = radius_mm * by_px * seen.defocus_slope;
-    const Eigen::Vector2d turn = radius_mm * by_px * seen.turn;
-    geometry.blur = static_cast<float>(radius_mm * px * seen.defocus);
-    geometry.blur_slope_x = static_cast<float>(slope.x());
-    geometry.blur_slope_y = static_cast<float>(slope.y());
-    geometry.turn_x = static_cast<float>(turn.x());
-    geometry.turn_y = static_cast<float>(turn.y());
-}
-
 // From sensor px to the coordinates, of the same scale, in which the disk and the blur of the
 // tile's centre together are round: on the sensor the blur is an ellipse, for the distortion.
 Eigen::Matrix2d rounding(const Eigen::Matrix2d& blur_ellipse, double disk_px) {
@@ -140,15 +76,39 @@ Eigen::Matrix2d rounding(const Eigen::Matrix2d& blur_ellipse, double disk_px) {
     return inverse_root / (t * std::sqrt(s));
 }
 
-// From a marker and a tile's place on the sensor to what the tile kernels work on. Radiances are
-// differences from the view's background; px are 1/fx. `geometry` keeps its memory.
-void set_tile_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
-                       double fx, TileGeometry& geometry) {
-    const TileView seen(view, place);
-    const Eigen::Matrix2d to_px = fx * Eigen::Matrix2d::Identity();
-    set_lens(view.aperture().radius_mm, seen, to_px, geometry);
+// What the tile kernels work on, in coordinates x' = to_px (x - centre) in which the blur disk is
+// (nearly) round. `geometry` keeps its memory.
+void set_geometry(const MarkerView& view, const TileView& seen, const CellRange& range,
+                  const Eigen::Matrix2d& to_px, TileGeometry& geometry) {
+    const TilePolynomial& place = seen.place;
+    const double radius_mm = view.aperture().radius_mm;
+    geometry.dx = coefficients(to_px(0, 0) * place.x + to_px(0, 1) * place.y);
+    geometry.dy = coefficients(to_px(1, 0) * place.x + to_px(1, 1) * place.y);
+    const double px = std::sqrt(std::abs(to_px.determinant()));
+    const Eigen::Matrix2d from_px = to_px.inverse();
+    const Eigen::Matrix2d by_px = px * from_px.transpose();
+    const Eigen::Vector2d slope = radius_mm * by_px * seen.defocus_slope;
+    const Eigen::Vector2d turn = radius_mm * by_px * seen.turn;
+    geometry.blur = static_cast<float>(radius_mm * px * seen.defocus);
+    geometry.blur_slope_x = static_cast<float>(slope.x());
+    geometry.blur_slope_y = static_cast<float>(slope.y());
+    geometry.turn_x = static_cast<float>(turn.x());
+    geometry.turn_y = static_cast<float>(turn.y());
     geometry.disk = geometry.disk_cosine = 0.0f;
-    set_lines(view, seen, range, to_px, geometry);
+    Eigen::Matrix3d from_tile;
+    from_tile << from_px, place.centre, 0.0, 0.0, 1.0;
+    const Eigen::Matrix3d h = (seen.h * from_tile).transpose();  // columns: the forms U, V and W
+    geometry.columns.clear();
+    for (int i = range.first_column + 1; i <= range.last_column; ++i)
+        geometry.columns.push_back(tile_line(h.col(0) - i * h.col(2)));
+    geometry.rows.clear();
+    for (int j = range.first_row + 1; j <= range.last_row; ++j)
+        geometry.rows.push_back(tile_line(h.col(1) - j * h.col(2)));
+    geometry.background = view.background();
+    geometry.cells.clear();
+    for (int j = range.first_row; j <= range.last_row; ++j)
+        for (int i = range.first_column; i <= range.last_column; ++i)
+            geometry.cells.push_back(view.cell(i, j));
 }
 
 // In sensor px (pitches along x), where a spread is round; the lines know by how much the blur is
@@ -157,9 +117,7 @@ void set_sensor_geometry(const MarkerView& view, const TilePolynomial& place,
                          const CellRange& range, double pitch_y, TileGeometry& geometry) {
     const TileView seen(view, place);
     const Eigen::Matrix2d to_px = to_sensor_px(seen.place, pitch_y);
-    set_lens(view.aperture().radius_mm, seen, to_px, geometry);
-    geometry.disk = geometry.disk_cosine = 0.0f;
-    set_lines(view, seen, range, to_px, geometry);
+    set_geometry(view, seen, range, to_px, geometry);
     const Eigen::Vector2d turn = view.aperture().radius_mm * seen.turn;
     geometry.lens_turn_x = static_cast<float>(turn.x());
     geometry.lens_turn_y = static_cast<float>(turn.y());
@@ -173,28 +131,19 @@ void set_sensor_geometry(const MarkerView& view, const TilePolynomial& place,
 }
 
 // For averages over the aperture and over a disk of this radius (px of the sensor) around the
-// point: the mean over some cosines, see TileGeometry. Without the lens: over the disk alone.
-// The tile's own derivative takes its points to px, so that the disk is round there: across a tile
-// it changes by some 1e-4, and the disk's second moment with it.
+// point: the mean over some cosines, see TileGeometry. Without the lens: over the disk alone. The
+// disk is round in the px of the tile's own derivative: across a tile that changes by some 1e-4.
 void set_disk_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
                        bool with_lens, double radius_px, double pitch_y, TileGeometry& geometry) {
     const TileView seen(view, place);
     Eigen::Matrix2d to_px = to_sensor_px(seen.place, pitch_y);
     if (with_lens)
         to_px = rounding(view.aperture().radius_mm * seen.defocus * to_px, radius_px) * to_px;
-    set_lens(view.aperture().radius_mm, seen, to_px, geometry);
+    set_geometry(view, seen, range, to_px, geometry);
     if (!with_lens)
         geometry.blur = geometry.blur_slope_x = geometry.blur_slope_y = geometry.turn_x =
             geometry.turn_y = 0.0f;
     geometry.disk = static_cast<float>(radius_px);
-    geometry.disk_cosine = 0.0f;
-    set_lines(view, seen, range, to_px, geometry);
-}
-
-// Of the parallelogram that a sample's box becomes.
-Box parallelogram_box(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides) {
-    const Eigen::Vector2d half = 0.5 * sides.cwiseAbs().rowwise().sum();
-    return {x - half, x + half};
 }
 
 // Of the points of a tile and a margin around it, at most `reach` from its centre in s and t.
@@ -204,8 +153,6 @@ Box box_around(const TilePolynomial& place, double reach) {
                                powers.dot(place.y.cwiseAbs() * powers));
     return {place.centre - half, place.centre + half};
 }
-
-constexpr LensRule min_rule{4, 24};
 
 // A disk reaches beyond its tile by less than this times its radius, whatever the tile's shape.
 constexpr double disk_reach = 1.25;
@@ -219,14 +166,16 @@ LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
         return {1, 0};
     if (blur_radius_px < 0.04)
         return {2, 6};
-    return blur_radius_px < 0.2 ? LensRule{3, 12} : min_rule;
+    return blur_radius_px < 0.2 ? LensRule{3, 12} : LensRule{4, 24};
 }
 
 TilePositionsOf::TilePositionsOf(const Sampling& sampling) : samples(tile_px * sampling.k) {
     if (std::isfinite(sampling.exact_lens_from_px))
         quarters.emplace(2 * tile_px * sampling.k);
     const auto grid = [&](int k) {
-        return Grid{k, {tile_px * k, TileInterpolation::margin}, {k, sampling.k, sampling.kind}};
+        return Grid{k,
+                    TilePositions(tile_px * k, TileInterpolation::margin),
+                    {k, sampling.k, sampling.kind}};
     };
     for (const CoarseSampling& coarse : sampling.coarser)
         coarser.push_back(grid(coarse.k));
@@ -269,12 +218,19 @@ TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& ra
         return sample_grid(*positions_.finer, place, values);
     if (sampling_.kind == SampleKind::disk)
         return sample_disks(place, box, *range, positions_.samples, values);
-    set_tile_geometry(view_, place, *range, fx_, geometry_);
-    if (sampling_.kind == SampleKind::point)
-        return sample_points(values);
+    set_lens_geometry(place, *range);
+    if (sampling_.kind == SampleKind::point) {
+        exact_lens_samples(geometry_, positions_.samples, values);
+        return {RenderMethod::exact_lens, sampling_.k, 1, 1};
+    }
     if (least_blur_px(box) >= sampling_.exact_lens_from_px)
         return sample_blurred_boxes(values);
     return sample_boxes(lens_rule(largest_blur_px(box), sampling_.sharp_up_to_px), values);
+}
+
+void TileEvaluator::set_lens_geometry(const TilePolynomial& place, const CellRange& range) {
+    set_geometry(view_, TileView(view_, place), range, fx_ * Eigen::Matrix2d::Identity(),
+                 geometry_);
 }
 
 double TileEvaluator::least_blur_px(const Box& box) const {
@@ -294,23 +250,18 @@ Box TileEvaluator::box_of(const Grid& grid, const TilePolynomial& place) const {
 TileUse TileEvaluator::sample_grid(const Grid& grid, const TilePolynomial& place, float* values) {
     const Box box = box_of(grid, place);
     const CellRange range = view_.footprint(box).value_or(CellRange{-1, -1, -1, -1});
-    const auto side = static_cast<std::size_t>(grid.positions.n());
+    const auto side = static_cast<std::size_t>(grid.positions.n);
     lens_averages_.resize(side * side);
     TileUse use{RenderMethod::exact_lens, grid.k, 1, 1};
     if (sampling_.kind == SampleKind::disk) {
         use = sample_disks(place, box, range, grid.positions, lens_averages_.data());
         use.points_per_pixel_side = grid.k;
     } else {
-        set_tile_geometry(view_, place, range, fx_, geometry_);
+        set_lens_geometry(place, range);
         exact_lens_samples(geometry_, grid.positions, lens_averages_.data());
     }
     grid.interpolation.interpolate(lens_averages_.data(), scratch_, values);
     return use;
-}
-
-TileUse TileEvaluator::sample_points(float* values) {
-    exact_lens_samples(geometry_, positions_.samples, values);
-    return {RenderMethod::exact_lens, sampling_.k, 1, 1};
 }
 
 // Averages over the disk and the aperture, at once: concentric disks for both.
@@ -328,7 +279,7 @@ TileUse TileEvaluator::sample_disks(const TilePolynomial& place, const Box& box,
     }
     if (std::ssize(disks_) != count)
         disks_ = concentric_disks(count);
-    const auto n = static_cast<std::size_t>(positions.n());
+    const auto n = static_cast<std::size_t>(positions.n);
     of_disk_.resize(n * n);
     std::fill_n(values, n * n, 0.0f);
     for (const ConcentricDisk& disk : disks_) {
@@ -371,7 +322,7 @@ TileUse TileEvaluator::sample_pixels(const TilePolynomial& place, const CellRang
 TileUse TileEvaluator::sample_boxes(const LensRule& rule, float* values) {
     if (lens_points_of_ != rule.points()) {
         lens_points_.clear();
-        for (const LensPoint& p : lens_points(1.0, rule.rings, rule.spokes))
+        for (const LensPoint& p : lens_points(1.0, rule))
             lens_points_.push_back({static_cast<float>(p.l_mm.x()), static_cast<float>(p.l_mm.y()),
                                     static_cast<float>(p.weight)});
         lens_points_of_ = rule.points();
@@ -382,35 +333,13 @@ TileUse TileEvaluator::sample_boxes(const LensRule& rule, float* values) {
 
 namespace {
 
-// Whether one of a sample's neighbours has a ray and the sample has not, or the other way round:
-// the border of the valid region passes through it, and only a part of it sees anything. `rays` has
-// a ring of samples around the n x n of the tile: the border may run between two tiles.
-bool is_at_border(const std::vector<bool>& rays, int n, int column, int row) {
-    const auto has_ray = [&](int x, int y) {
-        return rays[static_cast<std::size_t>((y + 1) * (n + 2) + x + 1)];
-    };
-    for (int y = row - 1; y <= row + 1; ++y)
-        for (int x = column - 1; x <= column + 1; ++x)
-            if (has_ray(x, y) != has_ray(column, row))
-                return true;
-    return false;
-}
-
-// Points of the unit square whose error of an area falls with their number (Niederreiter, "Random
-// Number Generation and Quasi-Monte Carlo Methods", 1992, section 5.1).
-struct FibonacciLattice {
-    int points, generator;  // two Fibonacci numbers in a row
-
-    Eigen::Vector2d point(int q) const {
-        return Eigen::Vector2d(q + 0.5, q * generator % points + 0.5) / points;
-    }
-};
-
-FibonacciLattice lattice_of_at_least(int points) {
-    FibonacciLattice lattice{34, 21};
-    while (lattice.points < points)
-        lattice = {lattice.points + lattice.generator, lattice.points};
-    return lattice;
+// Whether the border of the valid region passes through a sample: one of its neighbours has a ray
+// and it has not, or the other way round.
+bool is_at_border(const CellTable<char>& rays, int column, int row) {
+    bool differs = false;
+    for_each_cell({column - 1, row - 1, 3, 3},
+                  [&](int x, int y) { differs |= rays.at(x, y) != rays.at(column, row); });
+    return differs;
 }
 
 }  // namespace
@@ -420,8 +349,8 @@ bool TileEvaluator::find_points(const Grid& grid, int i, int j) {
     points_.clear();
     std::optional<MappedPoint> last;
     const Eigen::Vector2d corner = UndistortionMap::tile_corner_px(i, j);
-    for (int row = 0; row < grid.positions.n(); ++row)
-        for (int column = 0; column < grid.positions.n(); ++column) {
+    for (int row = 0; row < grid.positions.n; ++row)
+        for (int column = 0; column < grid.positions.n; ++column) {
             const Eigen::Vector2d place(column + 0.5, row + 0.5);
             last =
                 map_.exact(corner + (place - Eigen::Vector2d::Constant(TileInterpolation::margin)) /
@@ -435,8 +364,7 @@ bool TileEvaluator::find_points(const Grid& grid, int i, int j) {
 }
 
 // Of a tile that is blurred enough for a coarser grid, all of whose points have rays: one where the
-// undistortion bends too much for the polynomial. Of the frame's own grid it could be hundreds of
-// times as many points, each with a Newton iteration.
+// undistortion bends too much for the polynomial.
 std::optional<TileUse> TileEvaluator::sample_grid_one_by_one(int i, int j, float* values) {
     if (sampling_.kind == SampleKind::disk)
         return std::nullopt;
@@ -462,22 +390,21 @@ std::optional<TileUse> TileEvaluator::sample_grid_one_by_one(int i, int j, float
     return std::nullopt;
 }
 
-// Which of the tile's points have a ray, and of the ring of points around them; row by row.
-std::vector<bool> TileEvaluator::rays_around(int i, int j) const {
+// Which of the tile's points have a ray, and which of the ring around them: the border may run
+// between two tiles.
+CellTable<char> TileEvaluator::rays_around(int i, int j) const {
     const int n = tile_px * sampling_.k;
-    std::vector<bool> rays;
-    for (int row = -1; row <= n; ++row)
-        for (int column = -1; column <= n; ++column) {
-            const auto& nearest = points_[static_cast<std::size_t>(std::clamp(row, 0, n - 1) * n +
-                                                                   std::clamp(column, 0, n - 1))];
-            const bool is_inside = row >= 0 && row < n && column >= 0 && column < n;
-            const Eigen::Vector2d within(column + 0.5, row + 0.5);
-            rays.push_back(
-                is_inside ? nearest.has_value()
-                          : map_.exact(UndistortionMap::tile_corner_px(i, j) + within / sampling_.k,
-                                       nearest)
-                                .has_value());
-        }
+    CellTable<char> rays({-1, -1, n + 2, n + 2});
+    for_each_cell(rays.rect, [&](int column, int row) {
+        const auto& nearest = points_[static_cast<std::size_t>(std::clamp(row, 0, n - 1) * n +
+                                                               std::clamp(column, 0, n - 1))];
+        const bool is_inside = row >= 0 && row < n && column >= 0 && column < n;
+        const Eigen::Vector2d within(column + 0.5, row + 0.5);
+        const Eigen::Vector2d corner = UndistortionMap::tile_corner_px(i, j);
+        rays.at(column, row) = is_inside
+                                   ? nearest.has_value()
+                                   : map_.exact(corner + within / sampling_.k, nearest).has_value();
+    });
     return rays;
 }
 
@@ -488,7 +415,7 @@ void TileEvaluator::sample_pixel(const TilePolynomial& cubic, const cv::Rect& sa
         pixel_positions_.emplace(sampling_.k);
     lens_averages_.assign(static_cast<std::size_t>(samples.area()), 0.0f);
     if (const auto range = view_.footprint(box_around(cubic, 0.5))) {
-        set_tile_geometry(view_, cubic, *range, fx_, geometry_);
+        set_lens_geometry(cubic, *range);
         exact_lens_samples(geometry_, *pixel_positions_, lens_averages_.data());
     }
     for (int y = 0; y < samples.height; ++y)
@@ -496,9 +423,8 @@ void TileEvaluator::sample_pixel(const TilePolynomial& cubic, const cv::Rect& sa
                     values + (samples.y + y) * tile_px * sampling_.k + samples.x);
 }
 
-// Finds the points, pixel by pixel. Most pixels are so far from the border that they have a cubic
-// of their own, which gives their lens averages at once: their middle stands for their points then,
-// to start from. Says which samples have values already.
+// Finds the points, pixel by pixel. Most pixels have a cubic of their own, which gives their lens
+// averages at once: their middle then stands for their points. Says which samples have values.
 std::vector<bool> TileEvaluator::find_points_by_pixel(int i, int j, float* values) {
     constexpr int block = 4;  // of the tile kernel
     const int k = sampling_.k, n = tile_px * k;
@@ -541,11 +467,11 @@ TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
         return *use;
     const int n = tile_px * sampling_.k;
     const std::vector<bool> done = find_points_by_pixel(i, j, values);
-    const std::vector<bool> rays = rays_around(i, j);
+    const CellTable<char> rays = rays_around(i, j);
     for (int p = 0; p < n * n; ++p) {
         const auto& point = points_[static_cast<std::size_t>(p)];
         double radiance = view_.background();
-        if (is_at_border(rays, n, p % n, p / n))
+        if (is_at_border(rays, p % n, p / n))
             radiance = mean_of_parts(i, j, p % n, p / n);
         else if (done[static_cast<std::size_t>(p)])
             continue;
@@ -558,25 +484,28 @@ TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
     return {RenderMethod::exact_area, sampling_.k, std::max(coverage_of_, 1), 1};
 }
 
-// The border cuts parts, whichever way it runs: on a Fibonacci lattice no two parts share a row or
-// a column, so that even a border along the pixels' rows is found to a thousandth of a pixel.
+// On a Fibonacci lattice (Niederreiter, "Random Number Generation and Quasi-Monte Carlo Methods",
+// 1992, section 5.1) no two parts share a row or a column, so that even a border along the pixels'
+// rows is found to a thousandth of a pixel.
 double TileEvaluator::mean_of_parts(int i, int j, int column, int row) {
-    const FibonacciLattice lattice = lattice_of_at_least(1000 / sampling_.k);
-    const double sample_px = 1.0 / sampling_.k;
-    const double part_px = sample_px / std::sqrt(lattice.points);
+    int points = 34, generator = 21;  // two Fibonacci numbers in a row
+    while (points < 1000 / sampling_.k)
+        points += std::exchange(generator, points);
+    const double sample_px = 1.0 / sampling_.k, part_px = sample_px / std::sqrt(points);
     double sum = 0.0;
     std::optional<MappedPoint> near =
         points_[static_cast<std::size_t>(row * tile_px * sampling_.k + column)];
-    for (int q = 0; q < lattice.points; ++q) {
-        const auto point =
-            map_.exact(UndistortionMap::tile_corner_px(i, j) +
-                           sample_px * (Eigen::Vector2d(column, row) + lattice.point(q)),
-                       near);
+    for (int q = 0; q < points; ++q) {
+        const Eigen::Vector2d part =
+            Eigen::Vector2d(q + 0.5, q * generator % points + 0.5) / points;
+        const auto point = map_.exact(UndistortionMap::tile_corner_px(i, j) +
+                                          sample_px * (Eigen::Vector2d(column, row) + part),
+                                      near);
         if (point)
             near = point;
         sum += point ? radiance_at(*point, part_px) : view_.background();
     }
-    return sum / lattice.points;
+    return sum / points;
 }
 
 double TileEvaluator::lens_average_at(const Eigen::Vector2d& x) {
@@ -601,12 +530,13 @@ double TileEvaluator::radiance_at(const MappedPoint& point, double side_px) {
     if (sampling_.kind == SampleKind::disk)
         side_px = std::sqrt(3.0) * sampling_.disk_radius_px;
     const Eigen::Matrix2d sides = point.jacobian * side_px;
-    const auto range = view_.footprint(parallelogram_box(point.x, sides));
+    const Eigen::Vector2d half = 0.5 * sides.cwiseAbs().rowwise().sum();
+    const auto range = view_.footprint({point.x - half, point.x + half});
     if (!range)
         return view_.background();
     const LensRule rule = lens_rule(largest_blur_px({point.x, point.x}), sampling_.sharp_up_to_px);
     if (!coverage_ || coverage_of_ != rule.points()) {
-        coverage_.emplace(view_, lens_points(view_.aperture().radius_mm, rule.rings, rule.spokes));
+        coverage_.emplace(view_, lens_points(view_.aperture().radius_mm, rule));
         coverage_of_ = rule.points();
     }
     return coverage_->over(point.x, sides, *range);

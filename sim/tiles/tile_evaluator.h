@@ -1,29 +1,16 @@
-// The samples of one tile that is not uniform: the tile kernels where the whole tile has rays; at
-// the border of the valid region pixel by pixel where they can, else point by point in double
-// precision.
+// The samples of one tile that is not uniform: by the tile kernels where the whole tile has rays;
+// at the border of the valid region by them pixel by pixel, or point by point in double precision.
 #pragma once
 
-#include <array>
-#include <optional>
-#include <vector>
-
 #include "sim/psf/deconvolved_psf.h"
-#include "sim/scene/marker_view.h"
 #include "sim/tiles/lens_average.h"
 #include "sim/tiles/render_plan.h"
-#include "sim/tiles/sampling.h"
 #include "sim/tiles/tile_interpolation.h"
-#include "sim/tiles/tile_kernel.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
 
-// The rings and spokes of lens points (sim/tiles/lens_average.h) that exact areas need at this
-// blur.
-struct LensRule {
-    int rings, spokes;  // 1, 0: the lens centre alone
-    int points() const { return spokes == 0 ? 1 : rings * spokes; }
-};
+// The lens points that exact areas need at this blur.
 LensRule lens_rule(double blur_radius_px, double sharp_up_to_px);
 
 // What does not change from tile to tile of an image.
@@ -49,9 +36,8 @@ public:
                   const TilePositionsOf& positions);
 
     // `values`: (4 k)^2 differences from the background, row by row; of pixels another 4 x 4 behind
-    // them, the averages before the spread. `range`: what the tile's rays
-    // can meet; nothing for a tile at the border of the valid region. Says how it was done (with
-    // `tiles` 1).
+    // them, the averages before the spread. `range`: what the tile's rays can meet; nothing for a
+    // tile at the border of the valid region. Says how it was done (with `tiles` 1).
     TileUse evaluate(int i, int j, const std::optional<CellRange>& range, float* values);
 
 private:
@@ -59,7 +45,7 @@ private:
 
     Box box_of(const Grid& grid, const TilePolynomial& place) const;
     TileUse sample_grid(const Grid& grid, const TilePolynomial& place, float* values);
-    TileUse sample_points(float* values);
+    void set_lens_geometry(const TilePolynomial& place, const CellRange& range);
     TileUse sample_disks(const TilePolynomial& place, const Box& box, const CellRange& range,
                          const TilePositions& positions, float* values);
     TileUse sample_pixels(const TilePolynomial& place, const CellRange& range, float* values);
@@ -69,7 +55,7 @@ private:
     std::optional<TileUse> sample_grid_one_by_one(int i, int j, float* values);
     void sample_pixel(const TilePolynomial& cubic, const cv::Rect& samples, float* values);
     std::vector<bool> find_points_by_pixel(int i, int j, float* values);
-    std::vector<bool> rays_around(int i, int j) const;
+    CellTable<char> rays_around(int i, int j) const;
     TileUse sample_one_by_one(int i, int j, float* values);
     double least_blur_px(const Box& box) const;
     double largest_blur_px(const Box& box) const;

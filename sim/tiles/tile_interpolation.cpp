@@ -51,8 +51,8 @@ void TileInterpolation::along_rows(const float* from, std::size_t rows, float* t
     if (is_thinning_) {
         const Weights& first = weights_.front();
         for (std::size_t y = 0; y < rows; ++y)
-            thin_row(from + y * side_ + first.first, first.of, static_cast<int>(weights_.size()),
-                     to + y * weights_.size());
+            filter_loops().thin_row(from + y * side_ + first.first, first.of,
+                                    static_cast<int>(weights_.size()), to + y * weights_.size());
         return;
     }
     for (std::size_t y = 0; y < rows; ++y, from += side_)
@@ -65,8 +65,9 @@ void TileInterpolation::along_rows(const float* from, std::size_t rows, float* t
 
 void TileInterpolation::along_columns(const float* from, std::size_t n, float* to) const {
     for (const Weights& weights : weights_) {
-        sum_eight_rows(from + n * static_cast<std::size_t>(weights.first),
-                       static_cast<std::ptrdiff_t>(n), weights.of, static_cast<int>(n), to);
+        filter_loops().sum_eight_rows(from + n * static_cast<std::size_t>(weights.first),
+                                      static_cast<std::ptrdiff_t>(n), weights.of,
+                                      static_cast<int>(n), to);
         to += n;
     }
 }

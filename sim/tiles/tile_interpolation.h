@@ -1,14 +1,9 @@
-// From samples of a tile and a margin around it on another grid to the samples on the frame's own.
-// From a coarse one by the 6-point Lagrange kernel (sim/psf/lagrange.h), for tiles that are
-// blurred enough: there the interpolant of few exact values is as good as many of them, and costs a
-// fraction. From one of twice as many places a side by a low-pass, for sharp tiles: what finer
-// samples than the frame's see is as good as a finer frame, whose filter would cost four times as
-// much.
+// From samples of a tile and a margin around it on another grid to the samples on the frame's own:
+// from a coarse one by the 6-point Lagrange kernel (sim/psf/lagrange.h), for tiles that are blurred
+// enough; from one of twice as many places a side by a low-pass, for sharp tiles.
 #pragma once
 
 #include <array>
-#include <cstddef>
-#include <vector>
 
 #include "sim/tiles/sampling.h"
 
@@ -25,8 +20,7 @@ public:
 
     // A sample between 2 n others, their middle at 0, is the sum of low_pass[i] of those i + 1/2
     // steps away on both sides. With c = cos and s = sin of pi f times the step, the transfer is
-    // c^3 (1 + 3/2 s^2 + 15/8 s^4): 1 up to 35/16 s^6 where f is low, and nearly nothing around the
-    // frequency that the coarser grid takes for none.
+    // c^3 (1 + 3/2 s^2 + 15/8 s^4).
     static constexpr std::array<double, 4> low_pass{525.0 / 1024, 35.0 / 1024, -63.0 / 1024,
                                                     15.0 / 1024};
 

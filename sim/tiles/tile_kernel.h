@@ -1,15 +1,13 @@
 // Methods E and C for the points of one tile at a time, in single precision with the widest vector
 // instructions that the machine has (Google Highway chooses at run time).
 //
-// The same sums as sim/tiles/lens_average.h and sim/tiles/lens_average.h, which are in double
-// precision and the truth in the tests: every instruction set is within 2e-3 gray of them for edges
-// blurred by more than 0.05 px (and for sharper ones within the step that 1e-6 px make), and within
-// 1e-3 gray of every other. docs/rendering.md has the formulas.
+// The sums of sim/tiles/lens_average.h, which has them in double precision. Every instruction set
+// is within 2e-3 gray of those for edges blurred by more than 0.05 px (sharper ones within the step
+// that 1e-6 px make), and within 1e-3 gray of every other. docs/rendering.md has the formulas.
 //
-// All lengths are in "px", units of 1/f_x in undistorted normalised coordinates (of wedge_pixels()
-// and of averages over disks: px of the sensor), and are taken from
-// the tile's centre: that is what makes single precision enough. Finite values below 1e9 px give
-// finite results. Pure functions, safe from every thread, without allocation.
+// Lengths are in "px", units of 1/f_x in undistorted normalised coordinates (wedge_pixels() and
+// averages over disks: px of the sensor), from the tile's centre: that makes single precision
+// enough. Finite values below 1e9 px give finite results. Pure functions, safe from every thread.
 #pragma once
 
 #include <array>
@@ -18,6 +16,9 @@
 
 namespace etalon {
 
+inline constexpr int tile_px = 4;  // side of a tile
+
+struct EdgeProfile;
 struct WedgeRows;
 
 // A grid line as seen in one tile: D = offset + gradient . (dx, dy), the signed distance from the
@@ -40,11 +41,9 @@ struct TileGeometry {
     // a times the aperture's radius; |turn| < 1.
     float turn_x, turn_y;
     std::vector<TileLine> columns, rows;  // consecutive lines
-    float base;                           // radiance before the first lines
-    std::vector<float> column_contrast;   // across each column line, before the first row line
-    std::vector<float> row_contrast;      // across each row line, before the first column line
-    // Mixed difference of the four cells at each crossing, row-major [row line][column line].
-    std::vector<float> mixed;
+    // Radiance beyond the first j row lines and the first i column lines, row by row.
+    std::vector<double> cells;
+    double background;  // what the values are differences from
     // E: the average over a disk of this radius too, px (0: none), is a mean over some cosines of
     // the averages over one disk of the radius sqrt(blur^2 + disk^2 + 2 cosine blur disk)
     // (sim/psf/deconvolved_psf.h); here, of this cosine.
@@ -60,35 +59,24 @@ struct UnitLensPoint {
 };
 
 // The centres of a tile's n x n parts, in blocks of 4 x 4 so that a vector of points stays close
-// together and meets few lines. Immutable.
-class TilePositions {
-public:
-    // Throws NumericalError unless n is a positive multiple of 4.
-    explicit TilePositions(int n);
-    // The same continued by `margin` parts beyond the tile on each side. Throws NumericalError
-    // unless all of them, n() = n + 2 margin a side, are a positive multiple of 4.
-    TilePositions(int n, int margin);
+// together and meets few lines.
+struct TilePositions {
+    // Continued by `margin` parts beyond the tile on each side. Throws NumericalError unless all of
+    // them, n = parts + 2 margin a side, are a positive multiple of 4.
+    explicit TilePositions(int parts, int margin = 0);
 
-    int n() const { return n_; }
+    int n;
     // Across the tile, -0.5 to 0.5 (a margin beyond): block by block, row by row within a block.
-    const float* s() const { return s_.data(); }
-    const float* t() const { return t_.data(); }
-
+    std::vector<float> s, t;
     // Of the blocks' centres, in the blocks' order, continued to a multiple of 16.
-    const float* block_s() const { return block_s_.data(); }
-    const float* block_t() const { return block_t_.data(); }
+    std::vector<float> block_s, block_t;
     // From a block's centre to its outermost points, in s and in t.
-    float block_reach() const { return block_reach_; }
-
-private:
-    int n_;
-    float block_reach_;
-    std::vector<float> s_, t_, block_s_, block_t_;
+    float block_reach;
 };
 
-// E: the average over the whole aperture at each point. `values`: n x n, row by row.
-// CPU time of a point with AVX-512 about 1.4 ns, 1 ns per line that cuts the aperture of a point
-// near it and 0.7 ns per crossing of two such lines; AVX2 a third more.
+// E: the average over the whole aperture at each point. `values`: n x n, row by row. CPU time of a
+// point with AVX-512: 1.4 ns, 1 ns per line that cuts the aperture of a point near it and 0.7 ns
+// per crossing of two such lines; AVX2 a third more.
 void exact_lens_samples(const TileGeometry& geometry, const TilePositions& positions,
                         float* values);
 
@@ -98,11 +86,34 @@ void exact_area_samples(const TileGeometry& geometry, const TilePositions& posit
                         std::span<const UnitLensPoint> lens_points, float* values);
 
 // The averages over the tile's 4 x 4 pixels of what the table's spread makes of the light: of a
-// geometry in sensor px (set_sensor_geometry()) with all lines within the table's reach.
-// CPU time of a tile with AVX-512 about 0.1 us per line, 0.3 us per crossing and 0.7 us for every
-// pixel less than 1.5 px from one.
+// geometry in sensor px with all lines within the table's reach. CPU time with AVX-512: 0.1 us per
+// line, 0.3 us per crossing and 0.7 us for every pixel less than 1.5 px from one.
 void wedge_pixels(const TileGeometry& geometry, const TilePositions& positions,
                   const WedgeRows& table, float* values);
+
+// What the pixels of a group of 4 x 4 tiles see that sees one edge (sim/tiles/edge_group.h):
+// differences from the background.
+struct EdgeGroup {
+    static constexpr int level = 1, side_px = 4 * tile_px;
+
+    int i, j;  // indices, as in UndistortionMap
+    // The distance from the edge, px, positive beyond it, in a scale that has the blur's rim at
+    // `blur` px: the coefficient of s^i t^j at [4 j + i], s and t from -0.5 to 0.5 across the
+    // group.
+    std::array<float, 16> distance;
+    float blur;      // radius, px along the distance
+    float diagonal;  // sin^2 of twice the edge's direction
+    float before, beyond;
+};
+
+// The averages of the group's squares of 2 x 2 px before any point spread, 8 x 8 row by row.
+// Within 1e-2 gray of the mean over the square of an edge blurred by 3 px.
+void edge_averages(const EdgeGroup& group, float* averages);
+
+// Adds the response to the rows from `first` to before `end`; `out`: the pixel of the group's first
+// column in the row `first`. `profile` of the group's blur, of which `energy` is the filter's.
+void add_edge(const EdgeGroup& group, const EdgeProfile& profile, float energy, int first, int end,
+              float* out, std::ptrdiff_t stride);
 
 // Highway's name of the instruction set in use: "AVX3" (AVX-512), "AVX2", "SSE4", "SSSE3",
 // "SCALAR", ...

@@ -1,7 +1,7 @@
 #include "sim/tiles/tile_map.h"
 
 #include <algorithm>
-#include <utility>
+#include <opencv2/imgproc.hpp>
 
 #include "sim/tiles/filter_simd.h"
 
@@ -35,84 +35,57 @@ void set_outside(const cv::Rect& inner, const cv::Rect& region, float value, cv:
         float* row = pixels.ptr<float>(y - region.y);
         const bool beside = y >= inner.y && y < inner.br().y;
         const int from = beside ? inner.x - region.x : region.width;
-        fill_row(value, from, past_caches, row);
+        filter_loops().fill_row(value, from, past_caches, row);
         if (beside)
-            fill_row(value, region.br().x - inner.br().x, past_caches,
-                     row + inner.br().x - region.x);
+            filter_loops().fill_row(value, region.br().x - inner.br().x, past_caches,
+                                    row + inner.br().x - region.x);
     }
 }
 
-namespace {
-
-std::size_t length(int n) {
-    return static_cast<std::size_t>(n);
-}
-
-}  // namespace
-
 TileMap::TileMap(const cv::Rect& tiles)
-    : tiles_(tiles), values_(length(tiles.area())), details_(length(tiles.area())) {}
+    : values_(tiles), details_(values_.cells.size()), finer_(values_.cells.size()) {}
 
 void TileMap::fill(const cv::Rect& part, float value) {
     for (int j = part.y; j < part.br().y; ++j)
-        std::fill_n(&values_[index(part.x, j)], part.width, value);
+        std::fill_n(from({part.x, j}), part.width, value);
 }
 
 void TileMap::copy(const TileMap& other) {
-    const cv::Rect both = tiles_ & other.tiles_;
+    const cv::Rect both = tiles() & other.tiles();
     for (int j = both.y; j < both.br().y; ++j) {
-        const std::size_t from = other.index(both.x, j), to = index(both.x, j);
-        std::copy_n(&other.values_[from], both.width, &values_[to]);
+        const std::size_t from = other.values_.index(both.x, j), to = values_.index(both.x, j);
+        std::copy_n(&other.values_.cells[from], both.width, &values_.cells[to]);
         std::copy_n(&other.details_[from], both.width, &details_[to]);
+        std::copy_n(&other.finer_[from], both.width, &finer_[to]);
     }
 }
 
 void TileMap::finish() {
-    counted_ = grown(tiles_, 1, 1);
-    const auto width = length(counted_.width), own_width = length(tiles_.width);
-    counts_.resize((width + 1) * length(counted_.height + 1));
-    std::fill_n(counts_.begin(), width + 1, 0);
-    // A row of tiles with the zeros beyond its ends, from the second value on, and the row above.
-    std::vector<float> here(width + 1), above(width + 1);
-    std::vector<unsigned char> differs(width);
-    for (std::size_t j = 0; j < length(counted_.height); ++j) {
-        const bool own = j > 0 && j <= length(tiles_.height);
-        if (own)
-            std::copy_n(&values_[(j - 1) * own_width], own_width, here.begin() + 2);
-        else
-            std::fill(here.begin(), here.end(), 0.0f);
-        for (std::size_t i = 0; i < width; ++i)
-            differs[i] = int(here[i + 1] != here[i]) | int(here[i + 1] != above[i + 1]);
-        if (own)
-            for (std::size_t i = 0; i < own_width; ++i)
-                differs[i + 1] |= refined((j - 1) * own_width + i);
-        const int* last = &counts_[j * (width + 1)];
-        int* sums = &counts_[(j + 1) * (width + 1)];
-        sums[0] = 0;
-        int row = 0;
-        for (std::size_t i = 0; i < width; ++i) {
-            row += differs[i];
-            sums[i + 1] = last[i + 1] + row;
-        }
-        here.swap(above);
+    counted_ = grown(tiles(), 1, 1);
+    cv::Mat padded = cv::Mat::zeros(counted_.height + 1, counted_.width + 1, CV_32FC1);
+    cv::Mat differs = cv::Mat::zeros(counted_.size(), CV_8UC1);
+    const cv::Size size = tiles().size();
+    if (size.area() > 0) {
+        cv::Mat(size, CV_32FC1, from(tiles().tl())).copyTo(padded({{2, 2}, size}));
+        cv::Mat(size, CV_8UC1, details_.data()).copyTo(differs({{1, 1}, size}));
     }
-}
-
-std::size_t TileMap::refined_count() const {
-    return details_.size() -
-           static_cast<std::size_t>(std::count(details_.begin(), details_.end(), TileDetail::none));
+    for (int j = 0; j < differs.rows; ++j) {
+        const float *above = padded.ptr<float>(j), *here = padded.ptr<float>(j + 1);
+        uchar* row = differs.ptr(j);
+        for (int i = 0; i < differs.cols; ++i)
+            row[i] =
+                int(row[i] != 0) | int(here[i + 1] != here[i]) | int(here[i + 1] != above[i + 1]);
+    }
+    cv::integral(differs, counts_, CV_32S);
 }
 
 bool TileMap::is_constant(const cv::Rect& part) const {
     const cv::Rect inside = part & counted_;
     if (inside.empty())
         return true;
-    const auto sum = [&](int x, int y) {
-        return counts_[length(y - counted_.y) * length(counted_.width + 1) +
-                       length(x - counted_.x)];
-    };
-    const cv::Point a = inside.tl(), b = inside.br();
-    return sum(b.x, b.y) - sum(a.x, b.y) - sum(b.x, a.y) + sum(a.x, a.y) == 0;
+    const cv::Point a = inside.tl() - counted_.tl(), b = inside.br() - counted_.tl();
+    const int *first = counts_.ptr<int>(a.y), *last = counts_.ptr<int>(b.y);
+    return last[b.x] - last[a.x] - first[b.x] + first[a.x] == 0;
 }
 
 }  // namespace etalon

@@ -17,6 +17,33 @@ cv::Rect cells_of(const cv::Rect& pixels, int size);
 // The rectangle with margins of x and y on both sides.
 cv::Rect grown(const cv::Rect& rect, int x, int y);
 
+// Calls body(i, j) for each cell, row by row.
+template <class Body>
+void for_each_cell(const cv::Rect& cells, const Body& body) {
+    for (int j = cells.y; j < cells.br().y; ++j)
+        for (int i = cells.x; i < cells.br().x; ++i)
+            body(i, j);
+}
+
+// One T for each cell of a rectangle, row by row.
+template <class T>
+struct CellTable {
+    cv::Rect rect;
+    std::vector<T> cells;
+
+    explicit CellTable(const cv::Rect& of = {})
+        : rect(of), cells(static_cast<std::size_t>(of.area())) {}
+
+    std::size_t index(int i, int j) const {
+        return static_cast<std::size_t>(j - rect.y) * static_cast<std::size_t>(rect.width) +
+               static_cast<std::size_t>(i - rect.x);
+    }
+    T& at(int i, int j) { return cells[index(i, j)]; }
+    const T& at(int i, int j) const { return cells[index(i, j)]; }
+    // T() outside.
+    T find(int i, int j) const { return rect.contains({i, j}) ? at(i, j) : T(); }
+};
+
 // Whether an image is too large to be still in the caches when all of it has been written.
 bool is_past_caches(const cv::Mat& pixels);
 
@@ -31,17 +58,20 @@ enum class TileDetail : unsigned char {
     samples,   // and finer ones
 };
 
-// One value for each tile of a grid, zero outside, and where it is the same throughout.
+// One value for each tile of a grid, zero outside, and where it is the same throughout. A refined
+// tile, of which there is any detail, has finer values elsewhere and counts as different from its
+// neighbours.
 class TileMap {
 public:
     // All zero and none of them refined.
     explicit TileMap(const cv::Rect& tiles = {});
 
-    // A refined tile, of which there is any detail elsewhere, counts as different from its
-    // neighbours.
-    void set(int i, int j, float value, TileDetail detail = TileDetail::none) {
-        values_[index(i, j)] = value;
-        details_[index(i, j)] = detail;
+    void set(int i, int j, float value, TileDetail detail = TileDetail::none,
+             const float* finer = nullptr) {
+        const std::size_t n = values_.index(i, j);
+        values_.cells[n] = value;
+        details_[n] = detail;
+        finer_[n] = finer;
     }
     // The same for every tile of a part of the map.
     void fill(const cv::Rect& part, float value);
@@ -50,38 +80,31 @@ public:
     // After the last change: prepares is_constant().
     void finish();
 
-    const cv::Rect& tiles() const { return tiles_; }
+    const cv::Rect& tiles() const { return values_.rect; }
 
     // Whether a part is surely one value throughout (a part to the right of or below a different
     // tile may be missed). O(1).
     bool is_constant(const cv::Rect& part) const;
 
-    bool refined(int i, int j) const { return refined(index(i, j)); }
-    bool refined(std::size_t index) const { return details_[index] != TileDetail::none; }
-    TileDetail detail(int i, int j) const { return details_[index(i, j)]; }
-    std::size_t refined_count() const;
-    float at(const cv::Point& tile) const {
-        return tiles_.contains(tile) ? values_[index(tile.x, tile.y)] : 0.0f;
-    }
-    // The values from a tile on, to the end of its row, and their details.
-    const float* from(const cv::Point& tile) const { return &values_[index(tile.x, tile.y)]; }
-    float* from(const cv::Point& tile) { return &values_[index(tile.x, tile.y)]; }
+    float at(const cv::Point& tile) const { return values_.find(tile.x, tile.y); }
+    bool refined(int i, int j) const { return details_[values_.index(i, j)] != TileDetail::none; }
+    // From a tile on, to the end of its row.
+    const float* from(const cv::Point& tile) const { return &values_.at(tile.x, tile.y); }
+    float* from(const cv::Point& tile) { return &values_.at(tile.x, tile.y); }
     const TileDetail* details_from(const cv::Point& tile) const {
-        return &details_[index(tile.x, tile.y)];
+        return &details_[values_.index(tile.x, tile.y)];
     }
-
-    std::size_t index(int i, int j) const {
-        return static_cast<std::size_t>(j - tiles_.y) * static_cast<std::size_t>(tiles_.width) +
-               static_cast<std::size_t>(i - tiles_.x);
+    const float* const* finer_from(const cv::Point& tile) const {
+        return &finer_[values_.index(tile.x, tile.y)];
     }
 
 private:
-    cv::Rect tiles_;
-    std::vector<float> values_;
+    CellTable<float> values_;
     std::vector<TileDetail> details_;
-    cv::Rect counted_;         // the tiles and one more on each side
-    std::vector<int> counts_;  // summed-area table over them of tiles that are refined or unlike
-                               // their left or upper neighbour
+    std::vector<const float*> finer_;
+    cv::Rect counted_;  // the tiles and one more on each side
+    cv::Mat counts_;  // summed-area table over them of tiles that are refined or unlike their left
+                      // or upper neighbour
 };
 
 // Groups of 4 x 4 tiles by how their pixels are found.
@@ -92,39 +115,15 @@ enum class GroupKind : unsigned char {
     edge_only,  // there are none
 };
 
-// `constant` outside of its groups.
-class GroupMap {
-public:
-    explicit GroupMap(const cv::Rect& groups = {})
-        : groups_(groups), kinds_(static_cast<std::size_t>(groups.area())) {}
-
-    const cv::Rect& groups() const { return groups_; }
-    GroupKind at(int i, int j) const {
-        return groups_.contains({i, j}) ? kinds_[index(i, j)] : GroupKind::constant;
-    }
-    void set(int i, int j, GroupKind kind) { kinds_[index(i, j)] = kind; }
-
-private:
-    std::size_t index(int i, int j) const {
-        return static_cast<std::size_t>(j - groups_.y) * static_cast<std::size_t>(groups_.width) +
-               static_cast<std::size_t>(i - groups_.x);
-    }
-
-    cv::Rect groups_;
-    std::vector<GroupKind> kinds_;
-};
-
-// Samples on a regular grid in square tiles. For each tile with the detail `least` or more `finer`
-// holds a pointer, by TileMap::index(): `side` x `side` samples stand row by row `offset` behind
-// it. Elsewhere the tile is taken as the map's value throughout. With the side 1 the map says it
-// all. The map and `finer` must outlive it.
+// Samples on a regular grid in square tiles. Each tile with the detail `least` or more has `side` x
+// `side` of them, row by row, `offset` behind the map's finer values. Elsewhere the tile is taken
+// as the map's value throughout. With the side 1 the map says it all. The map must outlive it.
 struct SampleField {
     const TileMap& map;
     int side = 1;
-    const float* const* finer = nullptr;
     std::ptrdiff_t offset = 0;
     TileDetail least = TileDetail::quarters;
-    const GroupMap* groups = nullptr;  // where the result need not be found from samples
+    const CellTable<GroupKind>* groups = nullptr;  // where the result need not be from samples
 };
 
 }  // namespace etalon

@@ -2,21 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
-
-// A range of consecutive lines of one direction.
-struct LineRange {
-    std::size_t first, last;  // one past the end
-
-    LineRange(std::size_t from, std::size_t count)
-        : first(from), last(std::min(from + TilePatch::capacity, count)) {}
-};
 
 // The largest magnitude, over the tile, that the terms beyond a total degree can add up to.
 float largest_beyond(const std::array<float, 16>& polynomial, std::size_t degree) {
@@ -43,68 +34,50 @@ void differentiate(const std::array<float, 16>& c, float scale, std::array<float
         }
 }
 
-void find_contrasts(TilePatch& patch) {
-    const auto differ = [&](std::size_t row, std::size_t column, std::size_t down,
-                            std::size_t right) {
-        return std::uint64_t{patch.cells[row][column] != patch.cells[row + down][column + right]};
-    };
-    for (std::size_t i = 0; i < patch.column_count; ++i) {
-        patch.column_contrasts[i] = 0;
-        for (std::size_t j = 0; j <= patch.row_count; ++j)
-            patch.column_contrasts[i] |= differ(j, i, 0, 1) << j;
-    }
-    for (std::size_t j = 0; j < patch.row_count; ++j) {
-        patch.row_contrasts[j] = 0;
-        for (std::size_t i = 0; i <= patch.column_count; ++i)
-            patch.row_contrasts[j] |= differ(j, i, 1, 0) << i;
-    }
-}
-
 }  // namespace
 
-TilePositions::TilePositions(int n) : TilePositions(n, 0) {}
-
-TilePositions::TilePositions(int n, int margin) : n_(n + 2 * margin) {
-    if (n < 1 || margin < 0 || n_ % 4 != 0)
-        throw NumericalError(fmt::format("{} x {} points in a tile: not a multiple of 4", n_, n_));
+TilePositions::TilePositions(int parts, int margin)
+    : n(parts + 2 * margin), block_reach(1.5f / static_cast<float>(parts)) {
+    if (parts < 1 || margin < 0 || n % 4 != 0)
+        throw NumericalError(fmt::format("{} x {} points in a tile: not a multiple of 4", n, n));
     const auto place = [&](int i) {
-        return (static_cast<float>(i - margin) + 0.5f) / static_cast<float>(n) - 0.5f;
+        return (static_cast<float>(i - margin) + 0.5f) / static_cast<float>(parts) - 0.5f;
     };
     const auto middle = [&](int i) { return 0.5f * (place(i) + place(i + 3)); };
-    const auto points = static_cast<std::size_t>(n_ * n_), blocks = points / 16;
-    const std::size_t whole = (blocks + 15) / 16 * 16;
-    for (std::vector<float>* of_points : {&s_, &t_})
-        of_points->reserve(points);
-    for (std::vector<float>* of_blocks : {&block_s_, &block_t_})
-        of_blocks->reserve(whole);
-    for (int block_y = 0; block_y < n_; block_y += 4)
-        for (int block_x = 0; block_x < n_; block_x += 4) {
+    for (int block_y = 0; block_y < n; block_y += 4)
+        for (int block_x = 0; block_x < n; block_x += 4) {
             for (int i = 0; i < 16; ++i) {
-                s_.push_back(place(block_x + i % 4));
-                t_.push_back(place(block_y + i / 4));
+                s.push_back(place(block_x + i % 4));
+                t.push_back(place(block_y + i / 4));
             }
-            block_s_.push_back(middle(block_x));
-            block_t_.push_back(middle(block_y));
+            block_s.push_back(middle(block_x));
+            block_t.push_back(middle(block_y));
         }
-    block_s_.resize(whole, block_s_.back());
-    block_t_.resize(whole, block_t_.back());
-    block_reach_ = 1.5f / static_cast<float>(n);
+    const std::size_t whole = (block_s.size() + 15) / 16 * 16;
+    block_s.resize(whole, block_s.back());
+    block_t.resize(whole, block_t.back());
 }
 
 TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column,
                           std::size_t first_row) {
-    const LineRange columns(first_column, geometry.columns.size());
-    const LineRange rows(first_row, geometry.rows.size());
+    const std::size_t columns = geometry.columns.size(), rows = geometry.rows.size();
+    const std::size_t end_column = std::min(first_column + TilePatch::capacity, columns);
+    const std::size_t end_row = std::min(first_row + TilePatch::capacity, rows);
+    const auto cell = [&](std::size_t row, std::size_t column) {
+        return geometry.cells[row * (columns + 1) + column];
+    };
     const auto mixed = [&](std::size_t row, std::size_t column) {
-        return geometry.mixed[row * geometry.columns.size() + column];
+        return static_cast<float>((cell(row + 1, column + 1) - cell(row + 1, column)) -
+                                  (cell(row, column + 1) - cell(row, column)));
     };
     TilePatch patch;
     patch.cells[0][0] = 0.0f;
     std::array<std::size_t, TilePatch::capacity> kept;  // column lines
-    for (std::size_t i = columns.first; i < columns.last; ++i) {
-        const float contrast = first_row == 0 ? geometry.column_contrast[i] : 0.0f;
+    for (std::size_t i = first_column; i < end_column; ++i) {
+        const auto contrast =
+            first_row == 0 ? static_cast<float>(cell(0, i + 1) - cell(0, i)) : 0.0f;
         bool used = contrast != 0.0f;
-        for (std::size_t j = rows.first; j < rows.last && !used; ++j)
+        for (std::size_t j = first_row; j < end_row && !used; ++j)
             used = mixed(j, i) != 0.0f;
         if (!used)
             continue;
@@ -114,8 +87,9 @@ TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column
             first_row_of_cells[patch.column_count] + contrast;
         patch.columns[patch.column_count++] = geometry.columns[i];
     }
-    for (std::size_t j = rows.first; j < rows.last; ++j) {
-        const float contrast = first_column == 0 ? geometry.row_contrast[j] : 0.0f;
+    for (std::size_t j = first_row; j < end_row; ++j) {
+        const auto contrast =
+            first_column == 0 ? static_cast<float>(cell(j + 1, 0) - cell(j, 0)) : 0.0f;
         bool used = contrast != 0.0f;
         for (std::size_t i = 0; i < patch.column_count; ++i) {
             patch.mixed[patch.row_count][i] = mixed(j, kept[i]);
@@ -131,7 +105,6 @@ TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column
                 beyond[i] + (before[i + 1] - before[i]) + patch.mixed[patch.row_count][i];
         patch.rows[patch.row_count++] = geometry.rows[j];
     }
-    find_contrasts(patch);
     return patch;
 }
 
@@ -143,7 +116,7 @@ int significant_degree(const TileGeometry& geometry) {
 }
 
 BlockBounds block_bounds(const TileGeometry& geometry, const TilePositions& positions) {
-    const float farthest = std::max(0.5f, -positions.s()[0]);
+    const float farthest = std::max(0.5f, -positions.s[0]);
     float x = 0.0f, y = 0.0f, power = 1.0f;  // by s and t together, degree by degree
     for (int degree = 1; degree <= 6; ++degree, power *= farthest)
         for (int j = std::max(0, degree - 3); j <= std::min(3, degree); ++j) {
@@ -153,7 +126,7 @@ BlockBounds block_bounds(const TileGeometry& geometry, const TilePositions& posi
         }
     constexpr float rounding = 1.001f;
     const auto length = [](float a, float b) { return std::sqrt(a * a + b * b); };
-    const float reach = rounding * positions.block_reach() * length(x, y);
+    const float reach = rounding * positions.block_reach * length(x, y);
     return {reach, rounding * reach * length(geometry.blur_slope_x, geometry.blur_slope_y),
             std::min(1.0f, rounding * length(geometry.turn_x, geometry.turn_y))};
 }

@@ -1,12 +1,8 @@
-// At most 32 x 32 lines of a tile, without those that change nothing: what the vector code of
-// sim/tiles/tile_area_kernel.cpp works on, so that its memory is fixed however fine the grid is.
-// The sum over a tile's patches is the sum over its lines and crossings.
+// At most 32 x 32 lines of a tile, without those that change nothing: what the kernels work on, so
+// that their memory is fixed. The sum over a tile's patches is that over its lines and crossings.
 #pragma once
 
 #include <algorithm>
-#include <array>
-#include <cstdint>
-#include <vector>
 
 #include "sim/tiles/tile_kernel.h"
 
@@ -28,21 +24,19 @@ struct TilePatch {
     // What the cells between the lines add: of a ray beyond the first j row lines and the first i
     // column lines, at [j][i].
     std::array<std::array<float, capacity + 1>, capacity + 1> cells;
-    // Where the cells on both sides of a line differ: bit j (i) of a column (row) line stands for
-    // the cells beyond the first j row (i column) lines.
-    std::array<std::uint64_t, capacity> column_contrasts, row_contrasts;
 
     // Whether a line's cells differ anywhere in the part.
     bool column_counts(const PatchPart& part, std::size_t column) const {
-        return any_bit(column_contrasts[column], part.first_row, part.end_row);
+        bool differ = false;
+        for (std::size_t row = part.first_row; row <= part.end_row; ++row)
+            differ |= cells[row][column] != cells[row][column + 1];
+        return differ;
     }
     bool row_counts(const PatchPart& part, std::size_t row) const {
-        return any_bit(row_contrasts[row], part.first_column, part.end_column);
-    }
-
-private:
-    static bool any_bit(std::uint64_t bits, std::size_t first, std::size_t last) {
-        return (bits >> first & ((std::uint64_t{2} << (last - first)) - 1)) != 0;
+        bool differ = false;
+        for (std::size_t column = part.first_column; column <= part.end_column; ++column)
+            differ |= cells[row][column] != cells[row + 1][column];
+        return differ;
     }
 };
 
@@ -51,10 +45,10 @@ private:
 TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column,
                           std::size_t first_row);
 
-// Fills the n x n values with the base and calls add(patch) for every patch of the tile.
+// Fills the n x n values with the first cell's and calls add(patch) for every patch of the tile.
 template <class Add>
 void sum_patches(const TileGeometry& tile, int n, float* values, Add add) {
-    std::fill_n(values, n * n, tile.base);
+    std::fill_n(values, n * n, static_cast<float>(tile.cells.front() - tile.background));
     // One patch at least in each direction: there may be lines of the other alone.
     for (std::size_t j = 0; j == 0 || j < tile.rows.size(); j += TilePatch::capacity)
         for (std::size_t i = 0; i == 0 || i < tile.columns.size(); i += TilePatch::capacity) {

@@ -50,26 +50,25 @@ public:
     }
 
     // Groups that have no samples are passed over.
-    void leave_out_edges(const GroupMap& groups) { groups_ = &groups; }
+    void leave_out_edges(const CellTable<GroupKind>& groups) { groups_ = &groups; }
 
     // Calls found(i, j, range) for every group of `to_level` that is not uniform and
-    // uniform(tiles, value) for the uniform ones, of any level, that are not background. A range
-    // is only given for tiles (to_level 0) that are not at the border of the valid region.
-    // `around`: what footprint() says of a group that holds this one, if that is known.
+    // uniform(tiles, value) for the uniform ones, of any level, that are not background. No range:
+    // the border of the valid region. `around`: the range of a group that holds this one.
     template <class Found, class MeetsUniform>
     void descend(int level, int i, int j, int to_level, const Found& found,
                  const MeetsUniform& uniform,
                  const std::optional<CellRange>& around = std::nullopt) const {
         const cv::Rect tiles = tiles_of_group(level, i, j) & asked_;
         if (tiles.empty() ||
-            (level == EdgeGroup::level && groups_ && groups_->at(i, j) == GroupKind::edge_only))
+            (level == EdgeGroup::level && groups_ && groups_->find(i, j) == GroupKind::edge_only))
             return;
-        const auto& [validity, all_bounds] = map_.group(level, i, j);
-        if (validity == UndistortionMap::Validity::none)
+        const UndistortionMap::Group& group = map_.group(level, i, j);
+        if (group.validity == UndistortionMap::Validity::none)
             return;
         std::optional<CellRange> range;
-        const Box bounds = grown(all_bounds, level);
-        if (validity == UndistortionMap::Validity::all) {
+        const Box bounds = grown(group.bounds, level);
+        if (group.validity == UndistortionMap::Validity::all) {
             range = around && has_few_lines(*around) ? view_.narrowed(*around, bounds)
                                                      : view_.footprint(bounds);
             if (!all_refined_) {
@@ -92,9 +91,9 @@ public:
         constexpr int side = UndistortionMap::group_side;
         const cv::Rect below = cv::Rect(side * i, side * j, side, side) & map_.groups(level - 1);
         map_.prefetch(level - 1, below);
-        for (int y = below.y; y < below.br().y; ++y)
-            for (int x = below.x; x < below.br().x; ++x)
-                descend(level - 1, x, y, to_level, found, uniform, range);
+        for_each_cell(below, [&](int x, int y) {
+            descend(level - 1, x, y, to_level, found, uniform, range);
+        });
     }
 
 private:
@@ -116,7 +115,7 @@ private:
     const UndistortionMap& map_;
     bool all_refined_;
     double margin_, group_margin_ = 0.0;
-    const GroupMap* groups_ = nullptr;
+    const CellTable<GroupKind>* groups_ = nullptr;
 };
 
 TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, const cv::Rect& tiles,
@@ -124,25 +123,22 @@ TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, con
     : tiles_(tiles), sampling_(sampling) {
     Search search(*this, view, map, all_refined);
     const int top = map.levels() - 1;
-    const cv::Rect groups = map.groups(top);
-    std::vector<Uniform> uniform;
+    std::vector<std::pair<cv::Rect, float>> uniform;  // tiles and their value
     cv::Rect mapped;
-    for (int j = groups.y; j < groups.br().y; ++j)
-        for (int i = groups.x; i < groups.br().x; ++i)
-            search.descend(
-                top, i, j, block_level,
-                [&](int x, int y, const auto&) {
-                    blocks_.push_back({x, y, nullptr, {}, {}, {}, nullptr});
-                    include(tiles_of_group(block_level, x, y) & tiles_, mapped);
-                },
-                [&](const cv::Rect& part, float value) {
-                    uniform.push_back({part, value});
-                    include(part, mapped);
-                    include(part, off_background_);
-                });
+    for_each_cell(map.groups(top), [&](int i, int j) {
+        search.descend(
+            top, i, j, block_level,
+            [&](int x, int y, const auto&) {
+                blocks_.push_back({x, y});
+                include(tiles_of_group(block_level, x, y) & tiles_, mapped);
+            },
+            [&](const cv::Rect& part, float value) {
+                uniform.emplace_back(part, value);
+                include(part, mapped);
+                include(part, off_background_);
+            });
+    });
     map_ = TileMap(mapped);
-    values_ =
-        std::make_unique_for_overwrite<const float*[]>(static_cast<std::size_t>(mapped.area()));
     for (const auto& [part, value] : uniform)
         map_.fill(part, value);
     if (sampling_.edges) {
@@ -156,18 +152,18 @@ TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, con
 
 void TileSamples::find_edges(const Search& search, const MarkerView& view,
                              const UndistortionMap& map) {
-    groups_ = GroupMap(cells_of(map_.tiles(), UndistortionMap::group_side));
+    groups_ = CellTable<GroupKind>(cells_of(map_.tiles(), UndistortionMap::group_side));
     tbb::parallel_for_each(blocks_, [&](Block& block) {
         search.descend(
             block_level, block.i, block.j, EdgeGroup::level,
             [&](int i, int j, const std::optional<CellRange>& range) {
-                groups_.set(i, j, GroupKind::sampled);
+                groups_.at(i, j) = GroupKind::sampled;
                 const auto edge = range ? one_edge(view, *range) : std::nullopt;
                 if (!edge)
                     return;
                 if (const auto group =
                         edge_group(view, map, i, j, *edge, *sampling_.edges, sampling_.edge_gray)) {
-                    groups_.set(i, j, GroupKind::edge);
+                    groups_.at(i, j) = GroupKind::edge;
                     block.edges.push_back(*group);
                 }
             },
@@ -182,16 +178,15 @@ void TileSamples::leave_out_samples() {
     for (const Block& block : blocks_)
         for (const EdgeGroup& group : block.edges) {
             bool is_needed = false;
-            for (int j = group.j - 1; j <= group.j + 1; ++j)
-                for (int i = group.i - 1; i <= group.i + 1; ++i)
-                    is_needed |= groups_.at(i, j) == GroupKind::sampled;
+            for_each_cell({group.i - 1, group.j - 1, 3, 3}, [&](int i, int j) {
+                is_needed |= groups_.find(i, j) == GroupKind::sampled;
+            });
             if (!is_needed)
-                groups_.set(group.i, group.j, GroupKind::edge_only);
+                groups_.at(group.i, group.j) = GroupKind::edge_only;
             edges_.push_back(&group);
         }
-    std::sort(edges_.begin(), edges_.end(), [](const EdgeGroup* a, const EdgeGroup* b) {
-        return a->j != b->j ? a->j < b->j : a->i < b->i;
-    });
+    std::ranges::sort(edges_, {},
+                      [](const EdgeGroup* edge) { return std::pair(edge->j, edge->i); });
 }
 
 // Of those tiles that have no samples.
@@ -212,18 +207,17 @@ void TileSamples::average_edges(Block& block) {
         edge_averages(group, averages);
         const cv::Rect tiles = tiles_of_group(EdgeGroup::level, group.i, group.j) & tiles_;
         include(tiles, block.off_background);
-        for (int j = tiles.y; j < tiles.br().y; ++j)
-            for (int i = tiles.x; i < tiles.br().x; ++i, values += samples_offset) {
-                const float* upper =
-                    averages + 2 * (quarters * (j - side * group.j) + i - side * group.i);
-                const float* lower = upper + quarters;
-                const float q[samples_offset] = {upper[0], upper[1], lower[0], lower[1]};
-                std::copy_n(q, samples_offset, values);
-                const bool even = q[0] == q[1] && q[2] == q[3] && q[0] == q[2];
-                map_.set(i, j, 0.25f * ((q[0] + q[1]) + (q[2] + q[3])),
-                         even ? TileDetail::none : TileDetail::quarters);
-                values_[map_.index(i, j)] = values;
-            }
+        for_each_cell(tiles, [&](int i, int j) {
+            const float* upper =
+                averages + 2 * (quarters * (j - side * group.j) + i - side * group.i);
+            const float* lower = upper + quarters;
+            const float q[samples_offset] = {upper[0], upper[1], lower[0], lower[1]};
+            std::copy_n(q, samples_offset, values);
+            const bool even = q[0] == q[1] && q[2] == q[3] && q[0] == q[2];
+            map_.set(i, j, 0.25f * ((q[0] + q[1]) + (q[2] + q[3])),
+                     even ? TileDetail::none : TileDetail::quarters, values);
+            values += samples_offset;
+        });
         count(block.used, {RenderMethod::edge_table, 1, 1, tiles.area()});
     }
 }
@@ -286,10 +280,9 @@ void TileSamples::sample(const Search& search, const MarkerView& view, const Und
         for (const auto& [i, j, range] : refined) {
             float* q = values;
             count(block.used, evaluator.evaluate(i, j, range, values + samples_offset));
-            average_parts(values + unspread_offset(), side(), 2, q);
-            map_.set(i, j, 0.25f * ((q[0] + q[1]) + (q[2] + q[3])), TileDetail::samples);
+            filter_loops().average_parts(values + unspread_offset(), side(), 2, q);
+            map_.set(i, j, 0.25f * ((q[0] + q[1]) + (q[2] + q[3])), TileDetail::samples, values);
             include({i, j, 1, 1}, block.off_background);
-            values_[map_.index(i, j)] = values;
             values += stride;
         }
     });
@@ -302,8 +295,7 @@ void TileSamples::sum_up_blocks() {
         if (!block.off_background.empty())
             include(block.off_background, off_background_);
     }
-    std::sort(used_.begin(), used_.end(),
-              [](const TileUse& a, const TileUse& b) { return a.tiles > b.tiles; });
+    std::ranges::sort(used_, std::greater(), &TileUse::tiles);
 }
 
 }  // namespace etalon

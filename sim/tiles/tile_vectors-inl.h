@@ -1,10 +1,9 @@
-// The vector code that both kernels share. Included once for each instruction set, after
-// hwy/highway.h, into a namespace of its own; see sim/tiles/tile_lens_kernel.cpp.
+// The vector code that both kernels share, included once for each instruction set, into a namespace
+// of its own.
 //
 // No function template of the standard library is called between HWY_BEFORE_NAMESPACE and
 // HWY_AFTER_NAMESPACE: the linker could keep the copy of an instruction set that another machine
-// has not. Vectors are members of structures, which those of unknown size (SVE, RVV) cannot be: the
-// kernels leave these instruction sets out.
+// has not. Vectors are members of structures, which those of unknown size (SVE, RVV) cannot be.
 #if defined(ETALON_SIM_TILE_VECTORS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef ETALON_SIM_TILE_VECTORS_INL_H
 #undef ETALON_SIM_TILE_VECTORS_INL_H
@@ -53,27 +52,24 @@ HWY_INLINE Vector polynomial(const float* c, Vector x) {
     return sum;
 }
 
-// 1 / sqrt(x), x >= tiny, to 3e-7 of itself.
-HWY_INLINE Vector inverse_root(Vector x) {
+// 1 / sqrt(x) and 1 / x, x >= tiny, to 3e-7 of themselves: Newton's step from 12 bits or more.
 #if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128
-    // Newton's step from 12 bits or more.
+HWY_INLINE Vector inverse_root(Vector x) {
     const Vector guess = hn::ApproximateReciprocalSqrt(x);
     return guess * hn::NegMulAdd(all(0.5f) * x * guess, guess, all(1.5f));
-#else
-    return all(1.0f) / hn::Sqrt(x);
-#endif
 }
-
-// 1 / x, x >= tiny, to 3e-7 of itself.
 HWY_INLINE Vector reciprocal(Vector x) {
-#if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128
-    // Newton's step from 12 bits or more.
     const Vector guess = hn::ApproximateReciprocal(x);
     return guess * hn::NegMulAdd(x, guess, all(2.0f));
-#else
-    return all(1.0f) / x;
-#endif
 }
+#else
+HWY_INLINE Vector inverse_root(Vector x) {
+    return all(1.0f) / hn::Sqrt(x);
+}
+HWY_INLINE Vector reciprocal(Vector x) {
+    return all(1.0f) / x;
+}
+#endif
 
 // ---- Segments of the unit disk
 
@@ -158,32 +154,15 @@ HWY_INLINE Vector sum_of_cells(const TilePatch& patch, const PatchPart& part, co
     return sum;
 }
 
-HWY_INLINE float* corner_of_block(std::size_t index, std::size_t n, float* values) {
-    const std::size_t blocks = n / 4;
-    return values + 4 * (index / blocks) * n + 4 * (index % blocks);
-}
-
-using Four = hn::CappedTag<float, 4>;  // of a block's row
-
 // Adds a block's sums to the image of n x n values.
 HWY_INLINE void add_block(const float* sums, std::size_t index, std::size_t n, float* values) {
-    constexpr Four four;
-    float* corner = corner_of_block(index, n, values);
+    constexpr hn::CappedTag<float, 4> four;  // of a block's row
+    const std::size_t blocks = n / 4;
+    float* corner = values + 4 * (index / blocks) * n + 4 * (index % blocks);
     for (std::size_t row = 0; row < 4; ++row)
         for (std::size_t column = 0; column < 4; column += hn::Lanes(four)) {
             float* to = corner + row * n + column;
             hn::StoreU(hn::LoadU(four, to) + hn::LoadU(four, sums + 4 * row + column), four, to);
-        }
-}
-
-// Adds one value to all of a block.
-HWY_INLINE void add_even_block(float value, std::size_t index, std::size_t n, float* values) {
-    constexpr Four four;
-    float* corner = corner_of_block(index, n, values);
-    for (std::size_t row = 0; row < 4; ++row)
-        for (std::size_t column = 0; column < 4; column += hn::Lanes(four)) {
-            float* to = corner + row * n + column;
-            hn::StoreU(hn::LoadU(four, to) + hn::Set(four, value), four, to);
         }
 }
 

@@ -3,36 +3,10 @@
 #include <hwy/cache_control.h>
 
 #include <Eigen/LU>
-#include <array>
 #include <cmath>
-
-#include "sim/tiles/tile_map.h"
 
 namespace etalon {
 namespace {
-
-// Lagrange's cubic basis on the nodes -1, 0, 1, 2, and its derivative.
-Eigen::Vector4d cubic_weights(double t) {
-    return {-t * (t - 1) * (t - 2) / 6, (t + 1) * (t - 1) * (t - 2) / 2, -(t + 1) * t * (t - 2) / 2,
-            (t + 1) * t * (t - 1) / 6};
-}
-Eigen::Vector4d cubic_slopes(double t) {
-    return {-(3 * t * t - 6 * t + 2) / 6, (3 * t * t - 4 * t - 1) / 2, -(3 * t * t - 2 * t - 2) / 2,
-            (3 * t * t - 1) / 6};
-}
-
-// From values at the nodes -1, 0, 1, 2 to the Bezier control values of the same cubic on [0, 1]:
-// its ends, and a third of its slope there inwards.
-const Eigen::Matrix4d& bezier_from_nodes() {
-    static const Eigen::Matrix4d matrix = [] {
-        Eigen::Matrix4d m = Eigen::Matrix4d::Zero();
-        m(0, 1) = m(3, 2) = 1.0;
-        m.row(1) = m.row(0) + cubic_slopes(0).transpose() / 3.0;
-        m.row(2) = m.row(3) - cubic_slopes(1).transpose() / 3.0;
-        return m;
-    }();
-    return matrix;
-}
 
 constexpr double good_enough_px = 1e-4;  // of a cubic's error
 // Of its estimate by differences of the nodes: beside a fold, where those say little, they are
@@ -124,16 +98,15 @@ Eigen::Vector2d singular_values(const Eigen::Matrix2d& m) {
 
 // The union of `at(x, y)` over a rectangle that is not empty.
 template <class At>
-auto union_over(const cv::Rect& parts, const At& at) {
-    auto whole = at(parts.x, parts.y);
-    for (int y = parts.y; y < parts.br().y; ++y)
-        for (int x = parts.x; x < parts.br().x; ++x)
-            if (x != parts.x || y != parts.y)
-                whole.unite(at(x, y));
+UndistortionMap::Group union_over(const cv::Rect& parts, const At& at) {
+    UndistortionMap::Group whole = at(parts.x, parts.y);
+    for_each_cell(parts, [&](int x, int y) {
+        if (x != parts.x || y != parts.y)
+            whole.unite(at(x, y));
+    });
     return whole;
 }
 
-// The parts of group (i, j), a number a side.
 cv::Rect parts_of(int i, int j, int side) {
     return {i * side, j * side, side, side};
 }
@@ -158,17 +131,18 @@ UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)
 UndistortionMap::UndistortionMap(const Projector& projector, const cv::Rect& pixels)
     : projector_(projector), tiles_(cells_of(pixels, tile_px)) {
     const cv::Rect blocks = cells_of(tiles_, block_side);
-    const auto count = static_cast<std::size_t>(blocks.area());
-    blocks_ = std::make_unique<Blocks>(count);
-    levels_.push_back({blocks, std::vector<Group>(count)});
+    blocks_ = std::make_unique<CellTable<BlockSlot>>(blocks);
+    levels_.emplace_back(blocks);
     make_blocks();
-    while (std::max(levels_.back().rect.width, levels_.back().rect.height) > group_side)
-        levels_.push_back(group_up(levels_.back()));
-}
-
-UndistortionMap::Blocks::~Blocks() {
-    for (const auto& slot : table)
-        delete slot.load();
+    while (std::max(levels_.back().rect.width, levels_.back().rect.height) > group_side) {
+        const CellTable<Group>& below = levels_.back();
+        CellTable<Group> level(cells_of(below.rect, group_side));
+        for_each_cell(level.rect, [&](int i, int j) {
+            level.at(i, j) = union_over(parts_of(i, j, group_side) & below.rect,
+                                        [&](int x, int y) { return below.at(x, y); });
+        });
+        levels_.push_back(std::move(level));
+    }
 }
 
 void UndistortionMap::Group::unite(const Group& other) {
@@ -178,23 +152,9 @@ void UndistortionMap::Group::unite(const Group& other) {
         bounds = {bounds.low.cwiseMin(other.bounds.low), bounds.high.cwiseMax(other.bounds.high)};
     if (validity != other.validity)
         validity = Validity::some;
-}
-
-void UndistortionMap::BentGroup::unite(const BentGroup& other) {
-    Group::unite(other);
     curvature = std::max(curvature, other.curvature);
     least_scale = std::min(least_scale, other.least_scale);
     largest_scale = std::max(largest_scale, other.largest_scale);
-}
-
-UndistortionMap::Level UndistortionMap::group_up(const Level& below) {
-    Level level{cells_of(below.rect, group_side), {}};
-    for (int j = level.rect.y; j < level.rect.br().y; ++j)
-        for (int i = level.rect.x; i < level.rect.br().x; ++i)
-            level.table.push_back(
-                union_over(parts_of(i, j, group_side) & below.rect,
-                           [&](int x, int y) -> Group { return below.at(x, y); }));
-    return level;
 }
 
 cv::Rect UndistortionMap::groups(int level) const {
@@ -205,23 +165,21 @@ cv::Rect UndistortionMap::groups(int level) const {
 
 // What a search asks first, from the corners of the blocks.
 void UndistortionMap::make_blocks() {
-    const cv::Rect blocks = levels_.front().rect, corners = grown(blocks, 1, 1);
-    std::vector<Eigen::Vector2d> rays;
-    for (int j = corners.y; j <= corners.br().y; ++j)
-        for (int i = corners.x; i <= corners.br().x; ++i)
-            rays.push_back(projector_.unproject(tile_corner_px(i * block_side, j * block_side))
-                               .value_or(Eigen::Vector2d(nan, nan)));
-    auto group = levels_.front().table.begin();
-    for (int j = blocks.y; j < blocks.br().y; ++j)
-        for (int i = blocks.x; i < blocks.br().x; ++i, ++group) {
-            const TilePolynomial cubic =
-                polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
-                    return rays[static_cast<std::size_t>(
-                        (j - blocks.y + row) * (corners.width + 1) + i - blocks.x + column)];
-                });
-            const auto surely = group_of_block(i, j, cubic);
-            *group = surely ? *surely : block(i, j).whole;
-        }
+    const cv::Rect blocks = blocks_->rect;
+    CellTable<Eigen::Vector2d> rays(
+        {blocks.x - 1, blocks.y - 1, blocks.width + 3, blocks.height + 3});
+    for_each_cell(rays.rect, [&](int i, int j) {
+        rays.at(i, j) = projector_.unproject(tile_corner_px(i * block_side, j * block_side))
+                            .value_or(Eigen::Vector2d(nan, nan));
+    });
+    for_each_cell(blocks, [&](int i, int j) {
+        const TilePolynomial cubic =
+            polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
+                return rays.at(i - 1 + column, j - 1 + row);
+            });
+        const auto surely = group_of_block(i, j, cubic);
+        levels_.front().at(i, j) = surely ? *surely : block(i, j).whole;
+    });
 }
 
 // Nothing where the cubic says too little. It errs most in the middle.
@@ -250,9 +208,7 @@ std::optional<UndistortionMap::Group> UndistortionMap::group_of_block(
 
 // Two threads may make the same block: one of the two is thrown away.
 const UndistortionMap::Block& UndistortionMap::block(int i, int j) const {
-    const cv::Rect& blocks = levels_.front().rect;
-    std::atomic<const Block*>& slot =
-        blocks_->table[static_cast<std::size_t>((j - blocks.y) * blocks.width + i - blocks.x)];
+    std::atomic<const Block*>& slot = blocks_->at(i, j).made;
     if (const Block* made = slot.load(std::memory_order_acquire))
         return *made;
     std::unique_ptr<const Block> fresh = make_block(i, j);
@@ -266,18 +222,15 @@ std::unique_ptr<const UndistortionMap::Block> UndistortionMap::make_block(int i,
     auto block = std::make_unique<Block>();
     const cv::Rect tiles = parts_of(i, j, block_side) & tiles_;
     make_nodes(i, j, tiles, *block);
-    for (int y = tiles.y; y < tiles.br().y; ++y)
-        for (int x = tiles.x; x < tiles.br().x; ++x)
-            block->tiles[place_in<block_side>(x, y)] = make_tile(x, y, *block);
-    const cv::Rect groups = cells_of(tiles, group_side);
-    const auto tile_at = [&](int x, int y) -> BentGroup {
-        return block->tiles[place_in<block_side>(x, y)];
-    };
-    const auto group_at = [&](int x, int y) {
+    for_each_cell(tiles, [&](int x, int y) {
+        block->tiles[place_in<block_side>(x, y)] = make_tile(x, y, *block);
+    });
+    block->whole = union_over(cells_of(tiles, group_side), [&](int x, int y) {
         return block->groups[place_in<group_side>(x, y)] =
-                   union_over(parts_of(x, y, group_side) & tiles, tile_at);
-    };
-    block->whole = union_over(groups, group_at);
+                   union_over(parts_of(x, y, group_side) & tiles, [&](int column, int row) {
+                       return block->tiles[place_in<block_side>(column, row)];
+                   });
+    });
     return block;
 }
 
@@ -310,14 +263,6 @@ const Eigen::Vector2d& UndistortionMap::node(const Block& block, int i, int j, i
     return block.nodes[static_cast<std::size_t>(y * nodes_a_side + x)];
 }
 
-UndistortionMap::Nodes UndistortionMap::nodes(const Block& block, int i, int j, int axis) {
-    Nodes values;
-    for (int row = 0; row < 4; ++row)
-        for (int column = 0; column < 4; ++column)
-            values(row, column) = node(block, i, j, row, column)[axis];
-    return values;
-}
-
 TilePolynomial UndistortionMap::through_nodes(const Block& block, int i, int j) {
     return polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
         return node(block, i, j, row, column);
@@ -325,41 +270,36 @@ TilePolynomial UndistortionMap::through_nodes(const Block& block, int i, int j) 
 }
 
 UndistortionMap::Tile UndistortionMap::make_tile(int i, int j, Block& block) const {
-    const Nodes x = nodes(block, i, j, 0), y = nodes(block, i, j, 1);
-    if (x.array().isNaN().all())
-        return {};
-    if (x.array().isNaN().any())
-        return make_border_tile(i, j);
-    const Eigen::Matrix4d& b = bezier_from_nodes();
-    const Eigen::Matrix4d control_x = b * x * b.transpose(), control_y = b * y * b.transpose();
-    const Box bounds{{control_x.minCoeff(), control_y.minCoeff()},
-                     {control_x.maxCoeff(), control_y.maxCoeff()}};
+    int without_ray = 0;
+    for (int n = 0; n < 16; ++n)
+        without_ray += std::isnan(node(block, i, j, n / 4, n % 4).x());
+    if (without_ray > 0)
+        return without_ray == 16 ? Tile() : make_border_tile(i, j);
+    const TilePolynomial cubic = through_nodes(block, i, j);
     Tile tile;
     tile.validity = Validity::all;
-    tile.bounds = bounds;
-    if (bend_of_nodes(block, i, j) * projector_.camera().intrinsics.fx < surely_good_px) {
-        set_bend(x, y, tile);
+    tile.bounds = bounds_of(cubic);
+    set_bend(block, i, j, tile);
+    const double fx = projector_.camera().intrinsics.fx;
+    if (bend_of_nodes(block, i, j) * fx < surely_good_px)
         return tile;
-    }
     // The cubic errs most in the middle. A wide-angle lens may bend too much for it.
-    const Eigen::Vector4d w = cubic_weights(0.5);
-    const auto error = error_at({w.dot(x * w), w.dot(y * w)},
-                                tile_corner_px(i, j) + Eigen::Vector2d::Constant(0.5 * tile_px));
+    const Eigen::Vector2d corner = tile_corner_px(i, j);
+    const auto error = error_at(cubic.centre, corner + Eigen::Vector2d::Constant(0.5 * tile_px));
     if (!error)
         return make_border_tile(i, j);
-    const bool is_good = *error * projector_.camera().intrinsics.fx < good_enough_px;
-    if (const auto own =
-            is_good ? std::nullopt
-                    : cubic_within(tile_corner_px(i, j), tile_px, through_nodes(block, i, j))) {
+    if (*error * fx < good_enough_px)
+        return tile;
+    if (const auto own = cubic_within(corner, tile_px, cubic)) {
         tile.bounds = bounds_of(*own);
         tile.own_cubic = static_cast<int>(block.own_cubics.size());
         block.own_cubics.push_back(*own);
-    } else if (!is_good) {
-        const Eigen::Vector2d margin = bounds.half() + Eigen::Vector2d::Constant(10.0 * *error);
+    } else {
+        const Eigen::Vector2d margin =
+            tile.bounds.half() + Eigen::Vector2d::Constant(10.0 * *error);
         tile.validity = Validity::some;
-        tile.bounds = {bounds.low - margin, bounds.high + margin};
+        tile.bounds = {tile.bounds.low - margin, tile.bounds.high + margin};
     }
-    set_bend(x, y, tile);
     return tile;
 }
 
@@ -382,17 +322,18 @@ double UndistortionMap::bend_of_nodes(const Block& block, int i, int j) {
 }
 
 // From differences of the nodes, which are a tile apart.
-void UndistortionMap::set_bend(const Nodes& x, const Nodes& y, BentGroup& tile) const {
-    const auto second = [](const Nodes& n) -> Eigen::Vector3d {
-        const double along_s = n.row(1).sum() + n.row(2).sum() - 2.0 * n.block(1, 1, 2, 2).sum();
-        const double along_t = n.col(1).sum() + n.col(2).sum() - 2.0 * n.block(1, 1, 2, 2).sum();
-        const double mixed = n(2, 2) - n(2, 1) - n(1, 2) + n(1, 1);
-        return Eigen::Vector3d(0.25 * along_s, 0.25 * along_t, mixed) / (tile_px * tile_px);
+void UndistortionMap::set_bend(const Block& block, int i, int j, Group& tile) const {
+    const auto n = [&](int row, int column) -> const Eigen::Vector2d& {
+        return node(block, i, j, row, column);
     };
+    const Eigen::Vector2d middle = n(1, 1) + n(1, 2) + n(2, 1) + n(2, 2);
     Eigen::Matrix2d derivative;
-    derivative << x(1, 2) - x(1, 1), x(2, 1) - x(1, 1), y(1, 2) - y(1, 1), y(2, 1) - y(1, 1);
-    Eigen::Matrix<double, 2, 3> bends;
-    bends << second(x).transpose(), second(y).transpose();
+    derivative << n(1, 2) - n(1, 1), n(2, 1) - n(1, 1);
+    Eigen::Matrix<double, 2, 3> bends;  // along s, along t, mixed
+    bends << 0.25 * (n(1, 0) + n(1, 3) + n(2, 0) + n(2, 3) - middle),
+        0.25 * (n(0, 1) + n(3, 1) + n(0, 2) + n(3, 2) - middle),
+        n(2, 2) - n(2, 1) - n(1, 2) + n(1, 1);
+    bends /= tile_px * tile_px;
     const Eigen::Matrix2d px_per_x = tile_px * derivative.inverse();
     const double largest = (px_per_x * bends).cwiseAbs().maxCoeff();
     tile.curvature = largest <= Bend::most ? largest : Bend::most;  // not a number beside a fold
@@ -405,16 +346,14 @@ void UndistortionMap::set_bend(const Nodes& x, const Nodes& y, BentGroup& tile) 
 }
 
 void UndistortionMap::prefetch(int level, const cv::Rect& groups) const {
-    for (int j = groups.y; j < groups.br().y; ++j)
-        for (int i = groups.x; i < groups.br().x; ++i)
-            hwy::Prefetch(&group(level, i, j));
+    for_each_cell(groups, [&](int i, int j) { hwy::Prefetch(&group(level, i, j)); });
 }
 
 UndistortionMap::Bend UndistortionMap::bend(int level, int i, int j) const {
-    const BentGroup& tile = bent_group(level, i, j);
-    const bool has_scale = tile.largest_scale > 0.0;
-    return {tile.curvature, tile.validity == Validity::all, has_scale ? tile.least_scale : 1.0,
-            has_scale ? tile.largest_scale : 1.0};
+    const Group& one = level == block_level ? block(i, j).whole : group(level, i, j);
+    const bool has_scale = one.largest_scale > 0.0;
+    return {one.curvature, one.validity == Validity::all, has_scale ? one.least_scale : 1.0,
+            has_scale ? one.largest_scale : 1.0};
 }
 
 UndistortionMap::Bend UndistortionMap::bend(const cv::Rect& tiles) const {
@@ -426,16 +365,13 @@ UndistortionMap::Bend UndistortionMap::bend(const cv::Rect& tiles) const {
         all.least_scale = std::min(all.least_scale, one.least_scale);
         all.largest_scale = std::max(all.largest_scale, one.largest_scale);
     };
-    const cv::Rect blocks = cells_of(within, group_side);
-    for (int y = blocks.y; y < blocks.br().y; ++y)
-        for (int x = blocks.x; x < blocks.br().x; ++x) {
-            const cv::Rect groups = parts_of(x, y, group_side), own = groups & within;
-            if (own == groups)
-                include(bend(block_level, x, y));
-            for (int j = own.y; own != groups && j < own.br().y; ++j)
-                for (int i = own.x; i < own.br().x; ++i)
-                    include(bend(1, i, j));
-        }
+    for_each_cell(cells_of(within, group_side), [&](int x, int y) {
+        const cv::Rect groups = parts_of(x, y, group_side), own = groups & within;
+        if (own == groups)
+            include(bend(block_level, x, y));
+        else
+            for_each_cell(own, [&](int i, int j) { include(bend(1, i, j)); });
+    });
     return all;
 }
 
@@ -465,23 +401,17 @@ UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
         }
         return ray.has_value();
     };
-    std::array<bool, points * points> rays;
-    const auto has_ray = [&](int x, int y) -> bool& {
-        return rays[static_cast<std::size_t>(y * points + x)];
-    };
-    for (int y = 0; y < points; ++y)
-        for (int x = 0; x < points; ++x)
-            has_ray(x, y) = include(x, y);
-    for (int y = 0; y < n; ++y)
-        for (int x = 0; x < n; ++x) {
-            const int of_corners =
-                has_ray(x, y) + has_ray(x + 1, y) + has_ray(x, y + 1) + has_ray(x + 1, y + 1);
-            if (of_corners == 0 || of_corners == 4)
-                continue;
-            for (const auto& [right, down] :
-                 {std::pair{0.5, 0.0}, {0.0, 0.5}, {0.5, 0.5}, {1.0, 0.5}, {0.5, 1.0}})
-                include(x + right, y + down);
-        }
+    CellTable<char> rays({0, 0, points, points});
+    for_each_cell(rays.rect, [&](int x, int y) { rays.at(x, y) = include(x, y); });
+    for_each_cell({0, 0, n, n}, [&](int x, int y) {
+        const int of_corners =
+            rays.at(x, y) + rays.at(x + 1, y) + rays.at(x, y + 1) + rays.at(x + 1, y + 1);
+        if (of_corners == 0 || of_corners == 4)
+            return;
+        for (const auto& [right, down] :
+             {std::pair{0.5, 0.0}, {0.0, 0.5}, {0.5, 0.5}, {1.0, 0.5}, {0.5, 1.0}})
+            include(x + right, y + down);
+    });
     if (low.x() > high.x())
         return {};
     const Intrinsics& intrinsics = projector_.camera().intrinsics;
@@ -544,38 +474,17 @@ std::optional<MappedPoint> UndistortionMap::exact(const Eigen::Vector2d& pixel,
 void UndistortionMap::sample(int i, int j, int n,
                              std::vector<std::optional<MappedPoint>>& points) const {
     points.clear();
-    points.reserve(static_cast<std::size_t>(n * n));
-    if (validity(i, j) != Validity::all) {
-        std::optional<MappedPoint> last;
-        for (int q = 0; q < n * n; ++q) {
-            const Eigen::Vector2d within(q % n + 0.5, q / n + 0.5);
-            points.push_back(exact(tile_corner_px(i, j) + within * (tile_px / double(n)), last));
-            if (points.back())
-                last = points.back();
-        }
-        return;
-    }
-    const Block& block = block_of(i, j);
-    if (const int own = tile(i, j).own_cubic; own >= 0) {
-        for (int q = 0; q < n * n; ++q)
-            points.push_back(at(block.own_cubics[static_cast<std::size_t>(own)],
-                                (q % n + 0.5) / n - 0.5, (q / n + 0.5) / n - 0.5));
-        return;
-    }
-    const Nodes x = nodes(block, i, j, 0), y = nodes(block, i, j, 1);
-    for (int row = 0; row < n; ++row) {
-        const double t = (row + 0.5) / n;
-        const Eigen::Vector4d wt = cubic_weights(t), dt = cubic_slopes(t) / tile_px;
-        const Eigen::Vector4d x_row = x.transpose() * wt, y_row = y.transpose() * wt;
-        const Eigen::Vector4d x_slope = x.transpose() * dt, y_slope = y.transpose() * dt;
-        for (int column = 0; column < n; ++column) {
-            const double s = (column + 0.5) / n;
-            const Eigen::Vector4d ws = cubic_weights(s), ds = cubic_slopes(s) / tile_px;
-            MappedPoint point;
-            point.x << ws.dot(x_row), ws.dot(y_row);
-            point.jacobian << ds.dot(x_row), ws.dot(x_slope), ds.dot(y_row), ws.dot(y_slope);
-            points.push_back(point);
-        }
+    std::optional<TilePolynomial> cubic;
+    if (validity(i, j) == Validity::all)
+        cubic = polynomial(i, j);
+    std::optional<MappedPoint> last;
+    for (int q = 0; q < n * n; ++q) {
+        const Eigen::Vector2d within(q % n + 0.5, q / n + 0.5);
+        points.push_back(cubic
+                             ? at(*cubic, within.x() / n - 0.5, within.y() / n - 0.5)
+                             : exact(tile_corner_px(i, j) + within * (tile_px / double(n)), last));
+        if (points.back())
+            last = points.back();
     }
 }
 

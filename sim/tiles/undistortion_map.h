@@ -1,32 +1,26 @@
 // Where every point of the sensor looks: undistorted normalised coordinates, fast and with bounds.
 //
-// The sensor is divided into square tiles. Newton's inverse (calib/camera/projector.h) is evaluated
-// at their corners; inside a tile the bicubic Lagrange polynomial through 4 x 4 corners replaces it
-// (error below 1e-4 px, mostly below 1e-5 px; tested). Where that bends too much (far from the axis
-// of a wide-angle lens), a tile has a cubic of its own through 4 x 4 points within it, which errs
-// 46 times less. Tiles at the border of the valid region, and those that bend too much even so,
-// have Newton's method, or cubics of smaller squares (cubic_within()). Bezier control points bound
-// what a tile sees; groups of 4 x 4 tiles, of 4 x 4 groups and so on have bounds as well.
+// The sensor is divided into square tiles. Newton's inverse (calib/camera/projector.h) gives their
+// corners. Inside a tile the bicubic polynomial through 4 x 4 corners replaces it: error below 1e-4
+// px, mostly below 1e-5 px. A tile where that bends too much has a cubic of its own through 4 x 4
+// points within it, which errs 46 times less. Tiles at the border of the valid region, and those
+// that bend too much even so, have Newton's method. Bezier control points bound what a tile sees;
+// groups of 4 x 4 tiles, of 4 x 4 groups and so on have bounds as well.
 //
-// Blocks of 16 x 16 tiles are made when first asked for. A block's bounds come from one cubic
-// through corners of blocks, with ten times its error around it; a block for which that is too
-// coarse is made at once. Results do not depend on what was made before. Safe from every thread.
-// Construction takes 1 us per block, a tile 0.3 us, 10 us with a cubic of its own.
+// Blocks of 16 x 16 tiles are made when first asked for; before, one cubic bounds a block. Results
+// do not depend on what was made before. Safe from every thread. Construction takes 1 us per block,
+// a tile 0.3 us, 10 us with a cubic of its own.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <atomic>
 #include <memory>
-#include <optional>
-#include <vector>
 
-#include "calib/camera/projector.h"
 #include "sim/scene/marker_view.h"
+#include "sim/tiles/tile_kernel.h"
+#include "sim/tiles/tile_map.h"
 
 namespace etalon {
-
-inline constexpr int tile_px = 4;  // side of a tile
 
 // An undistorted sensor point with its derivative by the pixel, d x / d pixel.
 struct MappedPoint {
@@ -54,8 +48,7 @@ public:
     // How much the undistortion bends among some tiles.
     struct Bend {
         // Largest change of its derivative from one pixel to the next, relative to the derivative:
-        // px of sagitta times 8 over a length of 1 px. Beside a fold, where it is infinite, and
-        // beyond this: `most`.
+        // px of sagitta times 8 over a length of 1 px. At most `most`, which a fold has.
         double curvature = 0.0;
         bool is_polynomial = true;  // the validity is `all` everywhere
         // The distortion's own magnification in any direction, at least (of the smaller focal
@@ -68,6 +61,9 @@ public:
     struct Group {
         Validity validity = Validity::none;  // of all its points: have they a ray?
         Box bounds{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};  // of what has a ray
+        // See Bend; not of groups larger than a block.
+        double curvature = 0.0;
+        double least_scale = std::numeric_limits<double>::infinity(), largest_scale = 0.0;
 
         void unite(const Group& other);
     };
@@ -85,15 +81,14 @@ public:
         return {tile_px * i - 0.5, tile_px * j - 0.5};
     }
 
-    // Groups of tiles: level 0 are the tiles, a group of level n + 1 holds 4 x 4 of level n (group
-    // (i, j) those from 4 i and 4 j on). The last level has at most 4 x 4, and holds blocks or
-    // groups of them.
+    // Groups of tiles: level 0 are the tiles, group (i, j) of level n + 1 holds 4 x 4 of level n
+    // from (4 i, 4 j) on. The last level has at most 4 x 4, blocks or groups of them.
     int levels() const { return block_level + static_cast<int>(levels_.size()); }
     cv::Rect groups(int level) const;
     const Group& group(int level, int i, int j) const {
         if (level >= block_level)
             return levels_[static_cast<std::size_t>(level - block_level)].at(i, j);
-        return bent_group(level, i, j);
+        return level == 0 ? tile(i, j) : block(i >> 2, j >> 2).groups[place_in<group_side>(i, j)];
     }
     // Says that these will be asked for soon: most of the table is not in a core's cache.
     void prefetch(int level, const cv::Rect& groups) const;
@@ -116,8 +111,7 @@ public:
         return node(block(i >> 2, j >> 2), group_side * i, group_side * j, row + 1, column + 1);
     }
 
-    // The points of a tile on a regular grid of n x n, row by row, each at the centre of its n-th
-    // part. Nothing where there is no ray.
+    // The centres of a tile's n x n parts, row by row. Nothing where there is no ray.
     void sample(int i, int j, int n, std::vector<std::optional<MappedPoint>>& points) const;
 
     // Exact and slow, at any pixel; less so where a point `near` it is known.
@@ -132,13 +126,7 @@ public:
     const Projector& projector() const { return projector_; }
 
 private:
-    struct BentGroup : Group {
-        void unite(const BentGroup& other);
-
-        double curvature = 0.0;  // see Bend
-        double least_scale = std::numeric_limits<double>::infinity(), largest_scale = 0.0;
-    };
-    struct Tile : BentGroup {
+    struct Tile : Group {
         int own_cubic = -1;  // index in own_cubics
     };
     static constexpr int nodes_a_side = block_side + 3;
@@ -148,27 +136,13 @@ private:
         // ray.
         std::array<Eigen::Vector2d, nodes_a_side * nodes_a_side> nodes;
         std::array<Tile, block_side * block_side> tiles;
-        std::array<BentGroup, group_side * group_side> groups;
-        BentGroup whole;
+        std::array<Group, group_side * group_side> groups;
+        Group whole;
         std::vector<TilePolynomial> own_cubics;
     };
-    struct Blocks {  // null: not made
-        explicit Blocks(std::size_t count) : table(count) {}
-        Blocks(const Blocks&) = delete;
-        ~Blocks();
-        std::vector<std::atomic<const Block*>> table;
-    };
-    using Nodes = Eigen::Matrix4d;  // one coordinate at 4 x 4 corners, rows along y
-
-    struct Level {
-        cv::Rect rect;
-        std::vector<Group> table;
-
-        const Group& at(int i, int j) const {
-            return table[static_cast<std::size_t>(j - rect.y) *
-                             static_cast<std::size_t>(rect.width) +
-                         static_cast<std::size_t>(i - rect.x)];
-        }
+    struct BlockSlot {
+        std::atomic<const Block*> made{nullptr};
+        ~BlockSlot() { delete made.load(); }
     };
 
     // Of `side` a row in the next larger one.
@@ -181,32 +155,24 @@ private:
     const Tile& tile(int i, int j) const {
         return block_of(i, j).tiles[place_in<block_side>(i, j)];
     }
-    const BentGroup& bent_group(int level, int i, int j) const {  // up to block_level
-        if (level == 0)
-            return tile(i, j);
-        return level == 1 ? block(i >> 2, j >> 2).groups[place_in<group_side>(i, j)]
-                          : block(i, j).whole;
-    }
 
     void make_blocks();
     std::optional<Group> group_of_block(int i, int j, const TilePolynomial& cubic) const;
-    static Level group_up(const Level& below);
     std::unique_ptr<const Block> make_block(int i, int j) const;
     void make_nodes(int i, int j, const cv::Rect& tiles, Block& block) const;
     static const Eigen::Vector2d& node(const Block& block, int i, int j, int row, int column);
-    static Nodes nodes(const Block& block, int i, int j, int axis);
     static TilePolynomial through_nodes(const Block& block, int i, int j);
     Tile make_tile(int i, int j, Block& block) const;
     static double bend_of_nodes(const Block& block, int i, int j);
     std::optional<double> error_at(const Eigen::Vector2d& rough,
                                    const Eigen::Vector2d& pixel) const;
-    void set_bend(const Nodes& x, const Nodes& y, BentGroup& tile) const;
+    void set_bend(const Block& block, int i, int j, Group& tile) const;
     Tile make_border_tile(int i, int j) const;
 
     Projector projector_;
     cv::Rect tiles_;
-    std::vector<Level> levels_;       // from blocks on
-    std::unique_ptr<Blocks> blocks_;  // as in levels_[0]
+    std::vector<CellTable<Group>> levels_;  // from blocks on
+    std::unique_ptr<CellTable<BlockSlot>> blocks_;
 };
 
 }  // namespace etalon

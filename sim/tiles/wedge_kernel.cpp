@@ -1,4 +1,4 @@
-// Compiled once for each instruction set, as sim/tiles/tile_lens_kernel.cpp.
+// Compiled once for each instruction set, as sim/tiles/tile_kernel.cpp.
 #include "sim/tiles/vector_targets.h"
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sim/tiles/wedge_kernel.cpp"
@@ -6,9 +6,96 @@
 // After foreach_target.h.
 #include <hwy/highway.h>
 
+#include <cmath>
+#include <numbers>
+
+#include "sim/psf/wedge_table.h"
 #include "sim/tiles/tile_patch.h"
 #include "sim/tiles/tile_vectors-inl.h"
-#include "sim/tiles/wedge_lines.h"
+
+#ifndef ETALON_WEDGE_LINE
+#define ETALON_WEDGE_LINE
+namespace etalon {
+namespace {
+
+// What the vector code needs to know of a tile's line.
+struct WedgeLine {
+    TileLine line;
+    float blur_scale;   // the blur across the line in units of the tile's
+    float blur_across;  // the change of that by px across the line
+    // How much of this is asymmetric: the lens turns the rest into a change of scale.
+    float asymmetry;
+    float rows_along;  // the change along the line, in rows of the table, in its directions' sense
+    float bend;        // the line's change of gradient across it, by px
+    float direction;   // place among the table's
+    float extent;      // of a pixel across the line, px
+    float per_chord;   // parts of its chord in a pixel by px along the line
+
+    WedgeLine() = default;
+    WedgeLine(const TileGeometry& tile, const TileLine& tile_line);
+};
+
+// The second derivative of a tile's polynomial across a line, at the tile's middle, by px^2.
+float bend_across(const std::array<float, 16>& c, const TileLine& line) {
+    const float x = line.gradient_x, y = line.gradient_y;
+    return 2.0f * (c[2] * x * x + c[5] * x * y + c[8] * y * y) / (tile_px * tile_px);
+}
+
+// The table's directions are those of half a right angle; the others are mirrored.
+bool is_mirrored(const TileLine& line) {
+    return ((line.gradient_x < 0.0f) != (line.gradient_y < 0.0f)) !=
+           (std::abs(line.gradient_y) > std::abs(line.gradient_x));
+}
+
+WedgeLine::WedgeLine(const TileGeometry& tile, const TileLine& tile_line) : line(tile_line) {
+    const float x = line.gradient_x, y = line.gradient_y;
+    const float flat = std::min(std::abs(x), std::abs(y)),
+                steep = std::max(std::abs(x), std::abs(y));
+    blur_scale = std::hypot(line.blur_x, line.blur_y);
+    blur_across = blur_scale * (tile.blur_slope_x * x + tile.blur_slope_y * y);
+    asymmetry = blur_across -
+                (tile.lens_turn_x * line.blur_x + tile.lens_turn_y * line.blur_y) / blur_scale;
+    rows_along = static_cast<float>(WedgeTable::rows_per_px) * blur_scale *
+                 (tile.blur_slope_y * x - tile.blur_slope_x * y) *
+                 (is_mirrored(line) ? -1.0f : 1.0f);
+    bend = x * bend_across(tile.dx, line) + y * bend_across(tile.dy, line);
+    direction = 4.0f * static_cast<float>(WedgeTable::directions) / std::numbers::pi_v<float> *
+                std::atan2(flat, steep);
+    extent = flat + steep;
+    per_chord = steep;
+}
+
+// The angle between the normals of two lines; almost parallel ones count as a thousandth apart.
+struct WedgeAngle {
+    float cosine, inverse_sine;
+
+    WedgeAngle(const TileLine& a, const TileLine& b)
+        : cosine(a.gradient_x * b.gradient_x + a.gradient_y * b.gradient_y),
+          inverse_sine(1.0f / std::max(1e-3f, std::abs(a.gradient_x * b.gradient_y -
+                                                       a.gradient_y * b.gradient_x))) {}
+};
+
+// Gauss' 8 x 8 nodes.
+struct PixelNodes {
+    static constexpr std::size_t side = 8, count = side * side;
+    alignas(64) float x[count], y[count], weight[count];
+
+    constexpr PixelNodes() : x(), y(), weight() {
+        constexpr float node[] = {-0.48014493f, -0.39833324f, -0.26276621f, -0.09171732f,
+                                  0.09171732f,  0.26276621f,  0.39833324f,  0.48014493f};
+        constexpr float share[] = {0.05061427f, 0.11119052f, 0.15685332f, 0.18134189f,
+                                   0.18134189f, 0.15685332f, 0.11119052f, 0.05061427f};
+        for (std::size_t n = 0; n < count; ++n) {
+            x[n] = node[n % side];
+            y[n] = node[n / side];
+            weight[n] = share[n % side] * share[n / side];
+        }
+    }
+};
+
+}  // namespace
+}  // namespace etalon
+#endif
 
 HWY_BEFORE_NAMESPACE();
 namespace etalon::HWY_NAMESPACE {
@@ -367,7 +454,7 @@ HWY_INLINE Vector overlap_of(const EdgeCut& a, const EdgeCut& b) {
 void add_wedge_pixels(const TileGeometry& tile, const TilePatch& patch,
                       const TilePositions& positions, const WedgeRows& table, float* values) {
     const int degree = significant_degree(tile);
-    const PartShapes shapes = part_shapes(tile, positions.n());
+    const PartShapes shapes = part_shapes(tile, positions.n);
     EdgeCut columns[TilePatch::capacity], rows[TilePatch::capacity];
     HWY_ALIGN float blur[block];
     const auto begin = [&](const TileLine* lines, std::size_t count, EdgeCut* cuts) HWY_ATTR {
@@ -382,8 +469,8 @@ void add_wedge_pixels(const TileGeometry& tile, const TilePatch& patch,
     begin(patch.rows.data(), patch.row_count, rows);
     HWY_ALIGN float sums[block];
     for (std::size_t lane = 0; lane < block; lane += hn::Lanes(tag)) {
-        const Vector s = hn::LoadU(tag, positions.s() + lane);
-        const Vector t = hn::LoadU(tag, positions.t() + lane);
+        const Vector s = hn::LoadU(tag, positions.s.data() + lane);
+        const Vector t = hn::LoadU(tag, positions.t.data() + lane);
         const auto at = [&](const std::array<float, 16>& c)
                             HWY_ATTR { return bicubic(c, degree, s, t); };
         const Pixels pixels{at(tile.dx),       at(tile.dy),       at(shapes.x_by_s),
@@ -413,7 +500,7 @@ HWY_EXPORT(add_wedge_pixels);
 
 void wedge_pixels(const TileGeometry& geometry, const TilePositions& positions,
                   const WedgeRows& table, float* values) {
-    sum_patches(geometry, positions.n(), values, [&](const TilePatch& patch) {
+    sum_patches(geometry, positions.n, values, [&](const TilePatch& patch) {
         HWY_DYNAMIC_DISPATCH(add_wedge_pixels)(geometry, patch, positions, table, values);
     });
 }

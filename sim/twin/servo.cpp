@@ -117,42 +117,22 @@ MotionPiece Motion::at(double t) const {
     return {.position = end_};
 }
 
-double Motion::position(double t) const {
-    return at(t).position;
-}
-
-double Motion::velocity(double t) const {
-    return at(t).velocity;
-}
-
-double Motion::acceleration(double t) const {
-    return at(t).acceleration;
-}
-
-namespace {
-
-constexpr double scaled_norm = 0.5;
-constexpr int taylor_terms = 14;  // 0.5^15 / 15! = 2e-17 of the first
-
-// m + m^2 / 2 + m^3 / 6 + ..., by Horner.
-SmallMatrix exponential_series(const SmallMatrix& m) {
-    const SmallMatrix one = SmallMatrix::Identity(m.rows(), m.cols());
-    SmallMatrix sum = one;
-    for (int k = taylor_terms; k >= 2; --k)
-        sum = one + (m * sum / k).eval();
-    return m * sum;
-}
-
-}  // namespace
-
+// By scaling and squaring; the series m + m^2 / 2 + m^3 / 6 + ... by Horner.
 SmallMatrix exponential_minus_one(const SmallMatrix& m) {
+    constexpr double scaled_norm = 0.5;
+    constexpr int taylor_terms = 14;  // 0.5^15 / 15! = 2e-17 of the first
     const double norm = m.cwiseAbs().rowwise().sum().maxCoeff();
     if (!std::isfinite(norm))
         throw NumericalError(fmt::format("no exponential of a matrix of norm {}", norm));
     int squarings = 0;
     std::frexp(norm / scaled_norm, &squarings);
     squarings = std::max(0, squarings);
-    SmallMatrix e = exponential_series(m * std::ldexp(1.0, -squarings));
+    const SmallMatrix one = SmallMatrix::Identity(m.rows(), m.cols());
+    const SmallMatrix scaled = m * std::ldexp(1.0, -squarings);
+    SmallMatrix sum = one;
+    for (int k = taylor_terms; k >= 2; --k)
+        sum = one + (scaled * sum / k).eval();
+    SmallMatrix e = scaled * sum;
     for (int k = 0; k < squarings; ++k)
         e = (2.0 * e + e * e).eval();  // (1 + e)^2 - 1
     if (!e.allFinite())
@@ -160,50 +140,24 @@ SmallMatrix exponential_minus_one(const SmallMatrix& m) {
     return e;
 }
 
-// In units of the step: u = u_0 + u_1 s + u_2 s^2/2 + u_3 s^3/6, s from 0 to 1, is a chain of
-// four states of which each is the derivative of the one before.
-SmallVector LinearDynamics::advance(const SmallVector& state, const MotionPiece& piece,
-                                    double seconds) const {
-    const Eigen::Index n = state.size();
-    const double h = seconds;
-    SmallMatrix m = SmallMatrix::Zero(n + 4, n + 4);
-    m.topLeftCorner(n, n) = h * a;
-    m.block(0, n, n, 1) = h * b;
-    for (Eigen::Index i = n; i < n + 3; ++i)
-        m(i, i + 1) = 1.0;
-    SmallVector whole(n + 4);
-    whole << state, piece.position, h * piece.velocity, h * h * piece.acceleration,
-        h * h * h * piece.jerk;
-    return state + (exponential_minus_one(m) * whole).head(n);
-}
-
-namespace {
-
-void require(bool holds, const char* name, double value) {
-    if (!holds || !std::isfinite(value))
-        throw NumericalError(fmt::format("servo: {} = {} is out of its range", name, value));
-}
-
-void require_meaningful(const ServoParameters& p) {
+// Speeds are kept divided by their natural frequency, so that every row of A is as large as the
+// rate of its part.
+Servo::Servo(const ServoParameters& p) {
+    const auto require = [](bool holds, const char* name, double value) {
+        if (!holds || !std::isfinite(value))
+            throw NumericalError(fmt::format("servo: {} = {} is out of its range", name, value));
+    };
     require(p.drive_lag >= 0.0, "drive lag, s,", p.drive_lag);
     require(p.bandwidth_hz > 0.0, "bandwidth, Hz,", p.bandwidth_hz);
     require(p.damping > 0.0, "damping", p.damping);
     require(p.resonance_hz >= 0.0, "resonance, Hz,", p.resonance_hz);
     require(p.resonance_damping > 0.0, "resonance damping", p.resonance_damping);
-}
-
-}  // namespace
-
-// Speeds are kept divided by their natural frequency, so that every row of A is as large as the
-// rate of its part.
-Servo::Servo(const ServoParameters& p) {
-    require_meaningful(p);
     const bool lags = p.drive_lag > 0.0, rings = p.resonance_hz > 0.0;
     motor_ = lags ? 1 : 0;
     carriage_ = rings ? motor_ + 2 : motor_;
     const Eigen::Index states = carriage_ + 2, e = motor_, c = carriage_;
-    SmallMatrix& a = dynamics_.a = SmallMatrix::Zero(states, states);
-    SmallVector& b = dynamics_.b = SmallVector::Zero(states);
+    SmallMatrix& a = a_ = SmallMatrix::Zero(states, states);
+    SmallVector& b = b_ = SmallVector::Zero(states);
     const double ws = 2.0 * std::numbers::pi * p.bandwidth_hz;
     const double wr = 2.0 * std::numbers::pi * p.resonance_hz;
     a(e, e + 1) = ws;
@@ -225,8 +179,24 @@ Servo::Servo(const ServoParameters& p) {
     }
 }
 
+// In units of the step: u = u_0 + u_1 s + u_2 s^2/2 + u_3 s^3/6, s from 0 to 1, is a chain of
+// four states of which each is the derivative of the one before.
+Servo::State Servo::advance(const State& state, const MotionPiece& piece, double seconds) const {
+    const Eigen::Index n = state.size();
+    const double h = seconds;
+    SmallMatrix m = SmallMatrix::Zero(n + 4, n + 4);
+    m.topLeftCorner(n, n) = h * a_;
+    m.block(0, n, n, 1) = h * b_;
+    for (Eigen::Index i = n; i < n + 3; ++i)
+        m(i, i + 1) = 1.0;
+    SmallVector whole(n + 4);
+    whole << state, piece.position, h * piece.velocity, h * h * piece.acceleration,
+        h * h * h * piece.jerk;
+    return state + (exponential_minus_one(m) * whole).head(n);
+}
+
 Servo::State Servo::at_rest(double position) const {
-    State state = State::Zero(dynamics_.b.size());
+    State state = State::Zero(b_.size());
     if (motor_ > 0)
         state(0) = position;
     state(motor_) = state(carriage_) = position;
@@ -248,20 +218,12 @@ Servo::State Servo::advance(const State& state, const Motion& motion, double fro
         const double end = start + piece.duration;
         const double first = std::max(from, start), last = std::min(to, end);
         if (first < last)
-            now = dynamics_.advance(now, piece.after(first - start), last - first);
+            now = advance(now, piece.after(first - start), last - first);
         start = end;
     }
     if (const double first = std::max(from, start); first < to)
-        now = dynamics_.advance(now, {.position = motion.end()}, to - first);
+        now = advance(now, {.position = motion.end()}, to - first);
     return now;
-}
-
-double Servo::motor(const State& state) const {
-    return state(motor_);
-}
-
-double Servo::carriage(const State& state) const {
-    return state(carriage_);
 }
 
 }  // namespace etalon

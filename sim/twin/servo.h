@@ -5,8 +5,12 @@
 //     motor       e'' = ws^2 (w - e) - 2 zs ws e'                        e: what the encoder sees
 //     carriage    c'' = wr^2 (e - c) + 2 zr wr (e' - c')                 c: where the carriage is
 //
-// The carriage does not pull the motor back: its loop is stiff. Linear, so exact for every step.
-// Positions mm or rad, times seconds.
+// The carriage does not pull the motor back: its loop is stiff. Positions mm or rad, times seconds.
+//
+// Linear dynamics x' = A x + b u(t), advanced without discretisation error: within one piece of a
+// motion u is a cubic of time, and the state after it is one matrix exponential of A beside the
+// chain of u's derivatives (Van Loan, "Computing integrals involving the matrix exponential", IEEE
+// Trans. Automatic Control 23, 1978).
 #pragma once
 
 #include <Eigen/Core>
@@ -15,11 +19,10 @@
 
 namespace etalon {
 
-// The motion that a stage's controller plans for one axis: pieces of constant jerk, so position is
-// a cubic of time in each and known exactly at any time. With an infinite jerk the profile is the
-// trapezoid of constant accelerations, with a finite one the S-curve of at most seven pieces
-// (Biagiotti and Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer
-// 2008, 3.4). Pure functions of their arguments.
+// The motion that a stage's controller plans for one axis: pieces of constant jerk. With an
+// infinite jerk the profile is the trapezoid of constant accelerations, with a finite one the
+// S-curve of at most seven pieces (Biagiotti and Melchiorri, "Trajectory Planning for Automatic
+// Machines and Robots", Springer 2008, 3.4).
 
 struct MotionLimits {
     double speed = 0.0, acceleration = 0.0;                 // > 0, finite
@@ -48,10 +51,9 @@ public:
     static Motion braking(double from, double velocity, double acceleration,
                           const MotionLimits& limits);
 
-    // At t seconds after its start; before it the start, after its end the end, both at rest.
-    double position(double t) const;
-    double velocity(double t) const;
-    double acceleration(double t) const;
+    // What is left of it t seconds after its start; before it and after its end at rest.
+    MotionPiece at(double t) const;
+    double position(double t) const { return at(t).position; }
 
     double duration() const { return duration_; }
     double start() const { return start_; }
@@ -60,7 +62,6 @@ public:
 
 private:
     void append(double duration, double acceleration, double jerk);
-    MotionPiece at(double t) const;
 
     double start_, end_;
     double duration_ = 0.0;
@@ -68,29 +69,14 @@ private:
     std::vector<MotionPiece> pieces_;
 };
 
-// Linear dynamics x' = A x + b u(t), advanced without discretisation error: within one piece of a
-// motion u is a cubic of time, and the state after it is one matrix exponential of A beside the
-// chain of u's derivatives (Van Loan, "Computing integrals involving the matrix exponential", IEEE
-// Trans. Automatic Control 23, 1978). Stable systems stay stable for every step, however stiff.
-//
-// The exponential is by scaling and squaring of exp(M) - 1 rather than of exp(M): a slow part
-// beside a fast one would be lost in the 1 (6 of 16 digits at time constants 1 : 1 000 000).
-
 // Small and without memory of the heap: at most 12 rows.
 using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 12, 12>;
 using SmallVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 12, 1>;
 
-// exp(m) - 1 of a square matrix, finite, whose exponential does not overflow (else NumericalError).
-// States should be scaled so that the entries of a row are as large as the rate of its state.
+// exp(m) - 1 of a square matrix, finite, whose exponential does not overflow (else NumericalError);
+// in exp(m) a slow part beside a fast one would be lost in the 1. States should be scaled so that
+// the entries of a row are as large as the rate of its state.
 SmallMatrix exponential_minus_one(const SmallMatrix& m);
-
-struct LinearDynamics {
-    SmallMatrix a;  // 1/s; n x n, n at most 8
-    SmallVector b;  // 1/s; n
-
-    // The state `seconds` >= 0 after `state`, with u(s) the position of `piece` at s. About 10 us.
-    SmallVector advance(const SmallVector& state, const MotionPiece& piece, double seconds) const;
-};
 
 // Frequencies are natural frequencies, damping ratios relative to critical damping. All finite and
 // > 0, except that a lag of 0 and a resonance of 0 Hz leave that part out.
@@ -119,11 +105,15 @@ public:
     // exponential per piece in between.
     State advance(const State& state, const Motion& motion, double from, double to) const;
 
-    double motor(const State& state) const;
-    double carriage(const State& state) const;
+    double motor(const State& state) const { return state(motor_); }
+    double carriage(const State& state) const { return state(carriage_); }
 
 private:
-    LinearDynamics dynamics_;
+    // `seconds` >= 0 after `state`, with u(s) the position of `piece` at s. About 10 us.
+    State advance(const State& state, const MotionPiece& piece, double seconds) const;
+
+    SmallMatrix a_;                  // 1/s
+    SmallVector b_;                  // 1/s
     Eigen::Index motor_, carriage_;  // their places in the state
 };
 

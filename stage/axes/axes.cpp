@@ -4,8 +4,6 @@
 
 #include <cmath>
 
-#include "core/geometry/units.h"
-
 namespace etalon {
 namespace {
 
@@ -18,21 +16,6 @@ Eigen::Vector3d read_direction(const Value& value) {
     return (direction / length).normalized();
 }
 
-// How a kind's numbers are written: lengths in mm with small ones in um, or angles in degrees.
-struct Units {
-    bool rotary;
-    double position() const { return rotary ? rad_per_deg : 1.0; }
-    double small() const { return rotary ? rad_per_deg : 1e-3; }
-    const Unit& large_unit() const { return rotary ? units::deg : units::mm; }
-    const Unit& small_unit() const { return rotary ? units::deg : units::um; }
-    const Unit& speed_unit() const { return rotary ? units::deg_per_s : units::mm_per_s; }
-    std::string large_key(const std::string& name) const { return name + (rotary ? "_deg" : ""); }
-    std::string mm_key(const std::string& name) const { return name + (rotary ? "_deg" : "_mm"); }
-    std::string small_key(const std::string& name) const {
-        return name + (rotary ? "_deg" : "_um");
-    }
-};
-
 std::optional<double> optional_number(const Value& item, const std::string& key, Range range,
                                       double unit) {
     const auto value = item.find(key);
@@ -40,21 +23,13 @@ std::optional<double> optional_number(const Value& item, const std::string& key,
 }
 
 // A length in um or an angle in degrees.
-std::optional<double> small_size(const Value& item, const std::string& name, const Units& units) {
-    return optional_number(item, units.small_key(name), units.small_unit().non_negative(),
-                           units.small());
+std::optional<double> small_size(const Value& item, const std::string& name,
+                                 const AxisUnits& units) {
+    return optional_number(item, units.um_key(name), units.small().non_negative(),
+                           units.per_small());
 }
 
-void read_travel(const Value& value, const Units& units, Axis& axis) {
-    const std::vector<double> travel = value.numbers(2, units.large_unit().either_sign());
-    if (travel[0] >= travel[1])
-        value.fail(
-            fmt::format("must be [low, high] with low < high, not [{}, {}]", travel[0], travel[1]));
-    axis.low = travel[0] * units.position();
-    axis.high = travel[1] * units.position();
-}
-
-void read_controller(const Value& item, const Units& units, Axis& axis) {
+void read_controller(const Value& item, const AxisUnits& units, Axis& axis) {
     if (const auto value = item.find("unit"))
         axis.unit = value->integer(0, 255);
     const std::string counts = units.mm_key("counts_per");
@@ -63,10 +38,10 @@ void read_controller(const Value& item, const Units& units, Axis& axis) {
         if (std::abs(per_unit) < units::counts.least)
             value->fail(
                 fmt::format("must be at least {} in size, not {}", units::counts.least, per_unit));
-        axis.counts_per_unit = per_unit / units.position();
+        axis.counts_per_unit = per_unit / units.per_large();
     }
-    axis.lead = optional_number(item, units.mm_key("lead"), units.large_unit().positive(),
-                                units.position());
+    axis.lead =
+        optional_number(item, units.mm_key("lead"), units.large().positive(), units.per_large());
 }
 
 Rigid read_mount(const Value& mount) {
@@ -83,27 +58,30 @@ void read_errors(const Value& value, Axis& axis) {
         value.fail("does not cover the travel of axis " + axis.name);
 }
 
-void read_approach(const Value& value, const Units& units, Axis& axis) {
+void read_approach(const Value& value, const AxisUnits& units, Axis& axis) {
     axis.approach = value.at("from").one_of({"below", "above"}) == "below" ? 1 : -1;
-    const Value overrun = value.at(units.small_key("overrun"));
-    axis.overrun = overrun.number(units.small_unit().positive()) * units.small();
+    const Value overrun = value.at(units.um_key("overrun"));
+    axis.overrun = overrun.number(units.small().positive()) * units.per_small();
     if (axis.overrun < axis.backlash)
         overrun.fail("must be at least the backlash");
 }
 
-void read_geometry(const Value& item, const Units& units, Axis& axis) {
+void read_geometry(const Value& item, const AxisUnits& units, Axis& axis) {
     axis.direction = read_direction(item.at("direction"));
-    if (units.rotary)
+    if (units.is_rotary)
         axis.point_mm =
             Eigen::Vector3d(item.at("point_mm").numbers(3, units::mm.either_sign()).data());
     if (const auto mount = item.find("mount"))
         axis.previous_from_mount = read_mount(*mount);
-    read_travel(item.at(units.large_key("travel")), units, axis);
-    const Value speed = item.at(units.large_key("speed"));
-    axis.speed = speed.number(units.speed_unit().positive()) * units.position();
-    axis.zero = optional_number(item, units.large_key("zero"), units.large_unit().either_sign(),
-                                units.position())
-                    .value_or(0.0);
+    const auto [low, high] = units.interval(item.at(units.key("travel")));
+    axis.low = low;
+    axis.high = high;
+    const Value speed = item.at(units.key("speed"));
+    axis.speed = speed.number((units.is_rotary ? units::deg_per_s : units::mm_per_s).positive()) *
+                 units.per_large();
+    axis.zero =
+        optional_number(item, units.key("zero"), units.large().either_sign(), units.per_large())
+            .value_or(0.0);
     if (const auto map = item.find("error_map"))
         read_errors(*map, axis);
     axis.backlash = small_size(item, "backlash", units).value_or(0.0);
@@ -111,7 +89,7 @@ void read_geometry(const Value& item, const Units& units, Axis& axis) {
         read_approach(*approach, units, axis);
 }
 
-void read_uncertainties(const Value& item, const Units& units, Axis& axis) {
+void read_uncertainties(const Value& item, const AxisUnits& units, Axis& axis) {
     axis.scale_uncertainty =
         optional_number(item, "scale_uncertainty_ppm", units::ppm.non_negative(), 1e-6);
     axis.repeatability = small_size(item, "repeatability", units);
@@ -119,7 +97,7 @@ void read_uncertainties(const Value& item, const Units& units, Axis& axis) {
     axis.read_noise = small_size(item, "read_noise", units);
     axis.direction_uncertainty =
         optional_number(item, "direction_uncertainty_urad", units::urad.non_negative(), 1e-6);
-    if (units.rotary)
+    if (units.is_rotary)
         axis.point_uncertainty =
             optional_number(item, "point_uncertainty_um", units::um.non_negative(), 1e-3);
 }
@@ -129,20 +107,24 @@ Axis read_axis(const Value& item) {
     axis.name = item.at("name").text();
     if (axis.name.empty())
         item.at("name").fail("must not be empty");
-    const Units units{item.at("kind").one_of({"linear", "rotary"}) == "rotary"};
-    axis.kind = units.rotary ? Axis::Kind::rotary : Axis::Kind::linear;
+    const bool is_rotary = item.at("kind").one_of({"linear", "rotary"}) == "rotary";
+    axis.kind = is_rotary ? Axis::Kind::rotary : Axis::Kind::linear;
+    const AxisUnits units(axis.kind);
     read_controller(item, units, axis);
     read_geometry(item, units, axis);
     read_uncertainties(item, units, axis);
     return axis;
 }
 
-void require_same_count(std::size_t axes, std::size_t positions, const SourcePlace& place) {
-    if (axes != positions)
-        throw ConfigError(place, fmt::format("{} positions for {} axes", positions, axes));
-}
-
 }  // namespace
+
+std::array<double, 2> AxisUnits::interval(const Value& value) const {
+    const std::vector<double> ends = value.numbers(2, large().either_sign());
+    if (ends[0] >= ends[1])
+        value.fail(
+            fmt::format("must be [low, high] with low < high, not [{}, {}]", ends[0], ends[1]));
+    return {ends[0] * per_large(), ends[1] * per_large()};
+}
 
 std::string as_typed(const Axis& axis, double value) {
     return axis.kind == Axis::Kind::linear ? fmt::format("{:.6g} mm", value)
@@ -161,6 +143,11 @@ std::vector<Axis> read_axes(const Value& list) {
     if (axes.empty())
         list.fail("must have at least one axis");
     return axes;
+}
+
+void require_same_count(std::size_t axes, std::size_t positions, const SourcePlace& place) {
+    if (axes != positions)
+        throw ConfigError(place, fmt::format("{} positions for {} axes", positions, axes));
 }
 
 void require_within_limits(std::span<const Axis> axes, std::span<const double> positions,

@@ -10,14 +10,10 @@
 // or rad. Pure data; the transform itself is stage/axes/kinematics.h's.
 #pragma once
 
-#include <Eigen/Core>
-#include <optional>
 #include <span>
-#include <string>
-#include <vector>
 
-#include "core/config/strict_reader.h"
 #include "core/geometry/rigid.h"
+#include "core/geometry/units.h"
 #include "stage/axes/error_map.h"
 
 namespace etalon {
@@ -71,11 +67,36 @@ struct Axis {
 // Throws ConfigError.
 std::vector<Axis> read_axes(const Value& list);
 
+// The numbers of an axis as people write them: lengths in mm and small ones in um, angles in
+// degrees, as the keys say: travel or travel_deg, lead_mm or lead_deg, backlash_um or backlash_deg.
+struct AxisUnits {
+    bool is_rotary;
+
+    explicit AxisUnits(Axis::Kind kind) : is_rotary(kind == Axis::Kind::rotary) {}
+    const Unit& large() const { return is_rotary ? units::deg : units::mm; }
+    const Unit& small() const { return is_rotary ? units::deg : units::um; }
+    double per_large() const { return is_rotary ? rad_per_deg : 1.0; }  // mm or rad
+    double per_small() const { return is_rotary ? rad_per_deg : 1e-3; }
+    std::string key(const std::string& name) const { return name + (is_rotary ? "_deg" : ""); }
+    std::string mm_key(const std::string& name) const {
+        return name + (is_rotary ? "_deg" : "_mm");
+    }
+    std::string um_key(const std::string& name) const {
+        return name + (is_rotary ? "_deg" : "_um");
+    }
+
+    // [low, high] in large units with low < high, as mm or rad.
+    std::array<double, 2> interval(const Value& value) const;
+};
+
 // A position in the unit that people type: "12.5 mm", "90 deg".
 std::string as_typed(const Axis& axis, double position);
 
-// Throws ConfigError at `place` naming the first axis and position outside its soft limits (the
-// limits themselves are inside, NaN is outside), or when the numbers of axes and positions differ.
+// Throws ConfigError at `place` when the numbers of axes and positions differ.
+void require_same_count(std::size_t axes, std::size_t positions, const SourcePlace& place);
+
+// The same, and for the first axis and position outside its soft limits (the
+// limits themselves are inside, NaN is outside).
 void require_within_limits(std::span<const Axis> axes, std::span<const double> positions,
                            const SourcePlace& place);
 

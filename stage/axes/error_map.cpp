@@ -11,8 +11,6 @@
 namespace etalon {
 namespace {
 
-constexpr double mm_per_um = 1e-3;
-
 ErrorMapPoint point_of(const std::vector<double>& row, bool rotary, const SourcePlace& place) {
     const Range position = (rotary ? units::deg : units::mm).either_sign();
     const Range error = (rotary ? units::deg : units::um).either_sign();
@@ -21,7 +19,7 @@ ErrorMapPoint point_of(const std::vector<double>& row, bool rotary, const Source
             throw ConfigError(place, fmt::format("{} must be {}", row[i], range.words()));
     if (row[2] < 0.0)
         throw ConfigError(place, fmt::format("the standard uncertainty {} is negative", row[2]));
-    const double error_unit = rotary ? rad_per_deg : mm_per_um;
+    const double error_unit = rotary ? rad_per_deg : 1e-3;
     return {row[0] * (rotary ? rad_per_deg : 1.0), row[1] * error_unit, row[2] * error_unit};
 }
 

@@ -5,9 +5,6 @@
 // neighbouring points are fully correlated and on the safe side otherwise. Pure, no device.
 #pragma once
 
-#include <optional>
-#include <vector>
-
 #include "core/config/strict_reader.h"
 
 namespace etalon {

@@ -7,11 +7,6 @@
 namespace etalon {
 namespace {
 
-void require_same_count(std::size_t axes, std::size_t numbers) {
-    if (axes != numbers)
-        throw ConfigError({"stage axes"}, fmt::format("{} positions for {} axes", numbers, axes));
-}
-
 // What the map says at a position; without a map there is no error.
 ErrorMapPoint map_at(const Axis& axis, double position) {
     if (!axis.errors)
@@ -52,73 +47,43 @@ double displacement_variance(const Axis& axis, double position, double position_
            squared(axis.repeatability.value_or(0.0)) + backlash_variance(axis);
 }
 
-// The errors of one axis as perturbations of what the whole chain carries.
-class AxisErrorSum {
-public:
-    // The axis is at `distance` in the frame base_from_mount; the chain's end is
-    // base_from_carriage.
-    AxisErrorSum(const Axis& axis, double distance, const Rigid& base_from_mount,
-                 const Rigid& base_from_carriage)
-        : axis_(axis),
-          distance_(distance),
-          rotation_(base_from_mount.rotation.toRotationMatrix()),
-          lever_(base_from_carriage.translation - base_from_mount * axis.point_mm) {}
+// The errors of one axis as perturbations of what the whole chain carries: `variance` is that of
+// how far the axis is, which is at `distance` in the frame base_from_mount.
+Matrix6d error_covariance(const Axis& axis, double distance, double variance,
+                          const Rigid& base_from_mount, const Rigid& base_from_carriage) {
+    const bool linear = axis.kind == Axis::Kind::linear;
+    const Eigen::Matrix3d rotation = base_from_mount.rotation.toRotationMatrix();
+    const Eigen::Vector3d lever =  // from the axis' point to the carriage's origin
+        base_from_carriage.translation - base_from_mount * axis.point_mm;
+    const auto shift = [&](const Eigen::Vector3d& in_mount) -> Vector6d {
+        return (Vector6d() << Eigen::Vector3d::Zero(), rotation * in_mount).finished();
+    };
+    const auto turn = [&](const Eigen::Vector3d& in_mount) -> Vector6d {
+        const Eigen::Vector3d in_base = rotation * in_mount;
+        return (Vector6d() << in_base, in_base.cross(lever)).finished();
+    };
+    const auto outer = [](const Vector6d& p) -> Matrix6d { return p * p.transpose(); };
 
-    Matrix6d covariance(double variance) const {
-        Matrix6d sum = variance * outer(along());
-        const double lean = squared(axis_.direction_uncertainty.value_or(0.0));
-        const double shift = squared(axis_.point_uncertainty.value_or(0.0));
-        for (const Eigen::Vector3d& across : perpendiculars())
-            sum += lean * outer(leaning(across)) + shift * outer(shifted(across));
-        return sum;
+    Matrix6d sum = variance * outer(linear ? shift(axis.direction) : turn(axis.direction));
+    const double lean = squared(axis.direction_uncertainty.value_or(0.0));
+    const double point = squared(axis.point_uncertainty.value_or(0.0));
+    const Eigen::Quaterniond turned = rotation_from_vector(axis.direction * distance);
+    const Eigen::Vector3d first = axis.direction.unitOrthogonal();
+    for (const Eigen::Vector3d& across : {first, Eigen::Vector3d(axis.direction.cross(first))}) {
+        // The direction leans by 1 rad. A linear axis then goes `across` as well; a rotary one is
+        // turned about `across` before its own turn and back afterwards. (Which of the two
+        // perpendiculars is meant does not matter: both are summed.)
+        const Eigen::Vector3d back = across - turned * across;
+        sum += lean * outer(linear ? shift(across * distance) : turn(back)) +
+               point * outer(linear ? Vector6d::Zero() : shift(back));
     }
-
-private:
-    static Matrix6d outer(const Vector6d& perturbation) {
-        return perturbation * perturbation.transpose();
-    }
-    // A turn about the axis' point moves the carriage's origin as well.
-    Vector6d turn(const Eigen::Vector3d& in_mount) const {
-        const Eigen::Vector3d in_base = rotation_ * in_mount;
-        return (Vector6d() << in_base, in_base.cross(lever_)).finished();
-    }
-    Vector6d shift_by(const Eigen::Vector3d& in_mount) const {
-        return (Vector6d() << Eigen::Vector3d::Zero(), rotation_ * in_mount).finished();
-    }
-    Vector6d along() const {
-        return axis_.kind == Axis::Kind::linear ? shift_by(axis_.direction) : turn(axis_.direction);
-    }
-    // The direction leans by 1 rad. A linear axis then goes `across` as well; a rotary one is
-    // turned about `across` before its own turn and back afterwards. (Which of the two
-    // perpendiculars is meant does not matter: both are summed.)
-    Vector6d leaning(const Eigen::Vector3d& across) const {
-        if (axis_.kind == Axis::Kind::linear)
-            return shift_by(across * distance_);
-        return turn(across - turned(across));
-    }
-    Vector6d shifted(const Eigen::Vector3d& across) const {
-        if (axis_.kind == Axis::Kind::linear)
-            return Vector6d::Zero();
-        return shift_by(across - turned(across));
-    }
-    Eigen::Vector3d turned(const Eigen::Vector3d& vector) const {
-        return rotation_from_vector(axis_.direction * distance_) * vector;
-    }
-    std::array<Eigen::Vector3d, 2> perpendiculars() const {
-        const Eigen::Vector3d first = axis_.direction.unitOrthogonal();
-        return {first, axis_.direction.cross(first)};
-    }
-
-    const Axis& axis_;
-    double distance_;
-    Eigen::Matrix3d rotation_;
-    Eigen::Vector3d lever_;  // from the axis' point to the carriage's origin, in the base frame
-};
+    return sum;
+}
 
 }  // namespace
 
 Rigid base_from_carriage(std::span<const Axis> axes, std::span<const double> positions) {
-    require_same_count(axes.size(), positions.size());
+    require_same_count(axes.size(), positions.size(), {"stage axes"});
     Rigid base_from_moved;
     for (std::size_t i = 0; i < axes.size(); ++i)
         base_from_moved = base_from_moved * axes[i].previous_from_mount *
@@ -130,16 +95,16 @@ StagePose stage_pose(std::span<const Axis> axes, std::span<const double> positio
                      std::span<const double> position_uncertainty) {
     StagePose pose{base_from_carriage(axes, positions)};
     if (!position_uncertainty.empty())
-        require_same_count(axes.size(), position_uncertainty.size());
+        require_same_count(axes.size(), position_uncertainty.size(), {"stage axes"});
     Rigid base_from_moved;
     for (std::size_t i = 0; i < axes.size(); ++i) {
         const double distance = displacement(axes[i], positions[i]);
         const double uncertainty = position_uncertainty.empty() ? axes[i].read_noise.value_or(0.0)
                                                                 : position_uncertainty[i];
         const Rigid base_from_mount = base_from_moved * axes[i].previous_from_mount;
-        const AxisErrorSum errors(axes[i], distance, base_from_mount, pose.base_from_carriage);
-        pose.covariance +=
-            errors.covariance(displacement_variance(axes[i], positions[i], uncertainty));
+        pose.covariance += error_covariance(
+            axes[i], distance, displacement_variance(axes[i], positions[i], uncertainty),
+            base_from_mount, pose.base_from_carriage);
         base_from_moved = base_from_mount * motion(axes[i], distance);
     }
     return pose;

@@ -5,10 +5,6 @@
 // Pure functions, no device; some microseconds.
 #pragma once
 
-#include <optional>
-#include <span>
-
-#include "core/geometry/rigid.h"
 #include "stage/axes/axes.h"
 
 namespace etalon {

@@ -34,10 +34,6 @@ std::string describe(const ModbusRequest& request, RegisterSpace space) {
                                             request.address + request.count - 1);
 }
 
-int read_function(RegisterSpace space) {
-    return 1 + static_cast<int>(space);
-}
-
 void require_range(const std::string& device, const ModbusRequest& request, RegisterSpace space,
                    int most) {
     if (request.address < 0 || request.count < 1 || request.count > most ||
@@ -76,8 +72,6 @@ ModbusLink::ModbusLink(const StageLink& link, Clock& clock,
     if (!transport_)
         transport_ = make_modbus_transport(link);
 }
-
-ModbusLink::~ModbusLink() = default;
 
 std::string ModbusLink::device(int unit) const {
     return fmt::format("stage {} unit {}", describe(link_), unit);
@@ -125,8 +119,7 @@ std::vector<ModbusExchange> ModbusLink::last_exchanges() const {
 void ModbusLink::pause_after_failures() {
     if (failures_ == 0)
         return;
-    const std::chrono::milliseconds pause(10 << std::min(failures_, 4));
-    clock_.wait_for(pause, {});
+    clock_.wait_for(std::chrono::milliseconds(10 << std::min(failures_, 4)), {});
 }
 
 // Returns why not, or nothing.
@@ -193,7 +186,7 @@ ModbusReply ModbusLink::transact(const ModbusRequest& request, RegisterSpace spa
 
 std::vector<std::uint16_t> ModbusLink::read(int unit, RegisterSpace space, int address, int count,
                                             int attempts) {
-    const ModbusRequest request{unit, read_function(space), address, count, {}};
+    const ModbusRequest request{unit, 1 + static_cast<int>(space), address, count, {}};
     require_range(device(unit), request, space, most_read(space));
     std::string cause = "no attempt was allowed";
     for (int attempt = 0; attempt < attempts; ++attempt) {
@@ -211,11 +204,8 @@ void ModbusLink::write(int unit, RegisterSpace space, int address,
                        std::span<const std::uint16_t> values) {
     const int count = static_cast<int>(std::min<std::size_t>(values.size(), 65536));
     const int function = space != RegisterSpace::coils ? 16 : count == 1 ? 5 : 15;
-    send_write({unit, function, address, count, {values.begin(), values.end()}}, space);
-}
-
-void ModbusLink::send_write(const ModbusRequest& request, RegisterSpace space) {
-    const std::string device = this->device(request.unit), text = describe(request, space);
+    const ModbusRequest request{unit, function, address, count, {values.begin(), values.end()}};
+    const std::string device = this->device(unit), text = describe(request, space);
     require_range(device, request, space, is_writable(space) ? most_written(space) : 0);
     const ModbusReply reply = transact(request, space);
     if (reply.outcome == Outcome::answered)

@@ -1,30 +1,17 @@
 // One connection to Modbus devices on TCP or a serial line, with the guards that libmodbus leaves
-// to its user: every request ends in time, a broken connection is closed at once and opened anew
-// with a growing pause (so that a late reply can never be taken for another one's), and requests
-// stay within the protocol's limits.
-//
-// A serial line keeps late replies, and a reply does not say which request it answers. After
-// opening it and after every failure the line is therefore read empty until it was quiet for long
-// enough, and a request is sent only after the silence that begins a frame.
+// to its user: every request ends in time and stays within the protocol's limits; a broken
+// connection is closed at once and opened anew with a growing pause, so that a late reply is never
+// taken for another one's. A serial line keeps late replies: after opening and after every failure
+// it is read empty until it was quiet for long enough.
 //
 // Reading has no effect on the device and is repeated after a failure. A write is NEVER repeated
-// here: when its reply is missing nobody knows whether it was carried out, and only the caller can
-// find out by reading back. Blocks its caller; one thread at a time, except last_exchanges().
+// here: when its reply is missing only the caller can find out by reading back. Blocks its caller;
+// one thread at a time, except last_exchanges().
 #pragma once
 
-#include <chrono>
-#include <cstdint>
 #include <deque>
 #include <functional>
-#include <memory>
-#include <mutex>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
 
-#include "core/program/errors.h"
-#include "core/time/clock.h"
 #include "stage/link/modbus_transport.h"
 #include "stage/link/register_numbers.h"
 
@@ -54,9 +41,6 @@ public:
     // link that cannot be. Without a transport libmodbus is taken.
     ModbusLink(const StageLink& link, Clock& clock,
                std::unique_ptr<ModbusTransport> transport = nullptr);
-    ~ModbusLink();
-    ModbusLink(const ModbusLink&) = delete;
-    ModbusLink& operator=(const ModbusLink&) = delete;
 
     // Reads 1 to 125 registers, or 1 to 2000 coils or inputs. Tries up to `attempts` times, over a
     // fresh connection each time, then throws DeviceError; at most about
@@ -91,7 +75,6 @@ public:
     const std::string& device() const { return device_; }  // of the link's own unit
 
 private:
-    void send_write(const ModbusRequest& request, RegisterSpace space);
     ModbusReply transact(const ModbusRequest& request, RegisterSpace space);
     ModbusReply exchange(const ModbusRequest& request);
     std::chrono::milliseconds reply_time() const;

@@ -108,45 +108,27 @@ private:
 
     // The number of values read or written, or -1 and errno.
     int call(const ModbusRequest& request, std::vector<std::uint16_t>& values) {
+        const int at = request.address, count = request.count;
+        std::vector<std::uint8_t> bits(request.values.begin(), request.values.end());
         switch (request.function) {
             case 1:
-            case 2:
-                return read_bits(request, values);
+            case 2: {
+                bits.resize(values.size());
+                const auto read = request.function == 1 ? modbus_read_bits : modbus_read_input_bits;
+                const int got = read(context_, at, count, bits.data());
+                std::ranges::copy(bits, values.begin());
+                return got;
+            }
             case 3:
-                return modbus_read_registers(context_, request.address, request.count,
-                                             values.data());
+                return modbus_read_registers(context_, at, count, values.data());
             case 4:
-                return modbus_read_input_registers(context_, request.address, request.count,
-                                                   values.data());
-            default:
-                return write(request);
-        }
-    }
-
-    int read_bits(const ModbusRequest& request, std::vector<std::uint16_t>& values) {
-        std::vector<std::uint8_t> bits(values.size());
-        const auto read = request.function == 1 ? modbus_read_bits : modbus_read_input_bits;
-        const int got = read(context_, request.address, request.count, bits.data());
-        std::ranges::copy(bits, values.begin());
-        return got;
-    }
-
-    int write(const ModbusRequest& request) {
-        const auto& values = request.values;
-        const std::vector<std::uint8_t> bits(values.begin(), values.end());
-        switch (request.function) {
+                return modbus_read_input_registers(context_, at, count, values.data());
             case 5:
-                return modbus_write_bit(context_, request.address, values.front());
-            case 6:
-                return modbus_write_register(context_, request.address, values.front());
+                return modbus_write_bit(context_, at, bits.front());
             case 15:
-                return modbus_write_bits(context_, request.address, request.count, bits.data());
-            case 16:
-                return modbus_write_registers(context_, request.address, request.count,
-                                              values.data());
+                return modbus_write_bits(context_, at, count, bits.data());
             default:
-                errno = EMBXILFUN;
-                return -1;
+                return modbus_write_registers(context_, at, count, request.values.data());
         }
     }
 

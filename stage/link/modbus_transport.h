@@ -3,11 +3,7 @@
 // No retries and no judgement: those are ModbusLink's. One thread.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "core/time/clock.h"
 #include "stage/link/stage_link.h"
@@ -16,7 +12,7 @@ namespace etalon {
 
 struct ModbusRequest {
     int unit = 1;
-    int function = 0;  // 1 to 6, 15, 16
+    int function = 0;  // 1 to 5, 15, 16; a controller is also asked for 6
     int address = 0, count = 0;
     std::vector<std::uint16_t> values;  // of a write; of coils 0 or 1
 };

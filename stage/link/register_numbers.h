@@ -3,16 +3,13 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "core/config/strict_reader.h"
 
 namespace etalon {
 
-// The four spaces of Modbus registers and the limits of one request (MODBUS Application Protocol
-// V1.1b3).
-
-// Each has its own addresses, 0 to 65535. Of the bit spaces a value is 0 or 1.
+// The four spaces of Modbus registers (MODBUS Application Protocol V1.1b3). Each has its own
+// addresses, 0 to 65535. Of the bit spaces a value is 0 or 1.
 enum class RegisterSpace {
     coils,              // read and written: functions 1, 5, 15
     discrete_inputs,    // read: 2

@@ -65,30 +65,6 @@ std::string non_empty(const Value& value) {
     return value.text();
 }
 
-[[noreturn]] void refuse(const char* key, const std::string& message) {
-    throw ConfigError({"stage link", 0, key}, message);
-}
-
-void require_usable(const TcpAddress& address) {
-    if (address.host.empty())
-        refuse("host", "must not be empty");
-    if (address.port < 1 || address.port > 65535)
-        refuse("port", "must be 1 to 65535");
-}
-
-void require_usable(const SerialPort& port) {
-    if (port.device.empty())
-        refuse("device", "must not be empty");
-    if (std::ranges::find(baud_rates, port.baud) == baud_rates.end())
-        refuse("baud", fmt::format("{} is not a baud rate of serial lines", port.baud));
-    if (port.parity != 'N' && port.parity != 'E' && port.parity != 'O')
-        refuse("parity", "must be N, E or O");
-    if (port.data_bits != 7 && port.data_bits != 8)
-        refuse("data_bits", "must be 7 or 8");
-    if (port.stop_bits != 1 && port.stop_bits != 2)
-        refuse("stop_bits", "must be 1 or 2");
-}
-
 }  // namespace
 
 std::string describe(const StageLink& link) {
@@ -133,17 +109,30 @@ StageLink read_stage_link(const Value& link, const LinkDefaults& defaults) {
 }
 
 void require_usable(const StageLink& link) {
-    std::visit([](const auto& address) { require_usable(address); }, link.address);
-    // To unit 0 of a serial line, all of them, nobody answers.
-    const bool unit_fits = link.is_serial()
-                               ? link.unit >= 1 && link.unit <= 247
-                               : (link.unit >= 0 && link.unit <= 247) || link.unit == 255;
-    if (!unit_fits)
-        refuse("unit", link.is_serial() ? "must be 1 to 247" : "must be 0 to 247, or 255");
-    if (link.response_timeout < 10ms || link.response_timeout > 10s)
-        refuse("response_timeout", "must be 10 ms to 10 s");
-    if (link.quiet < 10ms || link.quiet > 10s)
-        refuse("quiet", "must be 10 ms to 10 s");
+    const auto require = [](bool holds, const char* key, const std::string& message) {
+        if (!holds)
+            throw ConfigError({"stage link", 0, key}, message);
+    };
+    const int unit = link.unit;
+    if (const auto* port = std::get_if<SerialPort>(&link.address)) {
+        require(!port->device.empty(), "device", "must not be empty");
+        require(std::ranges::find(baud_rates, port->baud) != baud_rates.end(), "baud",
+                fmt::format("{} is not a baud rate of serial lines", port->baud));
+        require(std::string_view("NEO").find(port->parity) != std::string_view::npos, "parity",
+                "must be N, E or O");
+        require(port->data_bits == 7 || port->data_bits == 8, "data_bits", "must be 7 or 8");
+        require(port->stop_bits == 1 || port->stop_bits == 2, "stop_bits", "must be 1 or 2");
+        // To unit 0, all of them, nobody answers.
+        require(unit >= 1 && unit <= 247, "unit", "must be 1 to 247");
+    } else {
+        const auto& address = std::get<TcpAddress>(link.address);
+        require(!address.host.empty(), "host", "must not be empty");
+        require(address.port >= 1 && address.port <= 65535, "port", "must be 1 to 65535");
+        require((unit >= 0 && unit <= 247) || unit == 255, "unit", "must be 0 to 247, or 255");
+    }
+    require(link.response_timeout >= 10ms && link.response_timeout <= 10s, "response_timeout",
+            "must be 10 ms to 10 s");
+    require(link.quiet >= 10ms && link.quiet <= 10s, "quiet", "must be 10 ms to 10 s");
 }
 
 }  // namespace etalon

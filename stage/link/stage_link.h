@@ -3,8 +3,6 @@
 #pragma once
 
 #include <chrono>
-#include <string>
-#include <variant>
 
 #include "core/config/strict_reader.h"
 

@@ -6,8 +6,6 @@
 #include <cmath>
 #include <set>
 
-#include "core/geometry/units.h"
-#include "stage/link/modbus_link.h"
 #include "stage/motion/stage_unit.h"
 
 namespace etalon {
@@ -42,8 +40,8 @@ constexpr auto start_time = 500ms;   // in which a start that was not answered m
 constexpr double implausible = 1.5;  // times the speed, beyond any overshoot
 constexpr auto stop_pause = 20ms;    // between attempts to stop
 
-std::string what_failed(const Condition& failed) {
-    return fmt::format("{}{}", failed.on ? "not " : "", name_of(failed.signal));
+bool all_hold(const AxisStatus& axis, const std::vector<Condition>& conditions) {
+    return std::ranges::all_of(conditions, [&](const Condition& c) { return holds(axis, c); });
 }
 
 class ModbusStage final : public Stage {
@@ -69,9 +67,6 @@ public:
             stop();
     }
 
-    ModbusStage(const ModbusStage&) = delete;
-    ModbusStage& operator=(const ModbusStage&) = delete;
-
     const std::vector<Axis>& axes() const override { return axes_; }
 
     // Also resets alarms that are left from before; one that stays is a DeviceError.
@@ -81,8 +76,7 @@ public:
             const Statuses axes = poll();
             ever_enabled_ = true;
             if (is_stop_left_on() && !this->stop())
-                throw DeviceError(link_.device(), "enable",
-                                  "an earlier program's stop is still on and cannot be ended");
+                fail("enable", "an earlier program's stop is still on and cannot be ended");
             if (std::ranges::any_of(axes, [](const AxisStatus& axis) { return axis.alarm != 0; })) {
                 Run reset = begin("reset the alarms", {pressed}, stop);
                 carry_out(profile_.sequences.reset, reset);
@@ -97,7 +91,7 @@ public:
     void home(std::stop_token stop) override {
         require_usable("home");
         if (state_ == State::connected)
-            throw DeviceError(link_.device(), "home", "the axes are not enabled");
+            fail("home", "the axes are not enabled");
         guarded([&] {
             state_ = State::enabled;
             left_at_.clear();
@@ -113,9 +107,7 @@ public:
         require_usable("resume");
         require_homed(poll());
         if (is_stop_left_on())
-            throw DeviceError(
-                link_.device(), "resume",
-                "an earlier program's stop is still on: stop the axes again to end it");
+            fail("resume", "an earlier program's stop is still on: stop the axes again to end it");
         ever_enabled_ = true;
         state_ = State::homed;
     }
@@ -125,7 +117,7 @@ public:
     void move(std::span<const double> target, std::stop_token stop) override {
         require_usable("move");
         if (state_ != State::homed)
-            throw DeviceError(link_.device(), "move", "the axes are not homed");
+            fail("move", "the axes are not homed");
         require_within_limits(axes_, target, {link_.device(), 0, "move"});
         guarded([&] {
             Run run = begin("move", {pressed, at_limit, alarmed, disabled}, std::move(stop));
@@ -155,7 +147,7 @@ public:
         const std::string cause =
             disturbance(axes_, axes, std::array{pressed, at_limit, alarmed}, profile_);
         if (!cause.empty())
-            throw DeviceError(link_.device(), request, cause);
+            fail(request, cause);
         require_left_alone(request, axes);
         std::vector<double> positions;
         for (const AxisStatus& axis : axes)
@@ -202,19 +194,21 @@ private:
         const char* request;          // "move", for errors
         std::vector<Condition> ends;  // end it as soon as a poll shows one of an axis
         std::stop_token stop;
-        std::span<const double> target;  // of a move
-        Statuses before;                 // when it began
-        std::vector<bool> started;       // axes that were seen to start since then
-        Statuses now;                    // the last poll
-        Instant polled{};                // when that began
-        bool fresh = false;              // nothing was written since then
+        std::span<const double> target = {};  // of a move
+        Statuses before = {};                 // when it began
+        std::vector<bool> started = {};       // axes that were seen to start since then
+        Statuses now = {};                    // the last poll
+        Instant polled{};                     // when that began
+        bool fresh = false;                   // nothing was written since then
     };
+
+    [[noreturn]] void fail(const char* request, const std::string& cause) const {
+        throw DeviceError(link_.device(), request, cause);
+    }
 
     void require_usable(const char* request) const {
         if (state_ == State::faulted)
-            throw DeviceError(
-                link_.device(), request,
-                "the stage is faulted since an earlier error; only stopping is allowed");
+            fail(request, "the stage is faulted since an earlier error; only stopping is allowed");
     }
 
     // Runs `action`; whatever it throws goes on only after the axes were told to stop.
@@ -223,8 +217,7 @@ private:
             action();
         } catch (const Interrupted&) {
             if (!stop())
-                throw DeviceError(link_.device(), "stop",
-                                  "interrupted; the stop was NOT confirmed");
+                fail("stop", "interrupted; the stop was NOT confirmed");
             throw;
         } catch (const DeviceError& error) {
             state_ = State::faulted;
@@ -241,13 +234,8 @@ private:
     Run begin(const char* request, std::vector<Condition> ends, std::stop_token stop) {
         if (stop.stop_requested())
             throw Interrupted();
-        Run run{.request = request,
-                .ends = std::move(ends),
-                .stop = std::move(stop),
-                .target = {},
-                .before = {},
-                .started = std::vector<bool>(axes_.size()),
-                .now = {}};
+        Run run{request, std::move(ends), std::move(stop)};
+        run.started.resize(axes_.size());
         poll(run);
         run.before = run.now;
         return run;
@@ -262,9 +250,8 @@ private:
             Statuses left = axes;
             for (std::size_t k = 0; k < left.size(); ++k)
                 left[k].position = left_at_[k];
-            throw DeviceError(link_.device(), request,
-                              fmt::format("the axes are not where they were left: {}, not {}",
-                                          describe(axes), describe(left)));
+            fail(request, fmt::format("the axes are not where they were left: {}, not {}",
+                                      describe(axes), describe(left)));
         }
     }
 
@@ -278,13 +265,11 @@ private:
 
     void require_homed(const Statuses& axes) const {
         if (!profile_.has(Signal::homed) && !taken_for_homed_)
-            throw DeviceError(
-                link_.device(), "resume",
-                "the controller does not tell whether its axes are homed: say that they "
-                "are (--homed), if they were homed since they were switched on");
+            fail("resume",
+                 "the controller does not tell whether its axes are homed: say that they "
+                 "are (--homed), if they were homed since they were switched on");
         const auto refuse = [&](std::size_t i, const std::string& what) {
-            throw DeviceError(link_.device(), "resume",
-                              fmt::format("axis {} {}", axes_[i].name, what));
+            fail("resume", fmt::format("axis {} {}", axes_[i].name, what));
         };
         for (std::size_t i = 0; i < axes.size(); ++i) {
             if (axes[i].alarm != 0)
@@ -306,8 +291,8 @@ private:
             return;
         const auto still = std::ranges::find(run.started, false);
         if (still != run.started.end())
-            throw DeviceError(
-                link_.device(), run.request,
+            fail(
+                run.request,
                 fmt::format("axis {} did not move, and its controller does not tell whether it is "
                             "homed: it may stand at its zero, or not have obeyed. Look at it, then "
                             "say that it is homed: --homed with qualify, stage move or stage jog",
@@ -335,10 +320,8 @@ private:
 
     Statuses poll(int attempts = 3) {
         Statuses all;
-        for (StageUnit& unit : units_) {
-            const Statuses some = unit.poll(attempts);
-            all.insert(all.end(), some.begin(), some.end());
-        }
+        for (StageUnit& unit : units_)
+            std::ranges::copy(unit.poll(attempts), std::back_inserter(all));
         return all;
     }
 
@@ -347,12 +330,12 @@ private:
         const Instant start = clock_.now();
         Statuses axes = poll();
         if (const std::string cause = disturbance(axes_, axes, run.ends, profile_); !cause.empty())
-            throw DeviceError(link_.device(), run.request, cause);
+            fail(run.request, cause);
         if (!run.target.empty() && !run.now.empty())
             check_plausible(run, axes, clock_.now());
         run.now = std::move(axes);
         for (std::size_t i = 0; i < run.before.size(); ++i)
-            run.started[i] = run.started[i] || has_started(run, run.now, i);
+            run.started[i] = run.started[i] || has_started(run, i);
         run.polled = start;
         run.fresh = true;
     }
@@ -405,10 +388,13 @@ private:
                 throw;
         }
         confirm_start(run, first_axis, count);
-        const bool pulses_bit = step.kind == Step::Kind::pulse &&
-                                profile_.inputs.at(step.input).act != InputPoint::Act::code;
-        if (pulses_bit)
+        if (pulses_bit(step))
             unit.set(step.input, false);
+    }
+
+    bool pulses_bit(const Step& step) const {
+        return step.kind == Step::Kind::pulse &&
+               profile_.inputs.at(step.input).act != InputPoint::Act::code;
     }
 
     // The reply to a start is missing and the register does not tell: the axes have to.
@@ -421,14 +407,13 @@ private:
             poll(run);
             bool started = true;
             for (std::size_t i = first_axis; i < first_axis + count; ++i)
-                started = started && has_started(run, run.now, i);
+                started = started && has_started(run, i);
             if (started)
                 return;
             if (clock_.now() >= deadline)
-                throw DeviceError(
-                    link_.device(), run.request,
-                    "the start was not answered and no axis was seen to start; it is not "
-                    "given again");
+                fail(run.request,
+                     "the start was not answered and no axis was seen to start; it is not "
+                     "given again");
             clock_.wait_for(poll_period, run.stop);
         }
     }
@@ -439,20 +424,17 @@ private:
         for (std::size_t i = 0; i < axes_.size(); ++i) {
             for (const Condition& condition : step.conditions) {
                 if (!holds(run.now[i], condition))
-                    throw DeviceError(
-                        link_.device(), run.request,
-                        fmt::format("axis {} is {}", axes_[i].name, what_failed(condition)));
+                    fail(run.request,
+                         fmt::format("axis {} is {}{}", axes_[i].name, condition.on ? "not " : "",
+                                     name_of(condition.signal)));
             }
         }
     }
 
     void wait(const Step& step, Run& run) {
         const auto done = [&](const Statuses& axes) {
-            return std::ranges::all_of(axes, [&](const AxisStatus& axis) {
-                return std::ranges::all_of(step.conditions, [&](const Condition& condition) {
-                    return holds(axis, condition);
-                });
-            });
+            return std::ranges::all_of(
+                axes, [&](const AxisStatus& axis) { return all_hold(axis, step.conditions); });
         };
         wait_until(run, done, std::max<Duration>(step.held, profile_.done.settle), step.within);
     }
@@ -490,15 +472,14 @@ private:
             if (stable == 0 && rests)
                 require_own_commands(run);
             if (now >= deadline)
-                throw DeviceError(
-                    link_.device(), run.request,
-                    fmt::format(
-                        "not done after {} ms: {}{}",
-                        std::chrono::duration_cast<std::chrono::milliseconds>(limit).count(),
-                        describe(run.now),
-                        rests ? "; nothing moves: another program or the operator may have "
-                                "stopped it"
-                              : ""));
+                fail(run.request,
+                     fmt::format(
+                         "not done after {} ms: {}{}",
+                         std::chrono::duration_cast<std::chrono::milliseconds>(limit).count(),
+                         describe(run.now),
+                         rests ? "; nothing moves: another program or the operator may have "
+                                 "stopped it"
+                               : ""));
             clock_.wait_for(poll_period, run.stop);
         }
     }
@@ -512,15 +493,14 @@ private:
             const double most =
                 implausible * axes_[i].speed * seconds + 10.0 * profile_.tolerance(axes_[i]);
             if (!(way <= most))
-                throw DeviceError(
-                    link_.device(), run.request,
-                    fmt::format("axis {} cannot have come so far in {:.1f} ms: {}, before {}",
-                                axes_[i].name, seconds * 1e3, describe(axes), describe(run.now)));
+                fail(run.request,
+                     fmt::format("axis {} cannot have come so far in {:.1f} ms: {}, before {}",
+                                 axes_[i].name, seconds * 1e3, describe(axes), describe(run.now)));
         }
     }
 
-    bool has_started(const Run& run, const Statuses& axes, std::size_t axis) const {
-        const AxisStatus &before = run.before[axis], &now = axes[axis];
+    bool has_started(const Run& run, std::size_t axis) const {
+        const AxisStatus &before = run.before[axis], &now = run.now[axis];
         if (now.moving || (before.in_position && !now.in_position))
             return true;
         const double came = std::abs(now.position - before.position);
@@ -570,20 +550,13 @@ private:
         return time;
     }
 
-    // With several units a silent one may not use up the others' time.
-    void hurry_unit(Instant deadline) {
-        const Instant now = clock_.now();
-        link_.hurry(now + (deadline - now) / static_cast<int>(units_.size()));
-    }
-
     bool stop_by(Instant deadline) {
-        for (;;) {
-            if (stop_once(deadline))
-                return true;
+        while (!stop_once(deadline)) {
             if (clock_.now() + stop_pause >= deadline)
                 return false;
             clock_.wait_for(stop_pause, {});
         }
+        return true;
     }
 
     // Steps after the confirmation only tidy up: the axes rest already.
@@ -607,10 +580,11 @@ private:
         bool all = true;
         for (StageUnit& unit : units_) {
             try {
-                hurry_unit(deadline);
+                // A silent one may not use up the others' time.
+                const Instant now = clock_.now();
+                link_.hurry(now + (deadline - now) / static_cast<int>(units_.size()));
                 unit.set_at_once(step.input, step.kind != Step::Kind::clear);
-                if (step.kind == Step::Kind::pulse &&
-                    profile_.inputs.at(step.input).act != InputPoint::Act::code)
+                if (pulses_bit(step))
                     unit.set_at_once(step.input, false);
             } catch (const std::exception&) {
                 link_.close();
@@ -621,11 +595,7 @@ private:
     }
 
     bool confirm(const Step& step, Instant deadline) {
-        const auto rests = [&](const AxisStatus& axis) {
-            return std::ranges::all_of(step.conditions, [&](const Condition& condition) {
-                return holds(axis, condition);
-            });
-        };
+        const auto rests = [&](const AxisStatus& axis) { return all_hold(axis, step.conditions); };
         for (int resting = 0; resting < profile_.done.stable_polls;) {
             if (clock_.now() >= deadline)
                 return false;

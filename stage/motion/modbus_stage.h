@@ -1,22 +1,16 @@
 // A stage behind Modbus TCP or RTU: carries out the sequences of a profile
 // (stage/profile/profile.h) on all units that drive its axes. What keeps it safe:
 //
-//   * targets are written in one block and read back, where the profile allows it, before the
-//     start;
-//   * a command for motion whose reply is missing is read back before it is given again. Where
-//     reading back tells nothing it is not given again: the axes must be seen to start. Targets
-//     are absolute, so even a late first command moves nothing further;
+//   * targets are read back before the start, where the profile allows it;
+//   * a command for motion whose reply is missing is read back before it is given again; where that
+//     tells nothing the axes must be seen to start. Targets are absolute;
 //   * an emergency stop, alarm or limit switch in any poll ends the run; so does a position that no
 //     axis can have reached;
-//   * after any failure the axes are stopped first, then the error goes on, and says whether the
-//     controllers confirmed the stop;
+//   * after any failure the axes are stopped first, then the error says whether that was confirmed;
 //   * the controller's watchdog, where there is one, stops the axes when nobody is left to do it.
 //
 // One owner thread; trace() from any.
 #pragma once
-
-#include <memory>
-#include <vector>
 
 #include "stage/link/modbus_transport.h"
 #include "stage/motion/stage.h"

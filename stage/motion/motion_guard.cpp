@@ -4,9 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-
-#include "core/geometry/units.h"
 
 namespace etalon {
 namespace {
@@ -166,10 +163,6 @@ private:
     std::vector<Step> best_;
 };
 
-std::optional<Path> ordered(const Space& space, const Positions& from, const Positions& to) {
-    return OrderSearch(space, from, to).path();
-}
-
 // ---- Drawing back
 
 // Where an axis is just clear of a forbidden box, inside its soft limits. Of a rotary axis the
@@ -192,7 +185,7 @@ std::optional<Path> by_way_of(const Space& space, const Positions& from, const P
     back[axis] = before[axis] = clear;
     if (!space.is_free(from, back) || !space.is_free(before, to))
         return std::nullopt;
-    auto middle = ordered(space, back, before);
+    auto middle = OrderSearch(space, back, before).path();
     if (!middle)
         return std::nullopt;
     Path path = std::move(*middle);
@@ -232,11 +225,10 @@ bool ends_as_declared(std::span<const Axis> axes, const Path& path) {
     return true;
 }
 
-Positions before_approach(std::span<const Axis> axes, const Positions& target) {
-    Positions before = target;
+Positions before_approach(std::span<const Axis> axes, Positions target) {
     for (std::size_t i = 0; i < axes.size(); ++i)
-        before[i] -= axes[i].approach * axes[i].overrun;
-    return before;
+        target[i] -= axes[i].approach * axes[i].overrun;
+    return target;
 }
 
 // ---- Words
@@ -263,7 +255,7 @@ void require_outside(const Space& space, const Positions& start, const SourcePla
 
 Path route(const Space& space, const Positions& from, const Positions& to,
            const SourcePlace& place) {
-    auto path = ordered(space, from, to);
+    auto path = OrderSearch(space, from, to).path();
     if (!path)
         path = drawing_back(space, from, to);
     if (!path)
@@ -288,22 +280,13 @@ void require_approach(const Space& space, const MotionRules& rules, const Positi
 
 // ---- Reading
 
-AxisInterval read_side(const Value& value, const Axis& axis) {
-    const Unit& length = is_rotary(axis) ? units::deg : units::mm;
-    const std::vector<double> bounds = value.numbers(2, length.either_sign());
-    if (bounds[0] >= bounds[1])
-        value.fail(
-            fmt::format("must be [low, high] with low < high, not [{}, {}]", bounds[0], bounds[1]));
-    const double unit = is_rotary(axis) ? rad_per_deg : 1.0;
-    return {bounds[0] * unit, bounds[1] * unit};
-}
-
 ForbiddenBox read_box(const Value& value, std::span<const Axis> axes) {
     ForbiddenBox box{value.at("name").text(), {}};
     bool bounded = false;
     for (const Axis& axis : axes) {
         const auto side = value.with_names().find(axis.name);
-        box.sides.push_back(side ? read_side(*side, axis) : AxisInterval{});
+        const auto ends = side ? std::optional(AxisUnits(axis.kind).interval(*side)) : std::nullopt;
+        box.sides.push_back(ends ? AxisInterval{ends->front(), ends->back()} : AxisInterval{});
         bounded = bounded || side.has_value();
     }
     if (!bounded)
@@ -315,10 +298,9 @@ void read_slow_zone(const Value& value, std::span<const Axis> axes, MotionRules&
     const Value margin = value.at("margin").with_names();
     for (const Axis& axis : axes) {
         const auto distance = margin.find(axis.name);
-        const double unit = is_rotary(axis) ? rad_per_deg : 1.0;
-        const Unit& length = is_rotary(axis) ? units::deg : units::mm;
-        rules.slow_margin.push_back(distance ? distance->number(length.non_negative()) * unit
-                                             : 0.0);
+        const AxisUnits units(axis.kind);
+        rules.slow_margin.push_back(
+            distance ? distance->number(units.large().non_negative()) * units.per_large() : 0.0);
     }
     rules.slow_share = value.at("speed_share").number({1e-3, 1.0});
     if (rules.forbidden.empty())
@@ -370,38 +352,6 @@ std::vector<MotionSegment> plan_motion(std::span<const Axis> axes, const MotionR
     if (path.empty())
         path.push_back(space.segment(start, end));
     return path;
-}
-
-namespace {
-
-std::vector<double> positions_of(const std::vector<AxisStatus>& statuses) {
-    std::vector<double> positions;
-    for (const AxisStatus& status : statuses)
-        positions.push_back(status.position);
-    return positions;
-}
-
-}  // namespace
-
-LimitedStage::LimitedStage(std::unique_ptr<Stage> stage, MotionRules rules)
-    : stage_(std::move(stage)), rules_(std::move(rules)) {
-    stage_->limit_speed(rules_.slow_share);
-    stage_->limit_speed(speed_share_);
-}
-
-void LimitedStage::move(std::span<const double> target, std::stop_token stop) {
-    // Not position(): an axis that was homed to its limit switch stands there, and may leave.
-    const std::vector<double> from = positions_of(stage_->status());
-    for (const MotionSegment& segment :
-         plan_motion(axes(), rules_, from, target, {"stage", 0, "move"})) {
-        stage_->limit_speed(std::min(speed_share_, segment.speed_share));
-        stage_->move(segment.to, stop);
-    }
-}
-
-void LimitedStage::limit_speed(double share) {
-    stage_->limit_speed(share);  // refuses what is none
-    speed_share_ = share;
 }
 
 }  // namespace etalon

@@ -1,23 +1,13 @@
 // Where the axes may go and by which way: soft limits, boxes of axis positions that no axis may
 // enter together, slow zones around them, and approaching positions from one side.
 //
-// The axes of one motion do not keep step: on its way it may pass anywhere in the box that its
-// start and its end span. So a motion is free when that whole box is clear of every forbidden one.
-// When the straight motion of all axes is not, it is split into motions of some axes after others,
-// and where that is not enough one axis first draws back past the edge of a forbidden box.
+// The axes of one motion do not keep step: it is free when the whole box that its start and its end
+// span is clear of every forbidden one. A motion of all axes that is not is split into motions of
+// some axes after others; where that is not enough one axis first draws back past a forbidden box.
 //
 // Pure functions, no device; some 10 us a motion, with 8 axes and many boxes some milliseconds.
 #pragma once
 
-#include <functional>
-#include <limits>
-#include <memory>
-#include <span>
-#include <string>
-#include <vector>
-
-#include "core/time/clock.h"
-#include "stage/axes/axes.h"
 #include "stage/motion/stage.h"
 
 namespace etalon {
@@ -79,15 +69,17 @@ std::vector<MotionSegment> plan_motion(std::span<const Axis> axes, const MotionR
                                        const SourcePlace& place);
 
 // The stage that a station drives: another one, within the rules of its station.yaml. Each move is
-// planned from the positions that the axes read (stage/motion/motion_guard.h) and made in as many
-// motions as the plan needs, slowly where something is near. Homing is the controller's own and
-// knows no rules: see docs/stage.md. One owner thread, like the stage inside.
-
+// planned from the positions that the axes read and made in as many motions as the plan needs,
+// slowly where something is near. Homing is the controller's own and knows no rules.
 class LimitedStage final : public Stage {
 public:
     // `rules` belong to the stage's axes. Throws ConfigError when an axis cannot be as slow as they
     // ask for.
-    LimitedStage(std::unique_ptr<Stage> stage, MotionRules rules);
+    LimitedStage(std::unique_ptr<Stage> stage, MotionRules rules)
+        : stage_(std::move(stage)), rules_(std::move(rules)) {
+        stage_->limit_speed(rules_.slow_share);
+        stage_->limit_speed(speed_share_);
+    }
 
     const std::vector<Axis>& axes() const override { return stage_->axes(); }
     void enable(std::stop_token stop) override { stage_->enable(stop); }
@@ -97,10 +89,23 @@ public:
 
     // Throws ConfigError, before anything moves, for a target that is not allowed or to which no
     // way is found.
-    void move(std::span<const double> target, std::stop_token stop) override;
+    void move(std::span<const double> target, std::stop_token stop) override {
+        // Not position(): an axis that was homed to its limit switch stands there, and may leave.
+        std::vector<double> from;
+        for (const AxisStatus& status : stage_->status())
+            from.push_back(status.position);
+        for (const MotionSegment& segment :
+             plan_motion(axes(), rules_, from, target, {"stage", 0, "move"})) {
+            stage_->limit_speed(std::min(speed_share_, segment.speed_share));
+            stage_->move(segment.to, stop);
+        }
+    }
 
     // An upper limit: slow zones stay as slow as they are.
-    void limit_speed(double share) override;
+    void limit_speed(double share) override {
+        stage_->limit_speed(share);  // refuses what is none
+        speed_share_ = share;
+    }
 
     std::vector<double> position() override { return stage_->position(); }
     std::vector<AxisStatus> status() override { return stage_->status(); }

@@ -10,11 +10,6 @@
 #pragma once
 
 #include <functional>
-#include <memory>
-#include <span>
-#include <stop_token>
-#include <string>
-#include <vector>
 
 #include "core/time/clock.h"
 #include "stage/axes/axes.h"

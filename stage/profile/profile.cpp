@@ -2,11 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "core/file/text.h"
-#include "core/geometry/units.h"
 #include "stage/profile/profile_layers.h"
 
 namespace etalon {
@@ -54,8 +52,7 @@ int TargetBlock::size() const {
 }
 
 bool starts_motion(const StageProfile& profile, const Step& step) {
-    const bool gives = step.kind == Step::Kind::set || step.kind == Step::Kind::pulse;
-    if (gives)
+    if (step.kind == Step::Kind::set || step.kind == Step::Kind::pulse)
         return step.input == Input::home || step.input == Input::start;
     return step.kind == Step::Kind::write &&
            std::ranges::any_of(profile.target, &TargetBlock::starts);
@@ -104,10 +101,9 @@ std::chrono::milliseconds read_ms(const Value& value, int low) {
 
 std::vector<std::string> read_texts(const Layers& root, const std::string& key) {
     std::vector<std::string> texts;
-    if (const auto list = root.find(key)) {
+    if (const auto list = root.find(key))
         for (const Value& item : list->items())
             texts.push_back(item.text());
-    }
     return texts;
 }
 
@@ -226,10 +222,9 @@ StageProfile stage_profile_from_text(const std::string& text, const std::string&
 
 std::vector<std::string> builtin_stage_profile_names() {
     std::vector<std::string> names;
-    for (const auto& entry : builtin_profile_texts()) {
-        if (!entry.first.starts_with("base/"))
-            names.push_back(entry.first);
-    }
+    for (const auto& [name, text] : builtin_profile_texts())
+        if (!name.starts_with("base/"))
+            names.push_back(name);
     return names;
 }
 

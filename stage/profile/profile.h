@@ -8,13 +8,7 @@
 // (0-based) and those of the unit's first axis. Not for the inner loop: profiles are read once.
 #pragma once
 
-#include <chrono>
-#include <cstdint>
-#include <filesystem>
 #include <map>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "stage/axes/axes.h"
 #include "stage/link/register_numbers.h"

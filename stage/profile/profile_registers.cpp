@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 
 #include <charconv>
-#include <set>
+#include <cmath>
 
 #include "stage/profile/profile_layers.h"
 
@@ -11,24 +11,13 @@ namespace {
 constexpr int max_address = 65535;
 constexpr std::uint16_t whole = 0xFFFF;
 
-struct SpaceWord {
-    RegisterSpace space;
-    const char* of_block;  // {space: holding, ...}
-    const char* of_point;  // {register: 7, ...}
-};
-constexpr SpaceWord space_words[] = {
-    {RegisterSpace::holding_registers, "holding", "register"},
-    {RegisterSpace::input_registers, "input", "input_register"},
-    {RegisterSpace::coils, "coils", "coil"},
-    {RegisterSpace::discrete_inputs, "discrete_inputs", "discrete_input"},
-};
+// In the order of the spaces: as a block names them, {space: holding, ...}, and a point,
+// {register: 7, ...}.
+constexpr const char* block_words[] = {"coils", "discrete_inputs", "holding", "input"};
+constexpr const char* point_words[] = {"coil", "discrete_input", "register", "input_register"};
 
 const char* point_word(RegisterSpace space) {
-    for (const SpaceWord& word : space_words) {
-        if (word.space == space)
-            return word.of_point;
-    }
-    return "";
+    return point_words[static_cast<std::size_t>(space)];
 }
 
 bool flag_or(const Value& mapping, const char* key, bool otherwise) {
@@ -57,13 +46,14 @@ struct Place {
 // {register: 7}, {input_register: 7}, {coil: 7} or {discrete_input: 7}
 Place read_place(const Value& point) {
     std::optional<Place> found;
-    for (const SpaceWord& word : space_words) {
-        const auto value = point.find(word.of_point);
+    for (const auto space : {RegisterSpace::holding_registers, RegisterSpace::input_registers,
+                             RegisterSpace::coils, RegisterSpace::discrete_inputs}) {
+        const auto value = point.find(point_word(space));
         if (!value)
             continue;
         if (found)
             value->fail(fmt::format("is at '{}' already", point_word(found->space)));
-        found = {word.space, read_word(*value, 0, max_address)};
+        found = {space, read_word(*value, 0, max_address)};
     }
     if (!found)
         point.fail("must have 'register', 'input_register', 'coil' or 'discrete_input'");
@@ -87,8 +77,11 @@ public:
         for (const Value& block : root_.at("poll").items())
             read_block(block);
         profile_.position = read_number(root_.at("position"), "position");
-        if (const auto code = root_.find("alarm_code"))
-            read_alarm_code(*code);
+        if (const auto code = root_.find("alarm_code")) {
+            profile_.alarm_code = read_number(*code, "alarm_code");
+            if (profile_.alarm_code->type == NumberType::float32)
+                code->fail("must be a whole number");
+        }
         read_signals(root_.section("signals"));
         read_inputs(root_.section("inputs"));
         read_target(root_.at("target"));
@@ -140,10 +133,8 @@ private:
         PollBlock block;
         const std::string space =
             value.at("space").one_of({"holding", "input", "coils", "discrete_inputs"});
-        for (const SpaceWord& word : space_words) {
-            if (space == word.of_block)
-                block.space = word.space;
-        }
+        block.space =
+            static_cast<RegisterSpace>(std::ranges::find(block_words, space) - block_words);
         block.address = read_word(value.at("address"), 0, max_address);
         block.count = value.at("count").integer(1, most_read(block.space));
         const auto stride = value.find("stride");
@@ -152,26 +143,16 @@ private:
         block.stride = stride ? stride->integer(0, most_read(block.space)) : block.count;
         if (block.stride != 0 && block.stride < block.count)
             stride->fail(fmt::format("the axes' {} registers overlap", block.count));
-        require_one_request(value, block);
-        require_apart(value, block);
-        profile_.poll.push_back(block);
-    }
-
-    void require_one_request(const Value& value, const PollBlock& block) const {
         const int reach = (profile_.max_axes - 1) * block.stride + block.count;
         if (reach > most_read(block.space))
             value.fail(fmt::format("{} registers do not fit into one request of {}", reach,
                                    most_read(block.space)));
         if (block.address + reach - 1 > max_address)
             value.fail(fmt::format("reaches beyond register {}", max_address));
-    }
-
-    void require_apart(const Value& value, const PollBlock& block) const {
-        const int reach = (profile_.max_axes - 1) * block.stride + block.count;
-        for (int i = 0; i < reach; ++i) {
+        for (int i = 0; i < reach; ++i)
             if (block_of({block.space, block.address + i}, profile_.max_axes))
                 value.fail("overlaps with another block");
-        }
+        profile_.poll.push_back(block);
     }
 
     PolledNumber read_number(const Value& value, const std::string& meaning) {
@@ -183,12 +164,6 @@ private:
         for (int i = 0; i < registers_of(number.type); ++i)
             claim(value, {place.space, place.address + i}, whole, meaning);
         return number;
-    }
-
-    void read_alarm_code(const Value& value) {
-        profile_.alarm_code = read_number(value, "alarm_code");
-        if (profile_.alarm_code->type == NumberType::float32)
-            value.fail("must be a whole number");
     }
 
     void read_signals(const Layers& signals) {
@@ -306,16 +281,10 @@ private:
         const NumberType type = read_number_type(value.at("type"));
         const NumberRange range = range_of(type);
         const Value constant = value.at("constant");
-        if (type != NumberType::float32)
-            return {Is::constant, type, whole_number(constant, range)};
-        return {Is::constant, type, constant.number({range.low, range.high})};
-    }
-
-    static double whole_number(const Value& value, NumberRange range) {
-        const double number = value.number({range.low, range.high});
-        if (number != static_cast<double>(static_cast<std::int64_t>(number)))
-            value.fail("must be a whole number");
-        return number;
+        const double number = constant.number({range.low, range.high});
+        if (type != NumberType::float32 && number != std::floor(number))
+            constant.fail("must be a whole number");
+        return {Is::constant, type, number};
     }
 
     void read_watchdog(const Value& value) {

@@ -1,7 +1,5 @@
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "stage/profile/profile_layers.h"
 
 namespace etalon {
@@ -11,19 +9,32 @@ using Kind = Step::Kind;
 
 constexpr std::chrono::milliseconds max_stop{3000};  // it also holds up whoever gives up
 
+using Steps = std::span<const Step>;
+
 bool gives(const Step& step, Input input) {
     return (step.kind == Kind::set || step.kind == Kind::pulse) && step.input == input;
 }
 
-bool waits(const Step& step) {
-    return step.kind == Kind::wait || step.kind == Kind::wait_done;
+bool give(Steps steps, Input input) {
+    return std::ranges::any_of(steps, [=](const Step& step) { return gives(step, input); });
 }
 
-bool waits_for(const Step& step, Signal signal, bool on) {
-    return step.kind == Kind::wait &&
-           std::ranges::any_of(step.conditions, [&](const Condition& condition) {
-               return condition.signal == signal && condition.on == on;
-           });
+bool wait_for(Steps steps, Signal signal, bool on) {
+    return std::ranges::any_of(steps, [=](const Step& step) {
+        return step.kind == Kind::wait &&
+               std::ranges::any_of(step.conditions, [=](const Condition& condition) {
+                   return condition.signal == signal && condition.on == on;
+               });
+    });
+}
+
+std::ptrdiff_t count(Steps steps, Kind kind) {
+    return std::ranges::count(steps, kind, &Step::kind);
+}
+
+void require(bool holds, const Value& at, const std::string& message) {
+    if (!holds)
+        at.fail(message);
 }
 
 class SequenceReader {
@@ -32,31 +43,31 @@ public:
 
     void read(const Layers& root) {
         const Layers section = root.section("sequences");
+        const auto steps_of = [&](const char* key) {
+            std::vector<Step> steps;
+            for (const Value& item : section.at(key).items())
+                steps.push_back(read_step(item));
+            return steps;
+        };
         auto& sequences = profile_.sequences;
-        sequences.enable = read_steps(section.at("enable"));
-        sequences.reset = read_steps(section.at("reset"));
-        sequences.home = read_steps(section.at("home"));
-        sequences.move = read_steps(section.at("move"));
-        sequences.stop = read_steps(section.at("stop"));
+        sequences.enable = steps_of("enable");
+        sequences.reset = steps_of("reset");
+        sequences.home = steps_of("home");
+        sequences.move = steps_of("move");
+        sequences.stop = steps_of("stop");
         check_at_rest(section.at("enable"), sequences.enable);
         check_at_rest(section.at("reset"), sequences.reset);
         check_home(section.at("home"), sequences.home);
         check_move(section.at("move"), sequences.move);
         check_stop(section.at("stop"), sequences.stop);
-        if (!std::ranges::any_of(sequences.reset,
-                                 [](const Step& s) { return waits_for(s, Signal::alarm, false); }))
-            section.at("reset").fail("must wait for 'not alarm'");
-        require_all_used(root);
+        require(wait_for(sequences.reset, Signal::alarm, false), section.at("reset"),
+                "must wait for 'not alarm'");
+        for (const auto& [input, point] : profile_.inputs)
+            require(std::ranges::count(used_, input) != 0,
+                    root.section("inputs").at(name_of(input)), "is used in no sequence");
     }
 
 private:
-    std::vector<Step> read_steps(const Value& list) {
-        std::vector<Step> steps;
-        for (const Value& item : list.items())
-            steps.push_back(read_step(item));
-        return steps;
-    }
-
     Step read_step(const Value& item) {
         for (const auto& [key, kind] :
              {std::pair("set", Kind::set), std::pair("clear", Kind::clear),
@@ -126,81 +137,56 @@ private:
         return {signal, on};
     }
 
-    bool starts(const Step& step) const { return starts_motion(profile_, step); }
-
-    void check_at_rest(const Value& at, const std::vector<Step>& steps) const {
-        for (const Step& step : steps) {
-            if (starts(step) || step.kind == Kind::write || step.kind == Kind::wait_done)
-                at.fail("may not set anything in motion");
-        }
+    void check_at_rest(const Value& at, Steps steps) const {
+        for (const Step& step : steps)
+            require(!starts_motion(profile_, step) && step.kind != Kind::write &&
+                        step.kind != Kind::wait_done,
+                    at, "may not set anything in motion");
     }
 
     // Exactly one motion; returns the steps after its start.
-    std::vector<Step> after_only_start(const Value& at, const std::vector<Step>& steps) const {
-        const auto is_start = [this](const Step& step) { return starts(step); };
-        const auto count = std::ranges::count_if(steps, is_start);
-        if (count != 1)
-            at.fail(fmt::format("must start a motion exactly once, not {} times", count));
+    Steps after_only_start(const Value& at, Steps steps) const {
+        const auto is_start = [this](const Step& step) { return starts_motion(profile_, step); };
+        const auto starts = std::ranges::count_if(steps, is_start);
+        require(starts == 1, at,
+                fmt::format("must start a motion exactly once, not {} times", starts));
         return {std::ranges::find_if(steps, is_start) + 1, steps.end()};
     }
 
-    void check_home(const Value& at, const std::vector<Step>& steps) const {
-        const std::vector<Step> after = after_only_start(at, steps);
-        const auto homes = [](const Step& step) { return gives(step, Input::home); };
-        if (std::ranges::none_of(steps, homes))
-            at.fail("must give 'home'");
-        const auto rests = [](const Step& s) { return waits_for(s, Signal::moving, false); };
-        if (std::ranges::none_of(after, rests))
-            at.fail("must wait for 'not moving' after the start");
-        const bool homed = std::ranges::any_of(
-            after, [](const Step& s) { return waits_for(s, Signal::homed, true); });
-        if (profile_.has(Signal::homed) && !homed)
-            at.fail("must wait for 'homed' after the start");
+    void check_home(const Value& at, Steps steps) const {
+        const Steps after = after_only_start(at, steps);
+        require(give(steps, Input::home), at, "must give 'home'");
+        require(wait_for(after, Signal::moving, false), at,
+                "must wait for 'not moving' after the start");
+        require(!profile_.has(Signal::homed) || wait_for(after, Signal::homed, true), at,
+                "must wait for 'homed' after the start");
     }
 
-    void check_move(const Value& at, const std::vector<Step>& steps) const {
-        const std::vector<Step> after = after_only_start(at, steps);
-        const auto is = [](Kind kind) {
-            return [kind](const Step& step) { return step.kind == kind; };
-        };
-        if (std::ranges::any_of(steps, [](const Step& s) { return gives(s, Input::home); }))
-            at.fail("may not give 'home'");
-        if (std::ranges::count_if(steps, is(Kind::write)) != 1 ||
-            std::ranges::any_of(after, is(Kind::write)))
-            at.fail("must write the target once, not after the start");
-        if (std::ranges::count_if(after, is(Kind::wait_done)) != 1 ||
-            std::ranges::count_if(steps, is(Kind::wait_done)) != 1)
-            at.fail("must wait for 'done' once, after the start");
+    void check_move(const Value& at, Steps steps) const {
+        const Steps after = after_only_start(at, steps);
+        require(!give(steps, Input::home), at, "may not give 'home'");
+        require(count(steps, Kind::write) == 1 && count(after, Kind::write) == 0, at,
+                "must write the target once, not after the start");
+        require(count(steps, Kind::wait_done) == 1 && count(after, Kind::wait_done) == 1, at,
+                "must wait for 'done' once, after the start");
     }
 
-    void check_stop(const Value& at, const std::vector<Step>& steps) const {
+    void check_stop(const Value& at, Steps steps) const {
         const auto first =
             std::ranges::find_if(steps, [](const Step& step) { return gives(step, Input::stop); });
-        if (first == steps.end())
-            at.fail("must give 'stop'");
-        if (std::any_of(steps.begin(), first, waits))
-            at.fail("may not wait before it gives 'stop'");
-        const bool confirmed = std::any_of(first, steps.end(), [](const Step& step) {
-            return waits_for(step, Signal::moving, false);
-        });
-        if (!confirmed)
-            at.fail("must wait for 'not moving' after it gives 'stop'");
+        require(first != steps.end(), at, "must give 'stop'");
+        const Steps before(steps.begin(), first), after(first, steps.end());
+        require(count(before, Kind::wait) == 0 && count(before, Kind::wait_done) == 0, at,
+                "may not wait before it gives 'stop'");
+        require(wait_for(after, Signal::moving, false), at,
+                "must wait for 'not moving' after it gives 'stop'");
         check_at_rest(at, steps);
+        require(count(steps, Kind::require) == 0, at, "may not require anything");
         std::chrono::milliseconds time{0};
-        for (const Step& step : steps) {
+        for (const Step& step : steps)
             time += step.within;
-            if (step.kind == Kind::require)
-                at.fail("may not require anything");
-        }
-        if (time > max_stop)
-            at.fail(fmt::format("may not take more than {} ms", max_stop.count()));
-    }
-
-    void require_all_used(const Layers& root) const {
-        for (const auto& [input, point] : profile_.inputs) {
-            if (std::ranges::find(used_, input) == used_.end())
-                root.section("inputs").at(name_of(input)).fail("is used in no sequence");
-        }
+        require(time <= max_stop, at,
+                fmt::format("may not take more than {} ms", max_stop.count()));
     }
 
     StageProfile& profile_;

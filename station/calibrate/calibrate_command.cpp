@@ -4,19 +4,16 @@
 #include <fmt/ranges.h>
 
 #include <cstdio>
-#include <map>
 
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/camera_consistency.h"
-#include "compare/detect/board/calibration_target.h"
-#include "compare/photometric/compared_area.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
-#include "core/image/image.h"
 #include "core/program/errors.h"
+#include "station/calibrate/calibrate_help.txt.h"
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
@@ -110,10 +107,9 @@ Observations observe_all(const CalibrationTarget& target, const std::string& spe
         throw ConfigError({"PHOTOS"}, "no photograph given");
     Observations observations = of_one_size(std::move(groups));
     if (observations.run.views.size() < 3)
-        throw ConfigError({"PHOTOS"},
-                          fmt::format("the target {} was found in {} of {} photos; "
-                                      "three are needed",
-                                      spec, observations.run.views.size(), photos.size()));
+        throw ConfigError(
+            {"PHOTOS"}, fmt::format("the target {} was found in {} of {} photos; three are needed",
+                                    spec, observations.run.views.size(), photos.size()));
     return observations;
 }
 
@@ -250,13 +246,6 @@ void write_report(const CalibrationRun& run, const std::filesystem::path& folder
     write_text(folder / "report.html", calibration_html(run));
 }
 
-// What a person reads; programs read stdout.
-void print_findings(const CalibrationRun& run) {
-    fmt::print(stderr, "{}", calibration_tables(run));
-    for (const std::string& remark : calibration_remarks(run))
-        fmt::print(stderr, "\n{}", wrapped_text("", remark, 80));
-}
-
 void print_words(const CalibrationRun& run, const std::filesystem::path& report) {
     const CameraCalibration& calibration = run.calibration;
     fmt::print("RMS {:.3f} px\n", calibration.rms_px);
@@ -289,7 +278,9 @@ int run_calibrate(const CalibrateArguments& given) {
     CalibrationRun& run = *attempt;
     if (arguments.refine == "photometric")
         run.refinement = photometric_refinement(run);
-    print_findings(run);
+    fmt::print(stderr, "{}", calibration_tables(run));
+    for (const std::string& remark : calibration_remarks(run))
+        fmt::print(stderr, "\n{}", wrapped_text("", remark, 80));
     write_camera(arguments.out, run.camera());
     if (!arguments.report.empty())
         write_report(run, arguments.report);
@@ -302,45 +293,10 @@ int run_calibrate(const CalibrateArguments& given) {
     return 0;
 }
 
-constexpr const char* calibrate_details =
-    "Prints `RMS x px`, `leave-one-out x px over n photos` and `model NAME`; tables\n"
-    "and what speaks against the calibration go to stderr. With --report DIR gets\n"
-    "report.html, calibration.json and corners.csv, with --fit-board board.csv, too.\n"
-    "Photos of another zoom, focus or camera than most are named and not used. Ends\n"
-    "with 2, and writes nothing, when the photos hold no calibration. Explained in\n"
-    "docs/calibration.md.\n\n"
-    "Targets (`etalon marker` prints them):\n"
-    "  chessboard:9x6@25mm                  inner corners, side of a square\n"
-    "  charuco:4X4_50:9x6@30mm/22mm         squares, their side, side of a marker\n"
-    "  aprilgrid:36h11:6x5@40mm/12mm        tags, their side, gap between them\n"
-    "  circles:7x6@20mm/12mm                circles, spacing, diameter\n"
-    "  acircles:4x11@20mm/12mm              OpenCV's asymmetric grid\n"
-    "  hexcircles:28x24@12mm/10mm           BoofCV's hexagonal grid\n"
-    "  squares:4x3@30mm/20mm                black squares, their side, gap between\n\n"
-    "Models, each with the parameters of those before it:\n"
-    "  pinhole   fx fy cx cy          rational  k4 k5 k6\n"
-    "  radial    k1 k2                prism     s1 s2 s3 s4\n"
-    "  standard  p1 p2 k3             tilted    tau_x tau_y\n"
-    "and of wide lenses, each with fx fy cx cy:\n"
-    "  field_of_view     omega        kannala_brandt   k1 k2 k3 k7 (OpenCV's fisheye)\n"
-    "  double_sphere     xi alpha     omnidirectional  k1 k2 p1 p2 xi\n"
-    "  extended_unified  beta alpha\n"
-    "`auto` looks among the latter where no other follows the lens; it takes the\n"
-    "simplest one that predicts photos it has not seen as well as the best, within a\n"
-    "standard error, and that they determine.\n"
-    "Telecentric lenses, only when named, fx and fy in px per mm:\n"
-    "  telecentric           fx fy     telecentric_radial  fx fy cx cy k1 k2\n"
-    "  telecentric_standard  fx fy cx cy k1 k2 p1 p2 k3\n\n"
-    "PHOTOS may be patterns and videos: 'photos/*.jpg' 'video:F.mp4?every=10'\n\n"
-    "Examples:\n"
-    "  etalon calibrate --board 9x6 --square-mm 25 left*.jpg --out camera.yml\n"
-    "  etalon calibrate --target chessboard:9x6@25mm left*.jpg --out camera.yml \\\n"
-    "      --report calibration\n";
-
 void declare_calibrate(Command& program) {
     auto [command, asked] =
         program.add(run_calibrate, "calibrate", "estimate intrinsics from photographs of a target",
-                    calibrate_details);
+                    calibrate_help_txt);
     command.required("PHOTOS", asked->photos, "three or more photographs of the target");
     const Option target =
         command.option("--target", asked->target, "what was photographed, see below", "T");

@@ -21,9 +21,12 @@ SvgPlot image_plot(const CameraModel& camera) {
     return plot;
 }
 
-// The longest arrow is about a twentieth of the image.
-double arrow_scale(const Arrows& arrows, const CameraModel& camera) {
-    return round_scale(camera.width / 20.0 / std::max(arrows.longest(), 1e-9));
+// The longest arrow is about a twentieth of `width`. `caption` gets the enlargement.
+HtmlPage::Figure arrow_figure(SvgPlot plot, const Arrows& arrows, double width, Color color,
+                              const char* label, const std::string& caption) {
+    const double factor = round_scale(width / 20.0 / std::max(arrows.longest(), 1e-9));
+    plot.add_arrows(arrows, factor, color, label);
+    return {plot.svg(), fmt::format(fmt::runtime(caption), factor)};
 }
 
 std::string point_note(const CalibrationRun& run, std::size_t view, std::size_t point) {
@@ -155,13 +158,10 @@ HtmlPage::Figure residual_figure(const CalibrationRun& run) {
         if (!run.calibration.views[v].left_out[i])
             arrows.add(pixel, run.calibration.views[v].residuals_px[i], point_note(run, v, i));
     });
-    const double factor = arrow_scale(arrows, run.calibration.camera);
-    SvgPlot plot = image_plot(run.calibration.camera);
-    plot.add_arrows(arrows, factor, Color::blue, "photo minus model");
-    return {plot.svg(),
-            fmt::format("Residuals, enlarged {:g} times. Neighbouring arrows of different photos "
-                        "that agree are a distortion that the model does not have.",
-                        factor)};
+    const CameraModel& camera = run.calibration.camera;
+    return arrow_figure(image_plot(camera), arrows, camera.width, Color::blue, "photo minus model",
+                        "Residuals, enlarged {:g} times. Neighbouring arrows of different photos "
+                        "that agree are a distortion that the model does not have.");
 }
 
 HtmlPage::Figure radial_figure(const CalibrationRun& run) {
@@ -215,13 +215,11 @@ std::vector<HtmlPage::Figure> uncertainty_figures(const CameraCalibration& calib
             heat_map_svg(heat),
             fmt::format("{}: {:.2f} px in the mean over the image, {:.2f} px at worst among the "
                         "corners, where the scale ends, and {:.2f} px beyond them. Do not measure "
-                        "where it is "
-                        "bright.",
+                        "where it is bright.",
                         what, map.mean(value), map.worst_among_points(value), map.worst(value))};
     };
     return {figure(&PixelUncertainty::held,
-                   "One standard deviation of where a fixed ray lands, "
-                   "camera held"),
+                   "One standard deviation of where a fixed ray lands, camera held"),
             figure(&PixelUncertainty::rotated,
                    fmt::format("The same after the {} that takes back most of it",
                                best_motion(calibration.camera)))};
@@ -269,15 +267,12 @@ std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
                                point.id, d.x(), d.y(), d.z(), sd.x(), sd.y(), sd.z()));
         box.extend(point.drawn_mm.head<2>());
     }
-    const double factor = round_scale(box.sizes().x() / 20.0 / std::max(arrows.longest(), 1e-9));
     SvgPlot plot("x / mm", "y / mm");
     plot.set_image_axes();
-    plot.add_arrows(arrows, factor, Color::blue, "in the plane");
     return {height_figure(board),
-            {plot.svg(), fmt::format("How far the points lie from the drawing in its plane, "
-                                     "enlarged {:g} times. Arrows that grow outwards "
-                                     "are a print of another scale.",
-                                     factor)}};
+            arrow_figure(plot, arrows, box.sizes().x(), Color::blue, "in the plane",
+                         "How far the points lie from the drawing in its plane, enlarged {:g} "
+                         "times. Arrows that grow outwards are a print of another scale.")};
 }
 
 HtmlPage::Figure halves_figure(const CameraCalibration& calibration) {
@@ -289,15 +284,13 @@ HtmlPage::Figure halves_figure(const CameraCalibration& calibration) {
                    fmt::format("({:.0f}, {:.0f}): {:.3f} px", halves.pixels[i].x(),
                                halves.pixels[i].y(), d.norm()));
     }
-    const double factor = arrow_scale(arrows, calibration.camera);
-    SvgPlot plot = image_plot(calibration.camera);
-    plot.add_arrows(arrows, factor, Color::green, "second half minus first");
-    return {plot.svg(),
-            fmt::format(
-                "How differently the two halves project, after the best {}; "
-                "enlarged {:g} times. Look for an edge where they part: the photos do not hold the "
-                "camera there.",
-                best_motion(calibration.camera), factor)};
+    const CameraModel& camera = calibration.camera;
+    return arrow_figure(
+        image_plot(camera), arrows, camera.width, Color::green, "second half minus first",
+        std::string("How differently the two halves project, after the best ") +
+            best_motion(camera) +
+            "; enlarged {:g} times. Look for an edge where they part: the photos do not hold the "
+            "camera there.");
 }
 
 void add_summary(HtmlPage& page, const CalibrationRun& run) {
@@ -362,19 +355,13 @@ void add_models(HtmlPage& page, const CalibrationRun& run) {
     page.add_table(model_table(run));
     page.add_paragraph(
         "Left out: every photo in turn is taken away, the camera calibrated from the others, and "
-        "of "
-        "the photo only its pose fitted. Advised is the simplest model within one standard error "
+        "of the photo only its pose fitted. Advised is the simplest model within one standard "
+        "error "
         "of the best, paired by photo, and not more than a quarter worse. A richer one that "
         "predicts worse overfits. Certain to: the largest standard deviation of a ray's image "
         "among the corners. Halves: how far two calibrations of every second photo project apart. "
         "A model is not advised where the first is twice, or the second three times, what the "
         "best model and the left-out error leave.");
-}
-
-void add_residuals(HtmlPage& page, const CalibrationRun& run) {
-    page.add_heading("Residuals and where the corners are");
-    page.add_figures(
-        {residual_figure(run), radial_figure(run), photo_figure(run), coverage_figure(run)});
 }
 
 void add_uncertainty(HtmlPage& page, const CameraCalibration& calibration) {
@@ -424,7 +411,9 @@ std::string calibration_html(const CalibrationRun& run) {
     add_summary(page, run);
     add_parameters(page, run.calibration);
     add_models(page, run);
-    add_residuals(page, run);
+    page.add_heading("Residuals and where the corners are");
+    page.add_figures(
+        {residual_figure(run), radial_figure(run), photo_figure(run), coverage_figure(run)});
     add_uncertainty(page, run.calibration);
     add_halves(page, run.calibration);
     add_board(page, run.calibration);

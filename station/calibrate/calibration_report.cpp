@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
@@ -40,8 +38,7 @@ void remark_on_outliers(const CalibrationRun& run, std::vector<std::string>& rem
                 fmt::format("{} of {}", count_left_out(view), short_name(run.photos[i])));
     }
     remarks.push_back(
-        fmt::format("Left out because they do not fit the others: {} of {} corners: "
-                    "{}.",
+        fmt::format("Left out because they do not fit the others: {} of {} corners: {}.",
                     calibration.points_left_out(), calibration.points(), fmt::join(parts, ", ")));
 }
 
@@ -92,16 +89,17 @@ void remark_on_deviations(const CalibrationRun& run, std::vector<std::string>& r
             "Corners of one photo are not independent: what the photos say of each other makes "
             "standard deviations more than {:g} times the formal ones ({}).",
             suspicious_deviation_ratio, fmt::join(suspicious, ", ")));
-    std::vector<std::string> askew;
-    for (const std::size_t i : calibration.askew())
-        askew.push_back(fmt::format("{} {:.5g} to {:.5g}", calibration.model.parameters[i],
-                                    calibration.intervals[i]->low, calibration.intervals[i]->high));
-    if (!askew.empty())
+    std::vector<std::string> skewed;
+    for (const std::size_t i : calibration.skewed_intervals())
+        skewed.push_back(fmt::format("{} {:.5g} to {:.5g}", calibration.model.parameters[i],
+                                     calibration.intervals[i]->low,
+                                     calibration.intervals[i]->high));
+    if (!skewed.empty())
         remarks.push_back(fmt::format(
             "Parameters that trade for each other so freely that a standard deviation does not say "
             "how far off each may be; their 95 % intervals: {}. What the camera projects is as "
             "certain as stated.",
-            fmt::join(askew, ", ")));
+            fmt::join(skewed, ", ")));
     if (!calibration.covariances.bootstrap)
         remarks.push_back(fmt::format(
             "No bootstrap: it needs {} photos, and nearly every resample of them must determine "
@@ -239,31 +237,6 @@ ordered_json parameters_json(const CameraCalibration& calibration) {
     }
     for (const auto& [name, value] : held_parameters(calibration))
         json[name] = {{"value", value}, {"held", reason_held}};
-    return json;
-}
-
-ordered_json model_json(const CalibrationRun& run, const ModelScore& score) {
-    ordered_json json = {{"model", score.model}, {"parameters", score.parameters}};
-    if (score.fit) {
-        json["rms_px"] = score.rms_px;
-        json["condition_number"] = score.fit->condition_number;
-    }
-    if (score.leave_one_out_rms_px) {
-        json["leave_one_out_rms_px"] = *score.leave_one_out_rms_px;
-        json["above_best_px2"] = score.above_best;
-        json["above_best_standard_error_px2"] = score.above_best_error;
-    }
-    if (score.projection_deviation_px)
-        json["projection_deviation_px"] = *score.projection_deviation_px;
-    if (score.halves_px)
-        json["halves_px"] = *score.halves_px;
-    if (!score.doubt.empty())
-        json["doubt"] = score.doubt;
-    if (!score.failure.empty())
-        json["failure"] = score.failure;
-    if (score.failed_view)
-        json["photo_not_predicted"] = run.photos[*score.failed_view];
-    json["overfits"] = score.overfits;
     return json;
 }
 
@@ -440,17 +413,46 @@ ResultTable photo_table(const CalibrationRun& run) {
 }
 
 ResultTable model_table(const CalibrationRun& run) {
-    ResultTable table =
-        empty_table({"model", "parameters", "fit / px", "left out / px", "above the best / px",
-                     "certain to / px", "halves / px", "condition", "judged"});
-    for (const ModelScore& score : run.calibration.advice.models)
-        table.rows.push_back(
-            {score.model, score.parameters, score.fit ? fixed(score.rms_px, 4) : dash,
-             fixed(score.leave_one_out_rms_px, 4), difference(score, run.calibration.advice),
-             significant(score.projection_deviation_px, 3), significant(score.halves_px, 3),
-             score.fit ? fmt::format("{:.1e}", score.fit->condition_number) : dash,
-             judged(run, score)});
-    return table;
+    const auto fitted = [](auto value) {
+        return [=](const ModelScore& score) {
+            return score.fit ? TableCell(value(score)) : TableCell();
+        };
+    };
+    const auto predicted = [](double ModelScore::*value) {
+        return [=](const ModelScore& score) {
+            return score.leave_one_out_rms_px ? TableCell(score.*value) : TableCell();
+        };
+    };
+    const auto said = [](std::string ModelScore::*text) {
+        return [=](const ModelScore& score) {
+            return (score.*text).empty() ? TableCell() : TableCell(score.*text);
+        };
+    };
+    const auto condition =
+        fitted([](const ModelScore& score) { return score.fit->condition_number; });
+    const ColumnsOf<ModelScore> columns = {
+        {"model", &ModelScore::model, "model"},
+        {"parameters", &ModelScore::parameters, "parameters"},
+        {"rms_px", fitted(std::mem_fn(&ModelScore::rms_px)), "fit", "px", "{:.4f}"},
+        {"condition_number", condition},
+        {"leave_one_out_rms_px", &ModelScore::leave_one_out_rms_px, "left out", "px", "{:.4f}"},
+        {"above_best_px2", predicted(&ModelScore::above_best)},
+        {"above_best_standard_error_px2", predicted(&ModelScore::above_best_error)},
+        {"", [&](const auto& score) { return difference(score, run.calibration.advice); },
+         "above the best", "px"},
+        {"projection_deviation_px", &ModelScore::projection_deviation_px, "certain to", "px",
+         "{:.3g}"},
+        {"halves_px", &ModelScore::halves_px, "halves", "px", "{:.3g}"},
+        {"", condition, "condition", "", "{:.1e}"},
+        {"doubt", said(&ModelScore::doubt)},
+        {"failure", said(&ModelScore::failure)},
+        {"photo_not_predicted",
+         [&](const ModelScore& score) {
+             return score.failed_view ? TableCell(run.photos[*score.failed_view]) : TableCell();
+         }},
+        {"overfits", &ModelScore::overfits},
+        {"", [&](const auto& score) { return judged(run, score); }, "judged"}};
+    return table_of(columns, run.calibration.advice.models);
 }
 
 ResultTable parameter_table(const CameraCalibration& calibration) {
@@ -498,8 +500,7 @@ std::string calibration_json(const CalibrationRun& run) {
     json["corners_left_out"] = calibration.points_left_out();
     json["photos_left_out"] = calibration.views.size() - photos_used(calibration);
     json["parameters"] = parameters_json(calibration);
-    json["models"] = json_list(calibration.advice.models,
-                               [&](const auto& score) { return model_json(run, score); });
+    json["models"] = json_rows(model_table(run), MissingFigure::left_out);
     json["projection_uncertainty"] = uncertainty_json(calibration.uncertainty);
     if (calibration.halves)
         json["halves"] = halves_json(*calibration.halves);

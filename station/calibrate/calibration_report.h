@@ -2,12 +2,6 @@
 // calibration.json, corners.csv and report.html.
 #pragma once
 
-#include <filesystem>
-#include <optional>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "calib/intrinsics/calibrate.h"
 #include "compare/photometric/photometric_refinement.h"
 #include "report/result_table.h"

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "calib/camera/camera_model.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/camera_check.h"

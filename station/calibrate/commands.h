@@ -3,9 +3,7 @@
 // its stable words and --json on stdout and everything else on stderr.
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <vector>
+#include "compare/characterise/characterisation.h"
 
 namespace etalon {
 
@@ -41,6 +39,13 @@ struct CharacteriseArguments {
 };
 int run_characterise(const CharacteriseArguments& arguments);
 int run_edge(const CharacteriseArguments& arguments);  // of run_characterise(), with `edge`
+
+// "gain 3.021 +- 0.034 e/DN": U = 2u with two digits, the value to the same place.
+std::string with_uncertainty(const MeasuredValue& value);
+
+// Writes report.html into the folder, which is made. Throws ConfigError when it cannot be written.
+void write_characterise_report(const std::filesystem::path& folder, const CharacteriseInput& input,
+                               const Characterisation& result);
 
 // `etalon camera show|convert|check`.
 struct CameraFileArguments {

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
-#include "compare/characterise/slanted_edge.h"
 #include "compare/photo_pose.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"

@@ -4,7 +4,6 @@
 
 #include <csignal>
 
-#include "compare/uncertainty/uncertainty_budget.h"
 #include "core/file/text.h"
 #include "core/process/subprocess.h"
 #include "core/statistics/distributions.h"
@@ -25,31 +24,25 @@ std::string line_of(const Value& section, const char* key) {
     return text;
 }
 
-std::string country_of(const Value& section) {
-    const std::string country = line_of(section, "country");
-    const auto is_capital = [](char c) { return c >= 'A' && c <= 'Z'; };
-    if (!country.empty() && (country.size() != 2 || !std::ranges::all_of(country, is_capital)))
-        section.at("country").fail("must be two capital letters of ISO 3166-1, as DE");
-    return country;
-}
+constexpr std::pair<const char*, std::string PostalContact::*> contact_keys[] = {
+    {"name", &PostalContact::name},
+    {"street", &PostalContact::street},
+    {"postcode", &PostalContact::postcode},
+    {"city", &PostalContact::city},
+    {"country", &PostalContact::country}};
 
 PostalContact contact_of(const Value& root, const char* key) {
+    PostalContact contact;
     const auto section = root.find(key);
     if (!section)
-        return {};
-    return {line_of(*section, "name"), line_of(*section, "street"), line_of(*section, "postcode"),
-            line_of(*section, "city"), country_of(*section)};
-}
-
-void add_missing(std::vector<std::string>& missing, const char* key, const PostalContact& contact) {
-    const std::pair<const char*, const std::string&> parts[] = {{"name", contact.name},
-                                                                {"street", contact.street},
-                                                                {"postcode", contact.postcode},
-                                                                {"city", contact.city},
-                                                                {"country", contact.country}};
-    for (const auto& [part, text] : parts)
-        if (text.empty())
-            missing.push_back(fmt::format("{}.{}", key, part));
+        return contact;
+    for (const auto& [part, text] : contact_keys)
+        contact.*text = line_of(*section, part);
+    const std::string& country = contact.country;
+    const auto is_capital = [](char c) { return c >= 'A' && c <= 'Z'; };
+    if (!country.empty() && (country.size() != 2 || !std::ranges::all_of(country, is_capital)))
+        section->at("country").fail("must be two capital letters of ISO 3166-1, as DE");
+    return contact;
 }
 
 using Missing = std::vector<std::string>;
@@ -192,14 +185,17 @@ CertificateForm read_certificate_form(const std::filesystem::path& path) {
 
 std::vector<std::string> missing_keys(const CertificateForm& form) {
     std::vector<std::string> missing;
-    if (form.number.empty())
-        missing.emplace_back("number");
-    add_missing(missing, "laboratory", form.laboratory);
-    add_missing(missing, "customer", form.customer);
-    if (form.signer_name.empty())
-        missing.emplace_back("signer.name");
-    if (form.signer_role.empty())
-        missing.emplace_back("signer.role");
+    const auto require = [&](const std::string& key, const std::string& text) {
+        if (text.empty())
+            missing.push_back(key);
+    };
+    require("number", form.number);
+    for (const auto& [section, contact] :
+         {std::pair("laboratory.", &form.laboratory), std::pair("customer.", &form.customer)})
+        for (const auto& [part, text] : contact_keys)
+            require(std::string(section) + part, contact->*text);
+    require("signer.name", form.signer_name);
+    require("signer.role", form.signer_role);
     return missing;
 }
 

@@ -1,7 +1,6 @@
-// A calibration certificate of a run: what a laboratory must state (ISO/IEC 17025:2017, 7.8), for
-// people as HTML on A4, and for machines as Digital Calibration Certificate. docs/certificate.md.
-//
-// Every number is the record's. Text of files and devices is escaped.
+// A calibration certificate of a run, which states what a laboratory must (ISO/IEC 17025:2017,
+// 7.8): as HTML on A4 and as Digital Calibration Certificate. docs/certificate.md. Every number is
+// the record's. Text of files and devices is escaped.
 #pragma once
 
 #include "station/record/qualify_result.h"
@@ -33,7 +32,7 @@ struct CertificateForm {
 // keys, text that is empty or has line breaks, and countries that are not two capital letters.
 CertificateForm read_certificate_form(const std::filesystem::path& path);
 
-// The keys that are missing, as the file would name them.
+// As the file would name them.
 std::vector<std::string> missing_keys(const CertificateForm& form);
 
 // "Main Road 1, 38116 Braunschweig, DE".
@@ -47,9 +46,9 @@ struct RunDays {
 };
 RunDays days_of(const QualifyResult& run);
 
-// What is missing, a line each; none: the run can be certified. Every input of its budget must be
-// traced to a certificate that was in force on its days, the room measured, and known what a
-// certificate must state. INCONCLUSIVE and resumed runs can be certified if they have measured.
+// A line each; none: the run can be certified. Every input of its budget must be traced to a
+// certificate that was in force on its days, and the room must be measured. INCONCLUSIVE and
+// resumed runs can be certified if they have measured.
 std::vector<std::string> missing_for_certificate(const QualifyResult& run,
                                                  const CertificateForm& form);
 
@@ -76,9 +75,9 @@ std::string write_pdf(const std::filesystem::path& html, const std::filesystem::
 
 // ---- what both forms say
 
-// Whether the camera conforms, a sentence.
+// Whether the camera conforms.
 std::string conformity_sentence(const Certificate& certificate);
-// How it was measured, sentences.
+// How it was measured.
 std::vector<std::string> method_sentences(const Certificate& certificate);
 // What limits this certificate: interruptions, what was not met, why there is no verdict.
 std::vector<std::string> certificate_remarks(const Certificate& certificate);

@@ -4,36 +4,11 @@
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "report/number_text.h"
+#include "station/certify/certificate.css.h"
 #include "station/certify/certificate.h"
 
 namespace etalon {
 namespace {
-
-constexpr const char* style = R"(
-@page { size: A4; margin: 20mm 18mm 19mm 20mm; @bottom-left { content: string(number); }
-  @bottom-right { content: "Page " counter(page) " of " counter(pages); }
-  @bottom-left { font: 8pt sans-serif; color: #555; } @bottom-right { font: 8pt sans-serif; color: #555; } }
-html { font: 8.6pt/1.32 "Liberation Sans", "Arimo", "Noto Sans", "DejaVu Sans", sans-serif; color: #111; hyphens: manual; }
-body { margin: 0 auto; max-width: 172mm; }
-header { display: flex; justify-content: space-between; border-bottom: 1.6pt solid #111; padding-bottom: 3mm; }
-header p { margin: 0; } header .name { font-size: 11pt; font-weight: bold; }
-header .number { string-set: number content(); text-align: right; }
-h1 { font-size: 18pt; font-weight: 500; margin: 6mm 0 3mm; letter-spacing: 0.1pt; }
-h2 { font-size: 9.2pt; margin: 4mm 0 1.2mm; break-after: avoid; } h2 + p { break-after: avoid; }
-p { margin: 0 0 1.5mm; } ul { margin: 0; padding-left: 4mm; }
-table { border-collapse: collapse; width: 100%; } table.figures td:last-child { white-space: nowrap; }
-table.wide td:last-child { white-space: normal; } tr { break-inside: avoid; }
-table.facts { break-inside: avoid; } table.facts th { width: 38mm; font-weight: normal; color: #444; }
-th, td { text-align: left; vertical-align: top; padding: 0.65mm 2.6mm 0.65mm 0; }
-table.figures { border-top: 0.8pt solid #111; border-bottom: 0.8pt solid #111; }
-table.figures th { font-weight: bold; border-bottom: 0.5pt solid #111; vertical-align: bottom; }
-table.figures td { border-bottom: 0.3pt solid #bbb; } table.figures tr:last-child td { border-bottom: none; }
-.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
-td:last-child, th:last-child { padding-right: 0; }
-.statement { border: 0.8pt solid #111; padding: 2.5mm 3.5mm; margin: 4mm 0 1mm; font-size: 11pt; font-weight: bold; }
-.small { font-size: 7.6pt; color: #333; } .record { margin-top: 7mm; } code { font: 7.2pt "Liberation Mono", "DejaVu Sans Mono", monospace; overflow-wrap: anywhere; }
-.sign { display: flex; gap: 14mm; margin-top: 15mm; break-inside: avoid; } .sign div { flex: 1; border-top: 0.6pt solid #111; padding-top: 1mm; }
-)";
 
 using Texts = std::vector<std::string>;
 
@@ -86,11 +61,6 @@ std::string figures(const Texts& header, const std::vector<Texts>& rows, std::si
     return html + "</table>\n";
 }
 
-std::string days_text(const RunDays& days) {
-    return days.first == days.last ? days.first + " (UTC)"
-                                   : fmt::format("{} to {} (UTC)", days.first, days.last);
-}
-
 std::string volume_text(const StationFile& station) {
     Texts sides;
     for (std::size_t i = 0; i < station.stage.axes.size(); ++i) {
@@ -101,10 +71,6 @@ std::string volume_text(const StationFile& station) {
                                     station.plan.volume[i].high * unit, rotary ? "°" : "mm"));
     }
     return fmt::format("{}", fmt::join(sides, ", "));
-}
-
-std::string camera_text(const CameraIdentity& camera) {
-    return std::string(trimmed(camera.vendor + " " + camera.model));
 }
 
 // A value to the digits of its U, which has two (GUM 7.2.6).
@@ -167,14 +133,6 @@ std::string climate_text(const std::optional<ClimateSummary>& climate, const cha
         climate->readings > 0 ? fmt::format(" of {} readings", climate->readings) : ", by hand");
 }
 
-std::string environment_html(const QualifyResult& run) {
-    return heading("Environment") +
-           facts(
-               {{"Temperature", climate_text(room_temperature(run.station, run.environment), "°C")},
-                {"Relative humidity",
-                 climate_text(room_humidity(run.station, run.environment), "%")}});
-}
-
 std::string traceability_html(const StationFile& station) {
     std::vector<Texts> rows;
     for (const TracedReference& each : station.references) {
@@ -218,13 +176,15 @@ std::string head_html(const CertificateForm& form) {
 std::string item_html(const Certificate& certificate) {
     const QualifyResult& run = certificate.run;
     const CertificateForm& form = certificate.form;
+    const auto [first, last] = days_of(run);
     return facts(
-        {{"Object",
-          fmt::format("Camera {} with its geometric calibration", camera_text(run.camera))},
+        {{"Object", fmt::format("Camera {} with its geometric calibration",
+                                trimmed(run.camera.vendor + " " + run.camera.model))},
          {"Serial number", run.camera.serial},
          {"Calibration under test", "SHA-256 " + run.station.inputs.at(1).sha256},
          {"Customer", fmt::format("{}, {}", form.customer.name, address_of(form.customer))},
-         {"Date of calibration", days_text(days_of(run))},
+         {"Date of calibration",
+          (first == last ? first : fmt::format("{} to {}", first, last)) + " (UTC)"},
          {"Place", fmt::format("{}, {}; station {}", form.laboratory.name,
                                address_of(form.laboratory), run.station.id)},
          {"Operator", operators_of(run)},
@@ -232,22 +192,17 @@ std::string item_html(const Certificate& certificate) {
          {"Quantities", "Bias of the pose that is measured with the camera, over the volume"}});
 }
 
-std::string record_html(const Certificate& certificate) {
-    const RunSession& session = certificate.run.sessions.back();
-    return fmt::format(
-        "<p class=\"small record\">Record of the run: events.jsonl SHA-256 <code>{}</code>, "
-        "run.json "
-        "SHA-256 "
-        "<code>{}</code>; measured with etalon {}. {}</p>\n",
-        escape_html(certificate.log_sha256), escape_html(certificate.run_sha256),
-        escape_html(session.version), escape_html(copying_sentence));
-}
-
-std::string signature_html(const Certificate& certificate) {
+// Signature and record.
+std::string end_html(const Certificate& certificate) {
     const CertificateForm& form = certificate.form;
-    return fmt::format("<div class=\"sign\"><div>{}, {}</div><div>{}<br>{}</div></div>\n",
-                       escape_html(form.laboratory.city), escape_html(certificate.issued),
-                       escape_html(form.signer_name), escape_html(form.signer_role));
+    return fmt::format(
+        "<div class=\"sign\"><div>{}, {}</div><div>{}<br>{}</div></div>\n"
+        "<p class=\"small record\">Record of the run: events.jsonl SHA-256 <code>{}</code>, "
+        "run.json SHA-256 <code>{}</code>; measured with etalon {}. {}</p>\n",
+        escape_html(form.laboratory.city), escape_html(certificate.issued),
+        escape_html(form.signer_name), escape_html(form.signer_role),
+        escape_html(certificate.log_sha256), escape_html(certificate.run_sha256),
+        escape_html(certificate.run.sessions.back().version), escape_html(copying_sentence));
 }
 
 }  // namespace
@@ -257,14 +212,18 @@ std::string certificate_html(const Certificate& certificate) {
     const Qualification& analysis = *run.analysis;
     return fmt::format(
                "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>"
-               "Calibration certificate {}</title><style>{}</style></head><body>\n",
-               escape_html(certificate.form.number), style) +
+               "Calibration certificate {}</title><style>\n{}</style></head><body>\n",
+               escape_html(certificate.form.number), certificate_css) +
            head_html(certificate.form) + item_html(certificate) + "<p class=\"statement\">" +
            escape_html(conformity_sentence(certificate)) + "</p>\n" + results_html(analysis) +
            decision_html(certificate) + heading("Method") +
-           paragraphs(method_sentences(certificate)) + environment_html(run) +
+           paragraphs(method_sentences(certificate)) + heading("Environment") +
+           facts(
+               {{"Temperature", climate_text(room_temperature(run.station, run.environment), "°C")},
+                {"Relative humidity",
+                 climate_text(room_humidity(run.station, run.environment), "%")}}) +
            traceability_html(run.station) + conditions_html(analysis) + remarks_html(certificate) +
-           signature_html(certificate) + record_html(certificate) + "</body></html>\n";
+           end_html(certificate) + "</body></html>\n";
 }
 
 }  // namespace etalon

@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include "core/file/file_lock.h"
 #include "core/file/sha256.h"
@@ -10,7 +9,6 @@
 #include "station/record/record_json.h"
 #include "station/record/run_record.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {
@@ -26,8 +24,7 @@ struct CertifyArguments {
 QualifyResult analysed(const std::filesystem::path& record) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
-    const SteadyClock clock;
-    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    StderrProgress progress;
     const FileLock lock(record / log_file);
     return analyse_record(read_record(record, progress, stop.get_token()), progress,
                           stop.get_token());

@@ -152,8 +152,9 @@ std::string items(const QualifyResult& run) {
                                            "SHA-256 of the calibration under test"))));
 }
 
-std::string responsible_person(const std::string& person, const std::string& rest) {
-    return element("dcc:respPerson", element("dcc:person", content("dcc:name", person)) + rest);
+std::string person(const std::string& name, const std::string& role, const std::string& rest = "") {
+    return element("dcc:respPerson", element("dcc:person", content("dcc:name", name)) +
+                                         leaf("dcc:role", role) + rest);
 }
 
 std::string statement(const std::string& name, const std::vector<std::string>& texts,
@@ -192,10 +193,8 @@ std::string administrative_data(const Certificate& certificate) {
         element("dcc:dccSoftware", software()) + core_data(certificate) + items(certificate.run) +
             element("dcc:calibrationLaboratory", contact("dcc:contact", form.laboratory)) +
             element("dcc:respPersons",
-                    responsible_person(form.signer_name, leaf("dcc:role", form.signer_role) +
-                                                             leaf("dcc:mainSigner", "true")) +
-                        responsible_person(operators_of(certificate.run),
-                                           leaf("dcc:role", "operator"))) +
+                    person(form.signer_name, form.signer_role, leaf("dcc:mainSigner", "true")) +
+                        person(operators_of(certificate.run), "operator")) +
             contact("dcc:customer", form.customer) + statements(certificate));
 }
 

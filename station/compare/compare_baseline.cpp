@@ -3,11 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <map>
-
 #include "compare/pose/pose_bias.h"
 #include "core/config/strict_reader.h"
 #include "core/statistics/distributions.h"
@@ -84,35 +79,31 @@ void pair_photos(const ComparisonSummary& earlier, const ComparisonSummary& now,
 
 // ---- differences ----------------------------------------------------------------------------
 
-struct SummaryFigure {
-    const char *key, *name, *unit;  // the key is of files
-    std::optional<double> PhotoSummary::*value;
-};
-constexpr SummaryFigure summary_figures[] = {
-    {"residual_gray", "residual", "gray", &PhotoSummary::residual_gray},
-    {"refined_residual_gray", "residual, refined pose", "gray",
-     &PhotoSummary::refined_residual_gray},
-    {"edge_shift_px", "edge shift", "px", &PhotoSummary::edge_shift_px},
-    {"refined_edge_shift_px", "edge shift, refined pose", "px",
-     &PhotoSummary::refined_edge_shift_px},
-    {"psf_sigma_px", "fitted blur", "px", &PhotoSummary::psf_sigma_px}};
-
 // What is compared of a pair of photographs: then and now; nothing where one of them has none.
 struct Quantity {
-    std::string key, name, unit;
+    std::string key, name, unit;  // the key is of files
     std::function<std::optional<std::pair<double, double>>(const PhotoPair&)> then_and_now;
+    std::optional<double> PhotoSummary::*figure = nullptr;  // null of a pose's component
 };
 
-Quantity figure_quantity(const SummaryFigure& figure) {
-    return {figure.key, figure.name, figure.unit, [value = figure.value](const PhotoPair& pair) {
-                const auto &then = pair.earlier.*value, &now = pair.now.*value;
-                return then && now ? std::optional(std::pair(*then, *now)) : std::nullopt;
-            }};
-}
-
-// Of a pose only the change has a meaning: it counts from 0.
-std::vector<Quantity> pose_quantities() {
+std::vector<Quantity> all_quantities() {
     std::vector<Quantity> all;
+    for (const auto& [key, name, unit, figure] :
+         {std::tuple("residual_gray", "residual", "gray", &PhotoSummary::residual_gray),
+          std::tuple("refined_residual_gray", "residual, refined pose", "gray",
+                     &PhotoSummary::refined_residual_gray),
+          std::tuple("edge_shift_px", "edge shift", "px", &PhotoSummary::edge_shift_px),
+          std::tuple("refined_edge_shift_px", "edge shift, refined pose", "px",
+                     &PhotoSummary::refined_edge_shift_px),
+          std::tuple("psf_sigma_px", "fitted blur", "px", &PhotoSummary::psf_sigma_px)})
+        all.push_back({key, name, unit,
+                       [figure = figure](const PhotoPair& pair) {
+                           const auto &then = pair.earlier.*figure, &now = pair.now.*figure;
+                           return then && now ? std::optional(std::pair(*then, *now))
+                                              : std::nullopt;
+                       },
+                       figure});
+    // Of a pose only the change has a meaning: it counts from 0.
     for (const auto& [prefix, name, pose] :
          {std::tuple("pose_", "pose", &PhotoSummary::camera_from_marker),
           std::tuple("refined_pose_", "refined pose", &PhotoSummary::refined_from_marker)})
@@ -131,12 +122,9 @@ std::vector<Quantity> pose_quantities() {
 }
 
 std::vector<PairedChange> paired_changes(const std::vector<PhotoPair>& pairs) {
-    std::vector<Quantity> quantities = pose_quantities();
-    std::ranges::transform(summary_figures, std::inserter(quantities, quantities.begin()),
-                           figure_quantity);
     std::vector<PairedChange> changes;
     std::vector<double> squares;  // of the deviations from the mean change
-    for (const Quantity& quantity : quantities) {
+    for (const Quantity& quantity : all_quantities()) {
         PairedChange change{quantity.name, quantity.unit};
         std::vector<double> differences;
         for (const PhotoPair& pair : pairs)
@@ -248,25 +236,21 @@ std::string baseline_csv(const BaselineChange& change) {
         {"photo", [](const PhotoPair& pair) { return pair.now.name; }},
         {"outcome_earlier", [](const PhotoPair& pair) { return pair.earlier.outcome; }},
         {"outcome_now", [](const PhotoPair& pair) { return pair.now.outcome; }}};
-    for (const SummaryFigure& figure : summary_figures) {
-        const std::string key = figure.key;
-        columns.push_back({key + "_earlier", [value = figure.value](const PhotoPair& pair) {
-                               return pair.earlier.*value;
-                           }});
-        columns.push_back({key + "_now", [value = figure.value](const PhotoPair& pair) {
-                               return pair.now.*value;
-                           }});
-        columns.push_back({key + "_change", [of = figure_quantity(figure)](const PhotoPair& pair) {
-                               const auto values = of.then_and_now(pair);
+    for (const Quantity& quantity : all_quantities()) {
+        const auto figure = quantity.figure;
+        if (figure) {
+            columns.push_back({quantity.key + "_earlier",
+                               [figure](const PhotoPair& pair) { return pair.earlier.*figure; }});
+            columns.push_back({quantity.key + "_now",
+                               [figure](const PhotoPair& pair) { return pair.now.*figure; }});
+        }
+        columns.push_back({quantity.key + (figure ? "_change" : ""),
+                           [quantity](const PhotoPair& pair) -> TableCell {
+                               const auto values = quantity.then_and_now(pair);
                                return values ? TableCell(values->second - values->first)
                                              : TableCell();
                            }});
     }
-    for (const Quantity& quantity : pose_quantities())
-        columns.push_back({quantity.key, [quantity](const PhotoPair& pair) {
-                               const auto values = quantity.then_and_now(pair);
-                               return values ? TableCell(values->second) : TableCell();
-                           }});
     return csv_of(table_of(columns, change.pairs));
 }
 

@@ -10,11 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
 
-#include "core/geometry/rigid.h"
 #include "report/result_table.h"
 
 namespace etalon {

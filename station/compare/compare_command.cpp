@@ -1,10 +1,6 @@
 // `etalon compare`: every photograph against its rendering from the calibration alone.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <ranges>
 
@@ -13,8 +9,7 @@
 #include "core/program/errors.h"
 #include "report/svg_plot.h"
 #include "station/compare/commands.h"
-#include "station/compare/comparison_pictures.h"
-#include "station/compare/comparison_report.h"
+#include "station/compare/comparison.h"
 #include "station/shell/command.h"
 #include "station/shell/photo_files.h"
 
@@ -40,14 +35,6 @@ ScoreMargin margin_of(const CompareArguments& arguments, const Marker& marker) {
         throw ConfigError({"--score-margin"}, "is for chessboards; a marker is scored as a whole");
     const auto squares = parse_numbers(arguments.score_margin, 2, "--score-margin");
     return {squares[0], squares[1]};
-}
-
-void require_usable_folder(const std::filesystem::path& folder) {
-    std::error_code ignored;
-    if (folder.empty())
-        throw ConfigError({"--out"}, "no folder given");
-    if (std::filesystem::exists(folder, ignored) && !std::filesystem::is_directory(folder, ignored))
-        throw ConfigError({"--out"}, folder.string() + " is there already and is no folder");
 }
 
 // Everything that is checked before the first file is written.
@@ -94,7 +81,12 @@ Job checked_job(const CompareArguments& arguments) {
     job.area = compared_area(job.marker, margin_of(arguments, job.marker), "--score-margin");
     if (arguments.poses.empty())
         job.detector = make_detector(arguments.detector, job.marker, "--detector");
-    require_usable_folder(arguments.out);
+    if (arguments.out.empty())
+        throw ConfigError({"--out"}, "no folder given");
+    std::error_code ignored;
+    if (std::filesystem::exists(arguments.out, ignored) &&
+        !std::filesystem::is_directory(arguments.out, ignored))
+        throw ConfigError({"--out"}, arguments.out.string() + " is there already and is no folder");
     job.camera = read_camera_for(arguments.camera, arguments.photos);
     if (!arguments.poses.empty())
         job.poses = given_poses(arguments, job);
@@ -140,12 +132,15 @@ FoundPoses find_poses(const CompareArguments& arguments, const Job& job,
     return all;
 }
 
-void add_scored(const PhotoFit& fit, const Projector& projector, const Rigid& camera_from_marker,
-                ResidualProfile& radius, ResidualProfile& depth) {
+// To the profiles of the pose that it was made at.
+void add_scored(const PhotoFit& fit, const Projector& projector, const char* pose,
+                std::vector<ResidualProfile>& profiles) {
     const cv::Mat& use = fit.use;
     const cv::Rect box = cv::boundingRect(use);
-    const PlaneSight sight(projector, camera_from_marker, box);
+    const PlaneSight sight(projector, fit.state.camera_from_marker, box);
     const Eigen::Vector2d centre(0.5 * (use.cols - 1), 0.5 * (use.rows - 1));
+    const auto first = std::ranges::find(profiles, std::string(pose), &ResidualProfile::pose);
+    ResidualProfile &radius = first[0], &depth = first[2];
     for (int y = box.y; y < box.br().y; ++y)
         for (int x = box.x; x < box.br().x; ++x) {
             if (use.at<uchar>(y, x) != pixel_scored)
@@ -157,37 +152,29 @@ void add_scored(const PhotoFit& fit, const Projector& projector, const Rigid& ca
         }
 }
 
-ComparedFit without_images(const PhotoFit& matched) {
-    ComparedFit fit;
-    fit.camera_from_marker = matched.state.camera_from_marker;
-    fit.model = matched.state.photometry;
-    fit.fitted = matched.fitted;
-    fit.scored = matched.scored;
-    fit.noise_source = matched.noise_source;
-    fit.noise_gray = matched.noise_gray;
-    fit.parameters = matched.parameters;
-    return fit;
-}
-
-void add_edges(const CodeImage& image, const CellGrid& marker, const PhotometricCamera& camera,
-               const PhotoFit& matched, ComparedFit& fit) {
+// With its edges and without its images.
+ComparedFit compared_fit(const CodeImage& image, const CellGrid& marker,
+                         const PhotometricCamera& camera, const PhotoFit& matched) {
+    ComparedFit fit{matched};
+    fit.predicted = fit.residual = fit.significance = fit.use = cv::Mat();
     const PhotoOfMarker photo{gray_of(image), marker, matched.use, pixel_fitted};
-    fit.edges = edge_shifts(photo, camera, matched.state).edges;
+    fit.edges = edge_shifts(photo, camera, matched.state);
     fit.edge_summary = edge_summary(edges_of(fit.edges, pixel_scored));
+    return fit;
 }
 
 // Sharp edges and blurred ones alike: the widest blur decides how far beside an edge is looked.
 DefocusProfile defocus_of(const CodeImage& image, const Marker& marker, const ComparedArea& area,
                           const PhotometricCamera& camera, const ComparedFit& fit) {
     const RenderedImage rendering =
-        camera.renderer().render({{{marker.grid, fit.camera_from_marker}}, 1.0});
+        camera.renderer().render({{{marker.grid, fit.camera_from_marker()}}, 1.0});
     EdgeSelection selection;
     const double beside = selection.half_width_px - selection.clearance_px;
     selection.clearance_px =
         std::max(selection.clearance_px, 1.5 + rendering.plan.max_blur_radius_px);
     selection.half_width_px = selection.clearance_px + beside;
-    return defocus_profile(image, rendering.radiance, camera.projector(), marker,
-                           fit.camera_from_marker, area, fit.edges, selection);
+    return defocus_profile(image, rendering.radiance, camera.projector(), marker.grid,
+                           fit.camera_from_marker(), area, fit.edges, selection);
 }
 
 // Depths of the compared area at the poses under test, mm; (0, 1) where there are none.
@@ -206,41 +193,42 @@ std::pair<double, double> depth_range(const std::vector<ComparedPhoto>& photos,
     return low <= high ? std::pair(low, high) : std::pair(0.0, 1.0);
 }
 
-ResidualProfiles empty_profiles(const Comparison& comparison, const ComparedArea& area) {
-    constexpr int steps = 12;
+std::vector<ResidualProfile> empty_profiles(const Comparison& comparison,
+                                            const ComparedArea& area) {
     const double corner =
         0.5 * std::hypot(comparison.camera.width - 1, comparison.camera.height - 1);
     const auto [near_mm, far_mm] = depth_range(comparison.photos, area);
-    const ResidualProfile radius(0.0, corner, steps), depth(near_mm, far_mm, steps);
-    return {radius, radius, depth, depth};
+    return {{"radius_px", "calibrated", 0.0, corner},
+            {"radius_px", "refined", 0.0, corner},
+            {"depth_mm", "calibrated", near_mm, far_mm},
+            {"depth_mm", "refined", near_mm, far_mm}};
 }
 
-// Fills in `photo`, whose pose under test is known, and adds to the profiles. Picture files go to
-// `folder`, named by `number` (from 1) and the photograph.
+// Fills in `photo`, whose pose under test is known, and adds to the profiles where it has figures.
+// Picture files go to `folder`, named by `number` (from 1) and the photograph.
 void match(const CodeImage& image, const Job& job,
            const std::shared_ptr<const PhotometricCamera>& camera,
            const std::filesystem::path& folder, std::size_t number, ComparedPhoto& photo,
-           ResidualProfiles& profiles) {
+           std::vector<ResidualProfile>& profiles) {
+    const Marker& marker = job.marker;
     const Projector& projector = camera->projector();
-    photo.findings = examine_marker(image, job.marker, job.area, projector, photo.under_test);
+    photo.findings = examine_marker(image, marker, job.area, projector, photo.under_test);
     if (is_refused(photo.findings)) {
         photo.pictures = pictures_of_photo(image, photo.photo);
         return;
     }
-    const PhotoMatch match =
-        match_photo(image, job.marker.grid, job.area, camera, photo.under_test);
-    photo.calibrated = without_images(match.calibrated);
-    photo.refined = without_images(match.refined);
+    const PhotoMatch match = match_photo(image, marker.grid, job.area, camera, photo.under_test);
+    photo.calibrated = compared_fit(image, marker.grid, *camera, match.calibrated);
+    photo.refined = compared_fit(image, marker.grid, *camera, match.refined);
     photo.photometric = match.pose;
-    add_edges(image, job.marker.grid, *camera, match.calibrated, *photo.calibrated);
-    add_edges(image, job.marker.grid, *camera, match.refined, *photo.refined);
     if (camera->model().lens)
-        photo.defocus = defocus_of(image, job.marker, job.area, *camera, *photo.refined);
-    photo.findings = examine_match(image, job.marker, job.area, *camera, match);
+        photo.defocus = defocus_of(image, marker, job.area, *camera, *photo.refined);
+    photo.findings = examine_match(image, marker, job.area, *camera, match);
     photo.pictures = make_pictures(folder, number, photo.photo, match.calibrated, match.refined);
-    add_scored(match.calibrated, projector, photo.under_test, profiles.radius, profiles.depth);
-    add_scored(match.refined, projector, match.refined.state.camera_from_marker,
-               profiles.refined_radius, profiles.refined_depth);
+    if (!photo.has_figures())
+        return;
+    add_scored(match.calibrated, projector, "calibrated", profiles);
+    add_scored(match.refined, projector, "refined", profiles);
 }
 
 [[noreturn]] void fail_without_photos(const Comparison& comparison) {
@@ -260,23 +248,14 @@ void print_progress(const std::string& place, const ComparedPhoto& photo) {
     std::string line =
         fmt::format("{:.1f} gray, {:.1f} at the refined pose", photo.calibrated->scored.rms_gray,
                     photo.refined->scored.rms_gray);
-    for (const Finding& finding : photo.findings)
-        line += ", " + finding.name;
+    for (const std::string& finding : photo.names_of_findings())
+        line += ", " + finding;
     fmt::print(stderr, "{}: {}\n", file, line);
-}
-
-std::optional<BoardShifts> shifts_of_board(const Comparison& comparison, const Projector& projector,
-                                           const ComparedArea& area) {
-    std::vector<EdgesOfPhoto> photos;
-    for (const ComparedPhoto& photo : comparison.photos)
-        if (photo.refined)
-            photos.push_back({photo.refined->edges, photo.refined->camera_from_marker});
-    return board_shifts(photos, projector, area);
 }
 
 // Second pass over the photographs that have a pose. A run whose last hope fails writes no report.
 void compare_all(const CompareArguments& arguments, const Job& job, Comparison& comparison) {
-    if (!comparison.has_poses())
+    if (std::ranges::none_of(comparison.photos, &std::string::empty, &ComparedPhoto::failure))
         fail_without_photos(comparison);
     const auto camera = std::make_shared<const PhotometricCamera>(job.camera);
     comparison.profiles = empty_profiles(comparison, job.area);
@@ -285,15 +264,16 @@ void compare_all(const CompareArguments& arguments, const Job& job, Comparison& 
         ComparedPhoto& photo = comparison.photos[i];
         if (photo.failure.empty()) {
             const CodeImage image = read_photo(photo.photo, job.camera, arguments.camera);
-            ResidualProfiles profiles = empty_profiles(comparison, job.area);
-            const auto matched = attempted(
-                [&] { match(image, job, camera, arguments.out, i + 1, photo, profiles); });
+            const auto matched = attempted([&] {
+                match(image, job, camera, arguments.out, i + 1, photo, comparison.profiles);
+            });
             if (!matched)
                 photo.failure = matched.cause;
-            if (photo.has_figures())
-                comparison.profiles.add(profiles);
-            else  // the pictures may show why; numbers would only be taken for some
-                photo.drop_figures();
+            if (!photo.has_figures()) {  // the pictures may show why; numbers would mislead
+                photo.calibrated = photo.refined = std::nullopt;
+                photo.photometric = std::nullopt;
+                photo.defocus = std::nullopt;
+            }
         }
         print_progress(fmt::format("{} of {}", i + 1, comparison.photos.size()), photo);
     }
@@ -303,25 +283,22 @@ void compare_all(const CompareArguments& arguments, const Job& job, Comparison& 
         std::ranges::find_if(std::views::reverse(comparison.photos), &ComparedPhoto::has_figures);
     const Scene scene{{{job.marker.grid, last->under_test}}, 1.0};
     comparison.render_plan = camera->renderer().render(scene).plan.describe();
-    comparison.board = shifts_of_board(comparison, Projector(job.camera), job.area);
-}
-
-// One file for each photograph: its edges and their shifts at the refined pose.
-void write_edge_maps(const std::filesystem::path& folder, const Comparison& comparison) {
-    const double magnification = arrow_magnification(comparison);
+    std::vector<EdgesOfPhoto> edges;
     for (const ComparedPhoto& photo : comparison.photos)
         if (photo.refined)
-            write_text(folder / photo.pictures.edges_file,
-                       stand_alone_svg(
-                           edge_map_svg(photo.refined->edges, photo.pictures.part, magnification)) +
-                           "\n");
+            edges.push_back({photo.refined->edges, photo.refined->camera_from_marker()});
+    comparison.board = board_shifts(edges, Projector(job.camera), job.area);
 }
 
 void write_files(const std::filesystem::path& folder, const Comparison& comparison) {
     const std::vector<ComparisonPlot> plots = comparison_plots(comparison);
     for (const ComparisonPlot& plot : plots)
         write_text(folder / plot.file, stand_alone_svg(plot.svg) + "\n");
-    write_edge_maps(folder, comparison);
+    const double magnification = arrow_magnification(comparison);
+    for (const ComparedPhoto& photo : comparison.photos)  // edges and their shifts
+        if (photo.refined)
+            write_text(folder / photo.pictures.edges_file,
+                       stand_alone_svg(edge_map_svg(photo, magnification)) + "\n");
     write_text(folder / "comparison.csv", comparison_csv(comparison));
     write_text(folder / "photometry.csv", photometry_csv(comparison));
     write_text(folder / "edges.csv", edges_csv(comparison));
@@ -332,17 +309,6 @@ void write_files(const std::filesystem::path& folder, const Comparison& comparis
         write_text(folder / "baseline.csv", baseline_csv(*comparison.baseline));
     write_text(folder / "comparison.json", comparison_json(comparison) + "\n");
     write_text(folder / "report.html", comparison_html(comparison, plots));
-}
-
-// Beside the figure that others parse: what it is made of.
-void print_more(const Comparison& comparison) {
-    fmt::print("matched {} of {} photos\n", comparison.matched(), comparison.photos.size());
-    fmt::print("residual at the refined poses {:.1f} gray\n", comparison.refined_mean_rms_gray());
-    if (const auto edges = comparison.edge_summaries())
-        fmt::print("edge shift {:.3f} px, {:.3f} px at the refined poses\n",
-                   edges->first.shift.rms_px, edges->second.shift.rms_px);
-    if (const std::string board = board_in_words(comparison); !board.empty())
-        fmt::print(stderr, "{}\n", board);
 }
 
 void print_result(const CompareArguments& arguments, const Comparison& comparison) {
@@ -356,7 +322,13 @@ void print_result(const CompareArguments& arguments, const Comparison& compariso
     }
     fmt::print("mean residual {:.1f} gray over {} photos\n", comparison.mean_rms_gray(), compared);
     print_report(arguments.out);
-    print_more(comparison);
+    fmt::print("matched {} of {} photos\n", comparison.matched(), comparison.photos.size());
+    fmt::print("residual at the refined poses {:.1f} gray\n", comparison.refined_mean_rms_gray());
+    if (const auto edges = comparison.edge_summaries())
+        fmt::print("edge shift {:.3f} px, {:.3f} px at the refined poses\n",
+                   edges->first.shift.rms_px, edges->second.shift.rms_px);
+    if (const std::string board = comparison.board_in_words(); !board.empty())
+        fmt::print(stderr, "{}\n", board);
     if (comparison.baseline)
         fmt::print("{}", baseline_text(*comparison.baseline));
 }
@@ -380,16 +352,15 @@ int run_compare(const CompareArguments& given) {
     Comparison comparison;
     comparison.camera_file = arguments.camera;
     comparison.camera = job.camera;
-    comparison.marker = job.marker.spec;
+    comparison.marker = job.marker;
     comparison.detector = job.detector ? job.detector->name() : "";
     comparison.poses = arguments.poses.string();
-    comparison.is_chessboard = job.marker.kind == Marker::Kind::chessboard;
     comparison.margin = margin_of(arguments, job.marker);
     comparison.photos = std::move(found.photos);
     compare_all(arguments, job, comparison);
     if (job.baseline)
         comparison.baseline =
-            compare_with_baseline(*job.baseline, summary_of(comparison), arguments.baseline);
+            compare_with_baseline(*job.baseline, comparison.summary(), arguments.baseline);
     write_files(arguments.out, comparison);
     print_result(arguments, comparison);
     return 0;

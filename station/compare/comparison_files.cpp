@@ -1,26 +1,17 @@
 // comparison.json and the CSV tables of a comparison, numbers unrounded.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
-#include "station/compare/comparison_report.h"
+#include "station/compare/comparison.h"
 
 namespace etalon {
 namespace {
 
 using nlohmann::ordered_json;
-
-std::vector<std::string> names_of(const Findings& findings) {
-    std::vector<std::string> names;
-    for (const Finding& finding : findings)
-        names.push_back(finding.name);
-    return names;
-}
 
 // ---- CSV ------------------------------------------------------------------------------------
 
@@ -37,8 +28,7 @@ ColumnsOf<ComparedFit> fit_columns() {
         {"fitted_rms_gray", [](const ComparedFit& fit) { return fit.fitted.rms_gray; }});
     columns.push_back(
         {"significant", [](const ComparedFit& fit) { return fit.scored.significant; }});
-    columns.push_back(
-        {"psf_sigma_px", [](const ComparedFit& fit) { return fit.model.psf_sigma_px; }});
+    columns.push_back({"psf_sigma_px", &ComparedFit::psf_sigma_px});
     return columns;
 }
 
@@ -59,10 +49,6 @@ ColumnsOf<EdgeSummary> edge_summary_columns() {
                                         {"rest_gray", &EdgeParts::rest_gray}};
     add_columns(columns, parts, &EdgeSummary::parts, "band_");
     return columns;
-}
-
-const EdgeSummary* edges_of_fit(const std::optional<ComparedFit>& fit) {
-    return fit && fit->edge_summary.edges > 0 ? &fit->edge_summary : nullptr;
 }
 
 ColumnsOf<EdgeShift> edge_columns() {
@@ -111,8 +97,8 @@ struct ItemOfPhoto {
 };
 
 // A row for each of these items of each fit.
-template <class Item>
-std::string items_csv(const Comparison& comparison, std::vector<Item> ComparedFit::*items,
+template <class Fit, class Item>
+std::string items_csv(const Comparison& comparison, std::vector<Item> Fit::*items,
                       const ColumnsOf<Item>& item_columns) {
     ColumnsOf<ItemOfPhoto<Item>> columns = {{"photo", &ItemOfPhoto<Item>::photo},
                                             {"pose", &ItemOfPhoto<Item>::pose}};
@@ -162,24 +148,25 @@ ordered_json edges_json(const EdgeSummary& summary) {
 }
 
 ordered_json fit_json(const ComparedFit& fit) {
+    const PhotometricModel& model = fit.state.photometry;
     ordered_json json = {
-        {"camera_from_marker", pose_numbers(fit.camera_from_marker)},
+        {"camera_from_marker", pose_numbers(fit.camera_from_marker())},
         {"scored", statistics_json(fit.scored)},
         {"fitted", statistics_json(fit.fitted)},
         {"noise",
          {{"deviation_gray", fit.noise_gray},
           {"source", fit.noise_source == NoiseSource::camera ? "camera" : "residuals"}}},
         {"photometric_model",
-         {{"black_gray", numbers_of(fit.model.black)},
-          {"white_gray", numbers_of(fit.model.white)},
-          {"psf_sigma_px", fit.model.psf_sigma_px},
-          {"psf_anisotropy_px2", fit.model.psf_anisotropy_px2},
-          {"tone", fit.model.tone}}}};
-    if (fit.model.saturation)
-        json["photometric_model"]["saturation"] = {{"level_gray", fit.model.saturation->level_gray},
-                                                   {"knee_gray", fit.model.saturation->knee_gray}};
-    if (fit.edge_summary.edges > 0)
-        json["edges"] = edges_json(fit.edge_summary);
+         {{"black_gray", numbers_of(model.black)},
+          {"white_gray", numbers_of(model.white)},
+          {"psf_sigma_px", model.psf_sigma_px},
+          {"psf_anisotropy_px2", model.psf_anisotropy_px2},
+          {"tone", model.tone}}}};
+    if (model.saturation)
+        json["photometric_model"]["saturation"] = {{"level_gray", model.saturation->level_gray},
+                                                   {"knee_gray", model.saturation->knee_gray}};
+    if (const EdgeSummary* edges = fit.edges_if_any())
+        json["edges"] = edges_json(*edges);
     json["parameters"] =
         json_rows(table_of(parameter_columns("name"), fit.parameters), MissingFigure::left_out);
     return json;
@@ -207,8 +194,8 @@ void add_fits(const ComparedPhoto& photo, ordered_json& json) {
     json["refined"] = fit_json(*photo.refined);
     json["refined"]["converged"] = photo.photometric->converged;
     json["refined"]["covariance"] = row_numbers(photo.photometric->covariance);
-    json["pose_change"] = numbers_of(
-        left_difference(photo.calibrated->camera_from_marker, photo.refined->camera_from_marker));
+    json["pose_change"] = numbers_of(left_difference(photo.calibrated->camera_from_marker(),
+                                                     photo.refined->camera_from_marker()));
     if (photo.defocus)  // its bins are in defocus.csv
         json["defocus"] = {{"edges", photo.defocus->edges},
                            {"photograph", minimum_json(photo.defocus->photo)},
@@ -235,15 +222,6 @@ ordered_json photo_json(const ComparedPhoto& photo) {
     if (photo.calibrated)
         add_fits(photo, json);
     return json;
-}
-
-// The four profiles with what CSV and JSON call them.
-template <class Function>
-void for_each_profile(const ResidualProfiles& profiles, Function take) {
-    take("radius_px", "calibrated", profiles.radius);
-    take("radius_px", "refined", profiles.refined_radius);
-    take("depth_mm", "calibrated", profiles.depth);
-    take("depth_mm", "refined", profiles.refined_depth);
 }
 
 // Of all photographs; every single edge is in edges.csv.
@@ -278,7 +256,7 @@ std::string comparison_csv(const Comparison& comparison) {
         {"outcome", &ComparedPhoto::outcome},
         {"findings",
          [](const ComparedPhoto& photo) {
-             return fmt::format("{}", fmt::join(names_of(photo.findings), " "));
+             return fmt::format("{}", fmt::join(photo.names_of_findings(), " "));
          }},
         {"failure", &ComparedPhoto::failure}};
     const ColumnsOf<PoseEstimate> estimate = {
@@ -293,11 +271,14 @@ std::string comparison_csv(const Comparison& comparison) {
         add_columns(columns, deviation, &ComparedPhoto::photometric, "refined_deviation_");
         ++i;
     }
-    add_columns(columns, edge_summary_columns(),
-                [](const ComparedPhoto& photo) { return edges_of_fit(photo.calibrated); });
-    add_columns(
-        columns, edge_summary_columns(),
-        [](const ComparedPhoto& photo) { return edges_of_fit(photo.refined); }, "refined_");
+    for (const auto& [prefix, fit] : {std::pair("", &ComparedPhoto::calibrated),
+                                      std::pair("refined_", &ComparedPhoto::refined)})
+        add_columns(
+            columns, edge_summary_columns(),
+            [fit = fit](const ComparedPhoto& photo) {
+                return photo.*fit ? (photo.*fit)->edges_if_any() : nullptr;
+            },
+            prefix);
     return csv_of(table_of(columns, comparison.photos));
 }
 
@@ -311,13 +292,10 @@ std::string edges_csv(const Comparison& comparison) {
 
 std::string profiles_csv(const Comparison& comparison) {
     std::string text = "against,pose,middle,rms_gray,pixels\n";
-    for_each_profile(comparison.profiles, [&](const char* against, const char* pose,
-                                              const ResidualProfile& profile) {
-        for (std::size_t i = 0; i < profile.pixels.size(); ++i)
-            if (const auto rms = profile.rms(i))
-                text += fmt::format("{},{},{},{},{}\n", against, pose, exact(profile.middle(i)),
-                                    exact(*rms), exact(profile.pixels[i]));
-    });
+    for (const ResidualProfile& profile : comparison.profiles)
+        for (const auto& [middle, rms_gray, pixels] : profile.points())
+            text += fmt::format("{},{},{},{},{}\n", profile.against, profile.pose, exact(middle),
+                                exact(rms_gray), exact(pixels));
     return text;
 }
 
@@ -348,26 +326,25 @@ std::string comparison_json(const Comparison& comparison) {
         {"camera", comparison.camera_file.string()},
         {"serial", comparison.camera.serial},
         {"image", {{"width", comparison.camera.width}, {"height", comparison.camera.height}}},
-        {"marker", comparison.marker},
-        {"poses", source_of_poses(comparison)},
+        {"marker", comparison.marker.spec},
+        {"poses", comparison.source_of_poses()},
         {"mean_residual_gray", comparison.mean_rms_gray()},
         {"mean_refined_residual_gray", comparison.refined_mean_rms_gray()},
         {"photos_compared", comparison.compared()},
         {"photos_matched", comparison.matched()},
         {"photos_refused", comparison.photos.size() - comparison.compared()}};
-    if (comparison.is_chessboard)
+    if (comparison.marker.kind == Marker::Kind::chessboard)
         json["score_margin_squares"] = {comparison.margin.x, comparison.margin.y};
-    json["not_seen"] = blind_spots(comparison);
+    json["not_seen"] = comparison.blind_spots();
     json["photos"] = json_list(comparison.photos, photo_json);
-    for_each_profile(comparison.profiles, [&](const std::string& against, const std::string& pose,
-                                              const ResidualProfile& profile) {
-        ordered_json& list = json["profiles"][(pose == "refined" ? "refined_" : "") + against];
-        list = ordered_json::array();
-        for (std::size_t i = 0; i < profile.pixels.size(); ++i)
-            if (const auto rms = profile.rms(i))
-                list.push_back(
-                    {{"at", profile.middle(i)}, {"rms_gray", *rms}, {"pixels", profile.pixels[i]}});
-    });
+    for (const ResidualProfile& profile : comparison.profiles) {
+        const std::string prefix = profile.pose == std::string("refined") ? "refined_" : "";
+        json["profiles"][prefix + profile.against] =
+            json_list(profile.points(), [](const ResidualProfile::Point& point) -> ordered_json {
+                return {
+                    {"at", point.middle}, {"rms_gray", point.rms_gray}, {"pixels", point.pixels}};
+            });
+    }
     add_edges(comparison, json);
     if (comparison.baseline)
         json["baseline"] = baseline_json(*comparison.baseline);

@@ -1,16 +1,11 @@
 // The report of a comparison: the figure and what it could not see first, evidence below.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-#include <map>
-
 #include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "station/compare/comparison.css.h"
-#include "station/compare/comparison_pictures.h"
-#include "station/compare/comparison_report.h"
+#include "station/compare/comparison.h"
 
 namespace etalon {
 namespace {
@@ -25,8 +20,8 @@ struct PoseChange {
 std::optional<PoseChange> pose_change_of(const ComparedPhoto& photo) {
     if (!photo.calibrated)
         return std::nullopt;
-    const Vector6d change =
-        left_difference(photo.calibrated->camera_from_marker, photo.refined->camera_from_marker);
+    const Vector6d change = left_difference(photo.calibrated->camera_from_marker(),
+                                            photo.refined->camera_from_marker());
     const Matrix6d& covariance = photo.photometric->covariance;
     const auto deviation = [](const Eigen::Vector3d& along, const Eigen::Matrix3d& of) {
         const double length = along.norm();
@@ -77,7 +72,7 @@ std::string zoomable(const std::string& content) {
 }
 
 std::string outcome_tag(const ComparedPhoto& photo) {
-    const char* css = !photo.has_figures() ? " no" : is_matched(photo.findings) ? " ok" : "";
+    const char* css = !photo.has_figures() ? " no" : photo.is_matched() ? " ok" : "";
     return fmt::format("<span class=\"tag{}\">{}</span>", css, photo.outcome());
 }
 
@@ -193,11 +188,10 @@ std::string pictures_html(const ComparedPhoto& photo, std::size_t number, bool s
     text += figure_html(zoomable(pictures.refined_residual),
                         scale + "Residual at the refined pose. What is left is not the pose's.");
     if (photo.refined && !photo.refined->edges.empty())
-        text +=
-            figure_html(zoomable(edge_map_svg(photo.refined->edges, pictures.part, magnification)),
-                        fmt::format("Edge shifts at the refined pose × {:.0f}; red: over 3 σ. "
-                                    "Neighbours that agree are distortion or the print.",
-                                    magnification));
+        text += figure_html(zoomable(edge_map_svg(photo, magnification)),
+                            fmt::format("Edge shifts at the refined pose × {:.0f}; red: over 3 σ. "
+                                        "Neighbours that agree are distortion or the print.",
+                                        magnification));
     if (photo.refined)
         text += figure_html(zoomable(pictures.significance), significance_caption(*photo.refined));
     return text + "</div>";
@@ -208,9 +202,8 @@ std::string pictures_html(const ComparedPhoto& photo, std::size_t number, bool s
 // starts moving, that with `starts_in_turn`.
 std::string card_html(const Comparison& comparison, std::size_t number, bool starts_in_turn) {
     const ComparedPhoto& photo = comparison.photos[number - 1];
-    std::string text =
-        fmt::format("<article class=\"photo\" id=\"photo-{}\"><h3>{} {}</h3>", number,
-                    escape_html(photo.photo.filename().string()), outcome_tag(photo));
+    std::string text = fmt::format("<article class=\"photo\" id=\"photo-{}\"><h3>{} {}</h3>",
+                                   number, escape_html(photo.name()), outcome_tag(photo));
     text += findings_html(photo);
     if (photo.calibrated)
         text += figures_line(photo) + edges_line(photo) + defocus_line(photo);
@@ -234,8 +227,8 @@ std::string contact_sheet_html(const Comparison& comparison) {
         const std::string figure =
             photo.calibrated ? fmt::format("{:.1f} gray ", photo.calibrated->scored.rms_gray) : "";
         text += fmt::format("<a href=\"#photo-{}\">{}<p>{}<br>{}{}</p></a>", i + 1,
-                            photo.pictures.thumbnail, escape_html(photo.photo.filename().string()),
-                            figure, outcome_tag(photo));
+                            photo.pictures.thumbnail, escape_html(photo.name()), figure,
+                            outcome_tag(photo));
     }
     return text + "</div>\n";
 }
@@ -252,7 +245,7 @@ std::string verdict_sentence(const Comparison& comparison) {
                                       matched, compared);
     if (const std::size_t refused = comparison.photos.size() - compared; refused > 0)
         text += fmt::format(" {} could not be compared.", counted(refused, "more photograph"));
-    if (const std::string board = board_in_words(comparison); !board.empty())
+    if (const std::string board = comparison.board_in_words(); !board.empty())
         text += " " + board;
     return text;
 }
@@ -261,7 +254,7 @@ std::string verdict_sentence(const Comparison& comparison) {
 std::vector<std::string> found_by_name(const Comparison& comparison) {
     std::map<std::string, std::vector<std::string>> photos;
     for (const ComparedPhoto& photo : comparison.photos) {
-        const std::string name = photo.photo.filename().string();
+        const std::string name = photo.name();
         if (!photo.has_figures())
             photos["could not be compared"].push_back(name + " (" + photo.reason() + ")");
         for (const Finding& finding : photo.findings)
@@ -278,7 +271,7 @@ void add_summary(HtmlPage& page, const Comparison& comparison) {
     page.add_verdict(fmt::format("{:.1f} gray", comparison.mean_rms_gray()),
                      verdict_sentence(comparison),
                      {{"Found", found_by_name(comparison)},
-                      {"Not seen by this comparison", blind_spots(comparison)}});
+                      {"Not seen by this comparison", comparison.blind_spots()}});
     Facts facts = {
         {"photographs that match",
          fmt::format("{} of {}", comparison.matched(), comparison.photos.size())},
@@ -290,12 +283,17 @@ void add_summary(HtmlPage& page, const Comparison& comparison) {
     if (!comparison.camera.lens)
         facts.emplace_back("fitted blur σ, mean",
                            fmt::format("{:.2f} px", comparison.mean_psf_sigma_px()));
-    facts.emplace_back("poses under test", source_of_poses(comparison));
+    facts.emplace_back("poses under test", comparison.source_of_poses());
     page.add_facts(facts);
 }
 
 void add_method(HtmlPage& page, const Comparison& comparison) {
     page.add_heading("Method");
+    const std::string scored =
+        comparison.marker.kind == Marker::Kind::chessboard
+            ? fmt::format("the inner corners and {} squares around them in x, {} in y",
+                          comparison.margin.x, comparison.margin.y)
+            : "the whole marker with its white border";
     page.add_paragraph(
         "Each photograph is set against a rendering of the marker, made from the calibration "
         "alone. "
@@ -305,11 +303,11 @@ void add_method(HtmlPage& page, const Comparison& comparison) {
         "on "
         "one half of the cells (blocks of 2 × 2 take turns); every figure here is of the other "
         "half. Scored: " +
-        scored_region(comparison) +
+        scored +
         ". The residual is the RMS of photograph minus rendering in gray = code value / full scale "
         "× 255.");
     page.add_paragraph(
-        "Twice: at the pose under test (" + source_of_poses(comparison) +
+        "Twice: at the pose under test (" + comparison.source_of_poses() +
         "), and at the refined pose, where the rendering's pose is fitted to the pixels too. What "
         "the second removes was the pose's; what it leaves is the camera's, the lens's, the "
         "print's "
@@ -322,26 +320,29 @@ void add_method(HtmlPage& page, const Comparison& comparison) {
 
 void add_photo_table(HtmlPage& page, const std::vector<ComparedPhoto>& photos) {
     const auto edge_shift = [](const ComparedFit& fit) {
-        return fit.edge_summary.edges > 0 ? fixed(fit.edge_summary.shift.rms_px, 3) : dash;
+        return fit.edges_if_any() ? fixed(fit.edge_summary.shift.rms_px, 3) : dash;
     };
     TableRows rows;
     for (const ComparedPhoto& photo : photos) {
-        auto& row = rows.emplace_back();
-        row = {photo.photo.filename().string(), photo.outcome()};
+        auto& row = rows.emplace_back(10, dash);
+        row[0] = photo.name();
+        row[1] = photo.outcome();
         if (!photo.calibrated) {
-            row.insert(row.end(), 7, dash);
+            row.pop_back();
             continue;
         }
         const ComparedFit &fit = *photo.calibrated, &refined = *photo.refined;
         const PoseChange change = *pose_change_of(photo);
-        std::vector<std::string> names;
-        for (const Finding& finding : photo.findings)
-            names.push_back(finding.name);
-        row.insert(
-            row.end(),
-            {fixed(fit.scored.rms_gray, 2), fixed(refined.scored.rms_gray, 2), edge_shift(fit),
-             edge_shift(refined), fixed(fit.model.psf_sigma_px, 2), fixed(change.translation_mm, 3),
-             fixed(change.rotation_mrad, 2), fmt::format("{}", fmt::join(names, ", "))});
+        row = {row[0],
+               row[1],
+               fixed(fit.scored.rms_gray, 2),
+               fixed(refined.scored.rms_gray, 2),
+               edge_shift(fit),
+               edge_shift(refined),
+               fixed(fit.psf_sigma_px(), 2),
+               fixed(change.translation_mm, 3),
+               fixed(change.rotation_mrad, 2),
+               fmt::format("{}", fmt::join(photo.names_of_findings(), ", "))};
     }
     page.add_table({"photograph", "outcome", "residual / gray", "refined", "edge shift / px",
                     "refined", "blur σ / px", "pose / mm", "pose / mrad", "findings"},
@@ -368,33 +369,15 @@ void add_baseline(HtmlPage& page, const BaselineChange& change) {
     page.add_table(change_table(change));
 }
 
-void add_plots(HtmlPage& page, const std::vector<ComparisonPlot>& plots) {
-    page.add_heading("Where the residual is");
-    HtmlPage::Figures figures;
-    for (const ComparisonPlot& plot : plots)
-        figures.push_back({plot.svg, plot.caption});
-    page.add_figures(figures);
-}
-
 // The viewer of the photograph with the largest residual starts moving.
-std::size_t worst_photo(const Comparison& comparison) {
-    std::size_t worst = comparison.photos.size();
-    double largest = -1.0;
-    for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
-        const ComparedPhoto& photo = comparison.photos[i];
-        if (photo.calibrated && photo.calibrated->scored.rms_gray > largest) {
-            largest = photo.calibrated->scored.rms_gray;
-            worst = i;
-        }
-    }
-    return worst;
-}
-
 void add_cards(HtmlPage& page, const Comparison& comparison) {
     page.add_heading("Photograph by photograph");
-    const std::size_t worst = worst_photo(comparison);
+    const auto residual = [](const ComparedPhoto& photo) {
+        return photo.calibrated ? photo.calibrated->scored.rms_gray : -1.0;
+    };
+    const auto worst = std::ranges::max_element(comparison.photos, {}, residual);
     for (std::size_t i = 0; i < comparison.photos.size(); ++i)
-        page.add_html(card_html(comparison, i + 1, i == worst));
+        page.add_html(card_html(comparison, i + 1, &comparison.photos[i] == &*worst));
 }
 
 std::string projection_text(const LensProjection& projection) {
@@ -430,7 +413,7 @@ std::string comparison_html(const Comparison& comparison,
                             const std::vector<ComparisonPlot>& plots) {
     HtmlPage page(
         "Photographs against their renderings",
-        fmt::format("{}, {}", comparison.camera_file.filename().string(), comparison.marker));
+        fmt::format("{}, {}", comparison.camera_file.filename().string(), comparison.marker.spec));
     page.add_style(comparison_css);
     add_summary(page, comparison);
     page.add_heading("Photographs");
@@ -438,7 +421,11 @@ std::string comparison_html(const Comparison& comparison,
     add_photo_table(page, comparison.photos);
     if (comparison.baseline)
         add_baseline(page, *comparison.baseline);
-    add_plots(page, plots);
+    page.add_heading("Where the residual is");
+    HtmlPage::Figures figures;
+    for (const ComparisonPlot& plot : plots)
+        figures.push_back({plot.svg, plot.caption});
+    page.add_figures(figures);
     add_cards(page, comparison);
     add_method(page, comparison);
     add_provenance(page, comparison);

@@ -1,4 +1,4 @@
-#include "station/compare/comparison_pictures.h"
+#include "station/compare/comparison.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,6 @@
 #include "report/html.h"
 
 namespace etalon {
-
 namespace {
 
 constexpr int jpeg_quality = 85;

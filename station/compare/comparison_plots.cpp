@@ -1,11 +1,8 @@
 // The plots of a comparison.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "report/svg_plot.h"
-#include "station/compare/comparison_report.h"
+#include "station/compare/comparison.h"
 
 namespace etalon {
 namespace {
@@ -44,34 +41,27 @@ ComparisonPlot residual_by_photo(const Comparison& comparison) {
             "that was wrong."};
 }
 
-void draw_profile(SvgPlot& plot, const ResidualProfile& profile, Color ink, const std::string& name,
-                  const char* unit) {
-    Series series;
-    for (std::size_t i = 0; i < profile.pixels.size(); ++i)
-        if (const auto rms = profile.rms(i))
-            series.add(profile.middle(i), *rms,
-                       fmt::format("{:.0f} {}: {:.2f} gray, {:.0f} pixels", profile.middle(i), unit,
-                                   *rms, profile.pixels[i]));
-    if (!series.empty())
-        plot.add_curve(series, ink, name);
-}
-
-double largest_rms(const ResidualProfile& profile) {
-    double largest = 0.0;
-    for (std::size_t i = 0; i < profile.pixels.size(); ++i)
-        largest = std::max(largest, profile.rms(i).value_or(0.0));
-    return largest;
-}
-
-void add_profile(const ResidualProfile& calibrated, const ResidualProfile& refined,
-                 const char* label, const char* unit, const std::string& file,
-                 const std::string& caption, std::vector<ComparisonPlot>& plots) {
-    const double highest = std::max(largest_rms(calibrated), largest_rms(refined));
+// Of both poses; nothing where neither has a figure.
+void add_profiles(const ResidualProfile& calibrated, const ResidualProfile& refined,
+                  const char* label, const char* unit, const std::string& file,
+                  const std::string& caption, std::vector<ComparisonPlot>& plots) {
+    SvgPlot plot(label, "residual RMS / gray");
+    double highest = 0.0;
+    for (const auto& [profile, color, name] :
+         {std::tuple(&calibrated, Color::blue, "pose under test"),
+          std::tuple(&refined, Color::orange, "refined pose")}) {
+        Series series;
+        for (const auto& [middle, rms_gray, pixels] : profile->points()) {
+            series.add(middle, rms_gray,
+                       fmt::format("{:.0f} {}: {:.2f} gray, {:.0f} pixels", middle, unit, rms_gray,
+                                   pixels));
+            highest = std::max(highest, rms_gray);
+        }
+        if (!series.empty())
+            plot.add_curve(series, color, name);
+    }
     if (!(highest > 0.0))
         return;
-    SvgPlot plot(label, "residual RMS / gray");
-    draw_profile(plot, calibrated, Color::blue, "pose under test", unit);
-    draw_profile(plot, refined, Color::orange, "refined pose", unit);
     plot.set_y_range(0.0, 1.15 * highest);
     plots.push_back({file, plot.svg(), caption});
 }
@@ -109,12 +99,6 @@ std::string arrow(const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
     return path;
 }
 
-std::string note(const EdgeShift& edge) {
-    return fmt::format("<title>({:.0f}, {:.0f}): {:+.3f} px, σ {:.3f} px</title>",
-                       edge.middle_px.x(), edge.middle_px.y(), edge.shift_px,
-                       edge.shift_deviation_px);
-}
-
 std::string edge_svg(const EdgeShift& edge, const Eigen::Vector2d& origin, double magnification) {
     const Eigen::Vector2d middle = edge.middle_px - origin;
     const Eigen::Vector2d half =
@@ -129,21 +113,13 @@ std::string edge_svg(const EdgeShift& edge, const Eigen::Vector2d& origin, doubl
                           "cx='{:.1f}' cy='{:.1f}' r='4'/></g>",
                           middle.x(), middle.y());
     const bool is_significant = std::abs(edge.shift_px) > 3.0 * edge.shift_deviation_px;
-    return text +
-           fmt::format("<g class='{}'><path class='stroke' stroke-width='1.6' d='{}'/>{}</g>",
-                       is_significant ? "red" : "blue",
-                       arrow(middle, middle + magnification * edge.shift_px * edge.normal),
-                       note(edge));
-}
-
-// A bar of a round number of pixels at its drawn length.
-std::string scale_bar(double magnification, const cv::Rect& part) {
-    const double length_px = 20.0 / magnification;
-    const double x = 8.0, y = part.height - 8.0;
-    return fmt::format(
-        "<g class='red'><path class='stroke' stroke-width='2' d='M{:.1f} {:.1f}h20'/></g>"
-        "<text x='{:.1f}' y='{:.1f}'>{:.2g} px</text>",
-        x, y, x + 25.0, y + 4.0, length_px);
+    return text + fmt::format(
+                      "<g class='{}'><path class='stroke' stroke-width='1.6' d='{}'/>"
+                      "<title>({:.0f}, {:.0f}): {:+.3f} px, σ {:.3f} px</title></g>",
+                      is_significant ? "red" : "blue",
+                      arrow(middle, middle + magnification * edge.shift_px * edge.normal),
+                      edge.middle_px.x(), edge.middle_px.y(), edge.shift_px,
+                      edge.shift_deviation_px);
 }
 
 // 1, 2 or 5 times a power of ten that draws this RMS about `drawn` long.
@@ -151,14 +127,6 @@ double round_magnification(double rms, double drawn) {
     if (!(rms > 0.0))
         return 100.0;
     return round_scale(std::min(1e4, drawn / rms));
-}
-
-double field_magnification(const std::vector<ShiftVector>& field, double drawn) {
-    double squares = 0.0;
-    for (const ShiftVector& vector : field)
-        squares += vector.shift_px.squaredNorm();
-    const double count = static_cast<double>(std::max<std::size_t>(field.size(), 1));
-    return round_magnification(std::sqrt(squares / count), drawn);
 }
 
 ComparisonPlot field_plot(const std::vector<ShiftVector>& field, const CameraModel& camera,
@@ -249,7 +217,11 @@ std::vector<ComparisonPlot> edge_plots(const Comparison& comparison) {
     const cv::Size image(camera.width, camera.height);
     const double spacing = std::max(camera.width, camera.height) / 12.0;
     const std::vector<ShiftVector> field = shift_field(before, image, spacing);
-    const double magnification = field_magnification(field, 0.4 * spacing);
+    double squares = 0.0;
+    for (const ShiftVector& vector : field)
+        squares += vector.shift_px.squaredNorm();
+    const auto vectors = static_cast<double>(std::max<std::size_t>(field.size(), 1));
+    const double magnification = round_magnification(std::sqrt(squares / vectors), 0.4 * spacing);
     std::vector<ComparisonPlot> plots;
     plots.push_back(field_plot(field, camera, magnification, "edge-shift-field.svg",
                                "at the poses under test"));
@@ -284,26 +256,31 @@ double arrow_magnification(const Comparison& comparison) {
     return round_magnification(count > 0.0 ? std::sqrt(squares / count) : 0.0, drawn_px);
 }
 
-std::string edge_map_svg(std::span<const EdgeShift> edges, const cv::Rect& part,
-                         double magnification) {
+std::string edge_map_svg(const ComparedPhoto& photo, double magnification) {
+    const cv::Rect& part = photo.pictures.part;
     std::string text =
         fmt::format("<svg class='plot' viewBox='0 0 {} {}' role='img' aria-label='edge shifts'>",
                     part.width, part.height);
-    for (const EdgeShift& edge : edges)
+    for (const EdgeShift& edge : photo.refined->edges)
         text += edge_svg(edge, Eigen::Vector2d(part.x, part.y), magnification);
-    return text + scale_bar(magnification, part) + "</svg>";
+    // A bar of 20 px as drawn, with its length as measured.
+    const double x = 8.0, y = part.height - 8.0;
+    return text + fmt::format(
+                      "<g class='red'><path class='stroke' stroke-width='2' d='M{:.1f} {:.1f}h20'/>"
+                      "</g><text x='{:.1f}' y='{:.1f}'>{:.2g} px</text></svg>",
+                      x, y, x + 25.0, y + 4.0, 20.0 / magnification);
 }
 
 std::vector<ComparisonPlot> comparison_plots(const Comparison& comparison) {
     std::vector<ComparisonPlot> plots{residual_by_photo(comparison)};
-    const ResidualProfiles& profiles = comparison.profiles;
-    add_profile(profiles.radius, profiles.refined_radius, "distance from the image's centre / px",
-                "px", "residual-by-radius.svg",
-                "Residual by distance from the image's centre, all photographs together. A rise "
-                "outwards points at the distortion or at the lens, not at the sensor.",
-                plots);
-    add_profile(
-        profiles.depth, profiles.refined_depth, "depth / mm", "mm", "residual-by-depth.svg",
+    const auto& profiles = comparison.profiles;
+    add_profiles(profiles[0], profiles[1], "distance from the image's centre / px", "px",
+                 "residual-by-radius.svg",
+                 "Residual by distance from the image's centre, all photographs together. A rise "
+                 "outwards points at the distortion or at the lens, not at the sensor.",
+                 plots);
+    add_profiles(
+        profiles[2], profiles[3], "depth / mm", "mm", "residual-by-depth.svg",
         "Residual by depth. A valley at one depth is the focus; a change with depth that the "
         "refined poses do not have is the pose's.",
         plots);

@@ -3,7 +3,6 @@
 // deviations.
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -90,21 +89,6 @@ struct Found {
     double cpu_ms = 0.0;  // of the fit, without that of the detector
 };
 
-// What tells where the marker is about: given poses, one a photograph, or a detector.
-struct Starts {
-    std::vector<Rigid> poses;
-    std::unique_ptr<Detector> detector;
-};
-
-Starts starts_of(const DetectArguments& arguments, const Marker& marker) {
-    if (!arguments.poses.empty())
-        return {read_poses_for(arguments.poses, arguments.photos), nullptr};
-    if (marker.kind == Marker::Kind::bitmap)
-        throw ConfigError({"--poses"}, "no detector finds " + marker.spec +
-                                           ": give a pose nearby for each photograph");
-    return {{}, make_detector("auto", marker, "--marker")};
-}
-
 // Why a pose that was fitted says nothing of where the marker is; empty when it does.
 std::string doubt_about(const PhotometricPose& pose, const CodeImage& image, const Marker& marker,
                         const Projector& projector) {
@@ -118,25 +102,22 @@ std::string doubt_about(const PhotometricPose& pose, const CodeImage& image, con
     return "";
 }
 
-// In photograph `i`.
-Found find_in(const std::filesystem::path& photo, std::size_t i, const CodeImage& image,
-              const Starts& starts, const PhotometricDetector& detector, const Marker& marker) {
+// Near `given`, or without one near what a detector finds.
+Found find_in(const std::filesystem::path& photo, const CodeImage& image, const Rigid* given,
+              Detector* starter, const PhotometricDetector& detector, const Marker& marker) {
     const Projector& projector = detector.camera()->projector();
     Found found{photo};
-    Rigid start;
-    if (starts.detector) {
-        const PhotoPose pose = find_as_drawn(photo, image, *starts.detector, projector, marker);
+    Rigid start = given ? *given : Rigid{};
+    if (!given) {
+        const PhotoPose pose = find_as_drawn(photo, image, *starter, projector, marker);
         found.failure = pose.failure;
         if (!pose.estimate)
             return found;
         start = pose.estimate->camera_from_marker;
-    } else {
-        start = starts.poses[i];
     }
     const double before = process_cpu_ms();
-    auto pose = attempted([&] {
-        return detector.find(image, start, starts.detector ? detector_error_px : stage_error_px);
-    });
+    auto pose = attempted(
+        [&] { return detector.find(image, start, given ? stage_error_px : detector_error_px); });
     if (pose)
         found.pose = *pose;
     found.failure = pose ? doubt_about(*pose, image, marker, projector) : pose.cause;
@@ -244,14 +225,24 @@ int run_photometric_detect(const DetectArguments& arguments) {
     if (arguments.camera.empty())
         throw ConfigError({"--camera"}, "a calibration is needed for poses");
     const Marker marker = parse_marker(arguments.marker, "--marker");
-    const Starts starts = starts_of(arguments, marker);
+    // What tells where the marker is about: given poses, one a photograph, or a detector.
+    std::vector<Rigid> starts;
+    std::unique_ptr<Detector> starter;
+    if (!arguments.poses.empty())
+        starts = read_poses_for(arguments.poses, arguments.photos);
+    else if (marker.kind == Marker::Kind::bitmap)
+        throw ConfigError({"--poses"}, "no detector finds " + marker.spec +
+                                           ": give a pose nearby for each photograph");
+    else
+        starter = make_detector("auto", marker, "--marker");
     const CameraModel camera = read_camera_for(arguments.camera, arguments.photos);
     const PhotometricDetector detector(camera, marker, "--marker");
     std::vector<Found> all;
     for (std::size_t i = 0; i < arguments.photos.size(); ++i) {
         const auto& photo = arguments.photos[i];
         const CodeImage image = read_photo(photo, camera, arguments.camera);
-        all.push_back(find_in(photo, i, image, starts, detector, marker));
+        all.push_back(
+            find_in(photo, image, starter ? nullptr : &starts[i], starter.get(), detector, marker));
     }
     if (arguments.json)
         print_json(arguments, "photometric_poses/1", arguments.detector, all);
@@ -260,23 +251,20 @@ int run_photometric_detect(const DetectArguments& arguments) {
     return finish(marker, all);
 }
 
-std::vector<PhotoPose> seen_in_photos(const DetectArguments& arguments, Detector& detector) {
-    std::vector<PhotoPose> all;
-    for (const auto& photo : arguments.photos)
-        for (PhotoPose& seen : find_markers(photo, read_image(photo), detector))
-            all.push_back(std::move(seen));
-    return all;
-}
-
-std::vector<PhotoPose> poses_in_photos(const DetectArguments& arguments, Detector& detector,
+// With poses where there is a calibration.
+std::vector<PhotoPose> found_in_photos(const DetectArguments& arguments, Detector& detector,
                                        const Marker& marker) {
-    const CameraModel camera = read_camera_for(arguments.camera, arguments.photos);
-    const Projector projector(camera);
+    std::optional<CameraModel> camera;
+    std::optional<Projector> projector;
+    if (!arguments.camera.empty())
+        projector.emplace(camera.emplace(read_camera_for(arguments.camera, arguments.photos)));
     std::vector<PhotoPose> all;
     for (const auto& photo : arguments.photos) {
-        const CodeImage image = read_photo(photo, camera, arguments.camera);
+        const CodeImage image =
+            camera ? read_photo(photo, *camera, arguments.camera) : read_image(photo);
         for (PhotoPose& seen : find_markers(photo, image, detector))
-            all.push_back(with_pose(std::move(seen), projector, marker));
+            all.push_back(projector ? with_pose(std::move(seen), *projector, marker)
+                                    : std::move(seen));
     }
     return all;
 }
@@ -286,9 +274,7 @@ int run_corner_detect(const DetectArguments& arguments) {
         throw ConfigError({"--poses"}, "only --detector photometric starts from poses");
     const Marker marker = parse_marker(arguments.marker, "--marker");
     const auto detector = make_detector(arguments.detector, marker, "--detector");
-    const std::vector<PhotoPose> all = arguments.camera.empty()
-                                           ? seen_in_photos(arguments, *detector)
-                                           : poses_in_photos(arguments, *detector, marker);
+    const std::vector<PhotoPose> all = found_in_photos(arguments, *detector, marker);
     if (arguments.json)
         print_json(arguments, "detections/1", detector->name(), all);
     else if (arguments.camera.empty())

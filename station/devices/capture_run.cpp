@@ -1,12 +1,11 @@
 #include "station/devices/capture_run.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include "capture/camera_recovery.h"
 #include "capture/frame/frame_average.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
+#include "station/devices/capture_help.txt.h"
 #include "station/devices/live_view.h"
 #include "station/record/record_json.h"
 #include "station/record/run_events.h"
@@ -18,91 +17,39 @@
 namespace etalon {
 namespace {
 
-// The record, or nothing where none is wanted.
-class CaptureRecord {
-public:
-    CaptureRecord(const std::filesystem::path& folder, Instant start) : start_(start) {
-        if (!folder.empty())
-            record_.emplace(folder, std::initializer_list<const char*>{"frames"});
+void keep_frame(RunRecord& record, int number, const Frame& frame, Instant start) {
+    FrameRecord entry = frame_record(frame, start);
+    if (frame.status == FrameStatus::complete) {
+        entry.file = fmt::format("frames/{:06}.png", number);
+        record.images().write(record.folder() / entry.file, frame.image);
     }
+    record.log(frame_event(number, entry));
+}
 
-    void log(Instant now, const std::string& event, const std::string& detail) {
-        if (record_)
-            record_->log(
-                state_event(std::chrono::duration<double>(now - start_).count(), event, detail));
-    }
+void write_mean(const std::filesystem::path& folder, const FrameAverage& average) {
+    Radiance mean;
+    average.mean.convertTo(mean, CV_32F, 1.0 / ((1 << average.bits) - 1));
+    write_radiance(folder / "mean.tiff", mean);
+}
 
-    void add(int number, const Frame& frame) {
-        if (!record_)
-            return;
-        FrameRecord entry = frame_record(frame, start_);
-        if (frame.status == FrameStatus::complete) {
-            entry.file = fmt::format("frames/{:06}.png", number);
-            record_->images().write(record_->folder() / entry.file, frame.image);
-        }
-        record_->log(frame_event(number, entry));
-    }
-
-    // What cannot be written any more is the reason, unless there is one. capture.json comes last,
-    // so that it says so: it is small and often still finds its place on a full disk.
-    void finish(CaptureResult& result, const FrameAverager& averager) {
-        if (!record_)
-            return;
-        attempt(result, [&] { record_->images().flush(); });
-        attempt(result, [&] { write_mean(averager); });
-        attempt(result,
-                [&] { write_text(record_->folder() / "capture.json", capture_json(result)); });
-    }
-
-private:
-    void write_mean(const FrameAverager& averager) const {
-        if (averager.frames() < 2)
-            return;
-        const FrameAverage average = averager.average();
-        Radiance mean;
-        average.mean.convertTo(mean, CV_32F, 1.0 / ((1 << average.bits) - 1));
-        write_radiance(record_->folder() / "mean.tiff", mean);
-    }
-
-    static void attempt(CaptureResult& result, const std::function<void()>& step) {
+// What cannot be written any more is the reason, unless there is one. capture.json comes last, so
+// that it says so: it is small and often still finds its place on a full disk.
+void finish_record(RunRecord& record, const std::optional<FrameAverage>& average,
+                   CaptureResult& result) {
+    const std::function<void()> steps[] = {
+        [&] { record.images().flush(); },
+        [&] {
+            if (average)
+                write_mean(record.folder(), *average);
+        },
+        [&] { write_text(record.folder() / "capture.json", capture_json(result)); }};
+    for (const auto& step : steps)
         try {
             step();
         } catch (const ConfigError& error) {
             if (result.reason.empty())
                 result.reason = error.what();
         }
-    }
-
-    Instant start_;
-    std::optional<RunRecord> record_;
-};
-
-void take_all(Camera& camera, const CaptureRequest& request, Clock& clock,
-              const std::stop_token& stop, CaptureRecord& record, FrameAverager& averager,
-              const std::function<void(const Frame&)>& seen) {
-    Instant after = clock.now();
-    for (int number = 0; request.frames == 0 || number < request.frames; ++number) {
-        const Frame frame =
-            frame_after_reconnecting(camera, after, request.retries, clock, stop,
-                                     [&](const std::string& event, const std::string& detail) {
-                                         record.log(clock.now(), event, detail);
-                                     });
-        record.add(number, frame);
-        if (frame.status == FrameStatus::complete) {
-            averager.add(frame);
-            after = frame.exposure_start;
-        }
-        seen(frame);
-    }
-}
-
-void sum_up(CaptureResult& result, const FrameAverager& averager) {
-    result.complete = averager.frames();
-    if (averager.frames() < 2)
-        return;
-    const FrameAverage average = averager.average();
-    result.mean = cv::mean(average.mean)[0];
-    result.noise = average.noise();
 }
 
 // "Gamma=0.7"
@@ -120,64 +67,25 @@ std::map<std::string, double> parse_controls(const std::vector<std::string>& wor
     return controls;
 }
 
-CameraLink camera_link(const CaptureArguments& arguments) {
-    CameraLink link;
-    link.packet_size = arguments.packet_size;
-    link.frame_timeout = std::chrono::milliseconds(arguments.frame_timeout_ms);
-    link.interface = arguments.interface;
-    return link;
+// Ten lines a second on a terminal, elsewhere one.
+CaptureResult capture_shown(Camera& camera, const CaptureRequest& request, Clock& clock,
+                            const std::stop_token& stop) {
+    StatusLine line;
+    LiveView view;
+    const Duration period =
+        line.is_terminal() ? std::chrono::milliseconds(100) : std::chrono::seconds(1);
+    Instant next = clock.now();
+    const CaptureResult result =
+        capture_frames(camera, request, clock, stop, [&](const Frame& frame) {
+            view.add(frame);
+            if (clock.now() < next)
+                return;
+            next = clock.now() + period;
+            line.show(view.line());
+        });
+    line.show(view.line());
+    return result;
 }
-
-CaptureRequest request_of(const CaptureArguments& arguments) {
-    CaptureRequest request;
-    request.settings = capture_settings(arguments);
-    request.frames = arguments.frames;
-    request.retries = arguments.retries;
-    request.out = arguments.out;
-    return request;
-}
-
-// On a terminal one line that is drawn again and again; otherwise a line a second.
-class LivePrinter {
-public:
-    LivePrinter(bool wanted, const Clock& clock)
-        : wanted_(wanted), terminal_(isatty(STDERR_FILENO) != 0), clock_(clock) {}
-    ~LivePrinter() {
-        if (!wanted_)
-            return;
-        print();
-        if (terminal_)
-            fmt::print(stderr, "\n");
-    }
-    LivePrinter(const LivePrinter&) = delete;
-    LivePrinter& operator=(const LivePrinter&) = delete;
-
-    void show(const Frame& frame) {
-        if (!wanted_)
-            return;
-        view_.add(frame);
-        const Duration period =
-            terminal_ ? std::chrono::milliseconds(100) : std::chrono::seconds(1);
-        if (printed_ && clock_.now() < *printed_ + period)
-            return;
-        printed_ = clock_.now();
-        print();
-    }
-
-private:
-    void print() const {
-        if (terminal_)
-            fmt::print(stderr, "\r{:<79}", view_.line());
-        else
-            fmt::print(stderr, "{}\n", view_.line());
-        std::fflush(stderr);
-    }
-
-    bool wanted_, terminal_;
-    const Clock& clock_;
-    LiveView view_;
-    std::optional<Instant> printed_;
-};
 
 void require_purpose(const CaptureArguments& arguments) {
     if (arguments.frames == 0 && !arguments.live)
@@ -187,10 +95,7 @@ void require_purpose(const CaptureArguments& arguments) {
 }
 
 void print_result(const CaptureResult& result, const CaptureArguments& arguments) {
-    if (!result.reason.empty())
-        fmt::print(stderr, "etalon: {}\n", result.reason);
-    for (const std::string& remark : result.remarks)
-        fmt::print(stderr, "etalon: {}\n", remark);
+    print_remarks(result);
     if (arguments.json) {
         fmt::print("{}", capture_json(result));
         return;
@@ -210,27 +115,82 @@ CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Cloc
     CaptureResult result;
     result.asked = request.frames;
     result.started_utc = utc_now();
-    result.camera = camera.identity();
     result.settings = camera.configure(request.settings);
     const Instant start = clock.now();
-    CaptureRecord record(request.out, start);
-    camera.arm();
+    const auto elapsed_s = [&] {
+        return std::chrono::duration<double>(clock.now() - start).count();
+    };
+    std::optional<RunRecord> record;
+    if (!request.out.empty())
+        record.emplace(request.out, std::initializer_list<const char*>{"frames"});
+    const auto log = [&](const std::string& event, const std::string& detail) {
+        if (record)
+            record->log(state_event(elapsed_s(), event, detail));
+    };
     FrameAverager averager;
+    use_camera(camera, result, [&] {
+        Instant after = start;
+        for (int number = 0; request.frames == 0 || number < request.frames; ++number) {
+            const Frame frame =
+                frame_after_reconnecting(camera, after, request.retries, clock, stop, log);
+            if (record)
+                keep_frame(*record, number, frame, start);
+            if (frame.status == FrameStatus::complete) {
+                averager.add(frame);
+                after = frame.exposure_start;
+            }
+            seen(frame);
+        }
+    });
+    if (request.frames == 0 && result.reason == "interrupted")
+        result.reason.clear();
+    result.complete = averager.frames();
+    std::optional<FrameAverage> average;
+    if (result.complete >= 2) {
+        average = averager.average();
+        result.mean = cv::mean(average->mean)[0];
+        result.noise = average->noise();
+    }
+    result.duration_s = elapsed_s();
+    if (record)
+        finish_record(*record, average, result);
+    return result;
+}
+
+void use_camera(Camera& camera, CameraUse& use, const std::function<void()>& work) {
+    use.camera = camera.identity();
+    camera.arm();
     try {
-        take_all(camera, request, clock, stop, record, averager, seen);
+        work();
     } catch (const Interrupted&) {
-        if (request.frames != 0)
-            result.reason = "interrupted";
+        use.reason = "interrupted";
     } catch (const Error& error) {
-        result.reason = error.what();
+        use.reason = error.what();
     }
     camera.disarm();
-    sum_up(result, averager);
-    result.statistics = camera.statistics();
-    result.remarks = camera.remarks();
-    result.duration_s = std::chrono::duration<double>(clock.now() - start).count();
-    record.finish(result, averager);
-    return result;
+    use.statistics = camera.statistics();
+    use.remarks = camera.remarks();
+}
+
+void print_remarks(const CameraUse& use) {
+    if (!use.reason.empty())
+        fmt::print(stderr, "etalon: {}\n", use.reason);
+    for (const std::string& remark : use.remarks)
+        fmt::print(stderr, "etalon: {}\n", remark);
+}
+
+StatusLine::~StatusLine() {
+    if (is_terminal_ && is_drawn_)
+        fmt::print(stderr, "\n");
+}
+
+void StatusLine::show(const std::string& text) {
+    if (is_terminal_)
+        fmt::print(stderr, "\r{:<79}", text);
+    else
+        fmt::print(stderr, "{}\n", text);
+    std::fflush(stderr);
+    is_drawn_ = true;
 }
 
 std::string capture_json(const CaptureResult& result) {
@@ -254,24 +214,19 @@ std::string capture_json(const CaptureResult& result) {
 }
 
 CaptureSettings capture_settings(const CaptureArguments& arguments) {
-    CaptureSettings settings;
-    settings.width = arguments.width;
-    settings.height = arguments.height;
-    settings.format = arguments.format;
-    settings.bits = arguments.bits.value_or(arguments.format.empty() ? 8 : 0);
+    CaptureSettings settings = arguments.settings;
+    settings.bits = arguments.bits.value_or(settings.format.empty() ? 8 : 0);
     settings.exposure = std::chrono::microseconds(std::llround(arguments.exposure_us));
-    settings.gain_db = arguments.gain_db;
-    settings.black_level = arguments.black_level;
-    settings.trigger = arguments.trigger;
     settings.controls = parse_controls(arguments.controls);
     return settings;
 }
 
 std::unique_ptr<Camera> opened_camera(const CaptureArguments& arguments, Clock& clock,
                                       const std::stop_token& stop) {
-    return open_when_free(
-        [&] { return open_camera(arguments.camera, camera_link(arguments), clock); }, clock, stop,
-        [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
+    CameraLink link = arguments.link;
+    link.frame_timeout = std::chrono::milliseconds(arguments.frame_timeout_ms);
+    return open_when_free([&] { return open_camera(arguments.camera, link, clock); }, clock, stop,
+                          [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
 }
 
 int run_capture(const CaptureArguments& arguments) {
@@ -282,12 +237,12 @@ int run_capture(const CaptureArguments& arguments) {
     const StopOnSignals signals(stop);
     SteadyClock clock;
     const auto camera = opened_camera(arguments, clock, stop.get_token());
-    CaptureResult result;
-    {
-        LivePrinter live(arguments.live, clock);
-        result = capture_frames(*camera, request_of(arguments), clock, stop.get_token(),
-                                [&](const Frame& frame) { live.show(frame); });
-    }
+    const CaptureRequest request{capture_settings(arguments), arguments.frames, arguments.retries,
+                                 arguments.out};
+    const CaptureResult result =
+        arguments.live
+            ? capture_shown(*camera, request, clock, stop.get_token())
+            : capture_frames(*camera, request, clock, stop.get_token(), [](const Frame&) {});
     print_result(result, arguments);
     if (result.reason == "interrupted")
         return ExitCode::interrupted;
@@ -315,21 +270,8 @@ void declare_drift(Command& capture, CaptureArguments& asked, const Option& fram
 }
 
 void declare_capture(Command& program) {
-    auto [command, asked] = program.add(
-        run_capture, "capture", "take frames with a camera",
-        "Prints `captured N frames`, `noise X DN` (of a still scene) and `record FILE`.\n"
-        "DIR gets capture.json, events.jsonl, frames/ and mean.tiff, and can be replayed\n"
-        "as files:DIR. Settings are read back; what the camera does not do is an error.\n"
-        "Cameras, formats and controls: `etalon devices`.\n\n"
-        "With --drift it watches a target that stands still until its image moves by less\n"
-        "than 0.02 px per minute, anywhere in the image and with its uncertainty: prints\n"
-        "`drift X px/min stable after T min` and `report FILE`. Exit code 2 if that does\n"
-        "not happen in the time. DIR gets drift.csv, drift.json and report.html.\n\n"
-        "Examples:\n"
-        "  etalon capture --camera v4l2:/dev/video0 --format Y16 --exposure-us 5000 \\\n"
-        "      --frames 100 --out still\n"
-        "  etalon capture --camera v4l2:/dev/video0 --drift --minutes 90 \\\n"
-        "      --marker chessboard:9x6@25mm --out warm-up\n");
+    auto [command, asked] =
+        program.add(run_capture, "capture", "take frames with a camera", capture_help_txt);
     command.required("--camera", asked->camera,
                      "v4l2:/dev/video0, genicam:ID-OR-IP,\nlibcamera:ID or files:DIR", "URI");
     const Option frames =
@@ -338,24 +280,27 @@ void declare_capture(Command& program) {
     const Option live = command.flag(
         "--live", asked->live,
         "show fps, mean, noise, saturation, sharpness;\nwithout --frames until Ctrl-C");
-    command.option("--format", asked->format, "pixel format, by the device's name", "NAME");
+    command.option("--format", asked->settings.format, "pixel format, by the device's name",
+                   "NAME");
     command.option("--bits", asked->bits, "per pixel (default 8, or the format's)", "N")
         .within(1, 16);
-    command.option("--width", asked->width, "of the image (default: the device's)", "PX")
+    command.option("--width", asked->settings.width, "of the image (default: the device's)", "PX")
         .within(1, 65536);
-    command.option("--height", asked->height, "", "PX").within(1, 65536);
+    command.option("--height", asked->settings.height, "", "PX").within(1, 65536);
     command.option("--exposure-us", asked->exposure_us, "(default: the device's)", "US").positive();
-    command.option("--gain-db", asked->gain_db, "(default 0)", "DB");
-    command.option("--black-level", asked->black_level, "in the device's unit", "X");
-    command.option("--trigger", asked->trigger, "the device's name of a source, or none", "NAME");
+    command.option("--gain-db", asked->settings.gain_db, "(default 0)", "DB");
+    command.option("--black-level", asked->settings.black_level, "in the device's unit", "X");
+    command.option("--trigger", asked->settings.trigger, "the device's name of a source, or none",
+                   "NAME");
     command.option("--set", asked->controls, "a control by its name; may be repeated", "NAME=X")
         .one_each();
     command.option("--retries", asked->retries, "of a bad frame (default 5)", "N").within(0, 1000);
     command.option("--frame-timeout-ms", asked->frame_timeout_ms, "(default 1000)", "MS")
         .within(1, 600000);
-    command.option("--packet-size", asked->packet_size, "GigE Vision (default 1400)", "BYTES")
+    command.option("--packet-size", asked->link.packet_size, "GigE Vision (default 1400)", "BYTES")
         .within(576, 16384);
-    command.option("--interface", asked->interface, "GigE Vision: IP of the network card", "IP");
+    command.option("--interface", asked->link.interface, "GigE Vision: IP of the network card",
+                   "IP");
     declare_drift(command, *asked, frames, out, live);
 }
 

@@ -8,9 +8,8 @@
 // The record can be replayed with the camera files:DIR.
 #pragma once
 
-#include <functional>
+#include <unistd.h>
 
-#include "capture/frame/camera.h"
 #include "station/devices/commands.h"
 
 namespace etalon {
@@ -22,22 +21,47 @@ struct CaptureRequest {
     std::filesystem::path out;  // empty: nothing is recorded
 };
 
-struct CaptureResult {
+// What a camera was used for, and how that ended.
+struct CameraUse {
     CameraIdentity camera;
     CaptureSettings settings;  // in force
     CaptureStatistics statistics;
     std::vector<std::string> remarks;
-    int asked = 0, complete = 0;
-    std::optional<double> mean, noise;  // code values; of 2 or more complete frames
     std::string started_utc;
-    double duration_s = 0.0;
-    std::string reason;  // why it ended before all frames were taken; empty: it did not
+    std::string reason;  // why it ended early: "interrupted", an error; empty: it did not
 };
 
-// Takes the frames and hands each to `seen`, incomplete ones too. A camera that fails ends it with
-// a reason, after an attempt to reconnect; so do a disk that is full and a stop request, if frames
-// were asked for. What was taken before stays on disk. Throws DeviceError when the camera cannot be
-// configured, and ConfigError when the record cannot be made.
+// Arms a configured camera for the time of `work`. An error of this project ends it.
+void use_camera(Camera& camera, CameraUse& use, const std::function<void()>& work);
+
+// Reason and remarks, on stderr.
+void print_remarks(const CameraUse& use);
+
+// On a terminal one line on stderr that is drawn again and again; elsewhere a line each time.
+class StatusLine {
+public:
+    StatusLine() = default;
+    StatusLine(const StatusLine&) = delete;
+    StatusLine& operator=(const StatusLine&) = delete;
+    ~StatusLine();
+
+    bool is_terminal() const { return is_terminal_; }
+    void show(const std::string& text);  // at most 79 columns
+
+private:
+    bool is_terminal_ = isatty(STDERR_FILENO) != 0, is_drawn_ = false;
+};
+
+struct CaptureResult : CameraUse {
+    int asked = 0, complete = 0;
+    std::optional<double> mean, noise;  // code values; of 2 or more complete frames
+    double duration_s = 0.0;
+};
+
+// Takes the frames and hands each to `seen`, incomplete ones too. A camera that fails, a disk that
+// is full and, if frames were asked for, a stop request end it with a reason. What was taken before
+// stays on disk. Throws DeviceError when the camera cannot be configured, and ConfigError when the
+// record cannot be made.
 CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Clock& clock,
                              const std::stop_token& stop,
                              const std::function<void(const Frame&)>& seen);
@@ -48,8 +72,7 @@ std::string capture_json(const CaptureResult& result);
 // Throws ConfigError for a --set that is no NAME=NUMBER.
 CaptureSettings capture_settings(const CaptureArguments& arguments);
 
-// Opened; one that another program controls is waited for, and it is said on stderr. Throws as
-// open_when_free().
+// Waits for a camera that another program controls, and says so on stderr: open_when_free().
 std::unique_ptr<Camera> opened_camera(const CaptureArguments& arguments, Clock& clock,
                                       const std::stop_token& stop);
 

@@ -1,16 +1,8 @@
-#include "station/devices/devices_table.h"
-
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
-
-#include <algorithm>
-#include <cmath>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
-#include "report/json_text.h"
-#include "stage/profile/profile.h"
 #include "station/devices/commands.h"
+#include "station/record/record_json.h"
 #include "station/shell/command.h"
 
 namespace etalon {
@@ -27,16 +19,12 @@ struct Row {
     std::vector<std::string> words;
 };
 
-std::size_t column_width(const std::vector<Row>& rows, std::string Row::*column) {
-    std::size_t width = 0;
-    for (const Row& row : rows)
-        width = std::max(width, (row.*column).size());
-    return std::min(width, max_column);
-}
-
 std::string rows_text(const std::vector<Row>& rows) {
-    const std::size_t names = column_width(rows, &Row::name);
-    const std::size_t values = column_width(rows, &Row::value);
+    std::size_t names = 0, values = 0;
+    for (const Row& row : rows) {
+        names = std::max(names, std::min(row.name.size(), max_column));
+        values = std::max(values, std::min(row.value.size(), max_column));
+    }
     const std::size_t indent = std::string(of_feature).size() + names + values + 4;
     std::string text;
     for (const Row& row : rows) {
@@ -173,58 +161,45 @@ std::vector<ListedBackend> listed_backends() {
 
 // ---- JSON ----------------------------------------------------------------------------------
 
-ordered_json number(const std::optional<double>& value) {
-    return value ? ordered_json(*value) : ordered_json();
+ordered_json pair_of(cv::Size size) {
+    return {size.width, size.height};
 }
 
 ordered_json format_json(const CameraFormat& format) {
-    ordered_json json = {{"name", format.name},
-                         {"description", format.description},
-                         {"bits", format.bits},
-                         {"sizes", ordered_json::array()}};
-    for (const FrameSizes& sizes : format.sizes)
-        json["sizes"].push_back({{"smallest", {sizes.smallest.width, sizes.smallest.height}},
-                                 {"largest", {sizes.largest.width, sizes.largest.height}},
-                                 {"step", {sizes.step.width, sizes.step.height}}});
-    return json;
+    return {{"name", format.name},
+            {"description", format.description},
+            {"bits", format.bits},
+            {"sizes", json_list(format.sizes, [](const FrameSizes& sizes) {
+                 return ordered_json{{"smallest", pair_of(sizes.smallest)},
+                                     {"largest", pair_of(sizes.largest)},
+                                     {"step", pair_of(sizes.step)}};
+             })}};
 }
 
 ordered_json control_json(const CameraControl& control) {
-    return {{"name", control.name},         {"value", control.value},
-            {"unit", control.unit},         {"low", number(control.low)},
-            {"high", number(control.high)}, {"step", number(control.step)},
-            {"choices", control.choices},   {"read_only", control.read_only}};
+    return {{"name", control.name},
+            {"value", control.value},
+            {"unit", control.unit},
+            {"low", optional_number(control.low)},
+            {"high", optional_number(control.high)},
+            {"step", optional_number(control.step)},
+            {"choices", control.choices},
+            {"read_only", control.read_only}};
 }
 
 ordered_json camera_json(const ListedCamera& camera) {
-    ordered_json json = {{"uri", camera.identity.uri},
-                         {"vendor", camera.identity.vendor},
-                         {"model", camera.identity.model},
-                         {"serial", camera.identity.serial},
-                         {"fault", camera.fault},
-                         {"formats", ordered_json::array()},
-                         {"controls", ordered_json::array()}};
-    for (const CameraFormat& format : camera.abilities.formats)
-        json["formats"].push_back(format_json(format));
-    for (const CameraControl& control : camera.abilities.controls)
-        json["controls"].push_back(control_json(control));
+    ordered_json json = device_json(camera.identity);
+    json["fault"] = camera.fault;
+    json["formats"] = json_list(camera.abilities.formats, format_json);
+    json["controls"] = json_list(camera.abilities.controls, control_json);
     return json;
 }
 
-void print_json(const std::vector<ListedBackend>& backends) {
-    ordered_json json = {{"etalon", "devices/1"},
-                         {"camera_backends", ordered_json::array()},
-                         {"stage_profiles", builtin_stage_profile_names()}};
-    for (const ListedBackend& listed : backends) {
-        ordered_json cameras = ordered_json::array();
-        for (const ListedCamera& camera : listed.cameras)
-            cameras.push_back(camera_json(camera));
-        json["camera_backends"].push_back({{"name", listed.backend.name},
-                                           {"built_in", listed.backend.built_in},
-                                           {"detail", listed.backend.detail},
-                                           {"cameras", cameras}});
-    }
-    fmt::print("{}\n", text_of(json));
+ordered_json backend_json(const ListedBackend& listed) {
+    return {{"name", listed.backend.name},
+            {"built_in", listed.backend.built_in},
+            {"detail", listed.backend.detail},
+            {"cameras", json_list(listed.cameras, camera_json)}};
 }
 
 }  // namespace
@@ -244,7 +219,9 @@ std::string devices_table(const std::vector<ListedBackend>& backends,
 int run_devices(const DevicesArguments& arguments) {
     const std::vector<ListedBackend> backends = listed_backends();
     if (arguments.json)
-        print_json(backends);
+        fmt::print("{}\n", text_of({{"etalon", "devices/1"},
+                                    {"camera_backends", json_list(backends, backend_json)},
+                                    {"stage_profiles", builtin_stage_profile_names()}}));
     else
         fmt::print("{}", devices_table(backends, builtin_stage_profile_names()));
     return 0;

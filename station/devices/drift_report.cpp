@@ -1,57 +1,32 @@
 #include "station/devices/drift_report.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 #include <nlohmann/json.hpp>
 
 #include <cstdio>
 
 #include "capture/camera_recovery.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/html.h"
-#include "report/json_text.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
-#include "station/devices/capture_run.h"
-#include "station/devices/commands.h"
+#include "station/record/record_json.h"
 #include "station/record/run_record.h"
 #include "station/shell/signals.h"
 
 namespace etalon {
 namespace {
 
-// When frame `number` is due, never before the last one.
-Instant due(Instant start, const DriftRequest& request, int number, Instant last) {
-    return std::max(start + number * request.interval, last);
-}
-
-void watch(Camera& camera, const TargetFinder& find_target, const DriftRequest& request,
-           Clock& clock, const std::stop_token& stop, DriftMonitor& monitor,
-           const std::function<void(const DriftMonitor&)>& seen) {
-    const Instant start = clock.now();
-    Instant last = start;
-    for (int number = 0; number < request.frames && !monitor.stable(); ++number) {
-        const Instant next = due(start, request, number, last);
-        if (!clock.wait_until(next, stop))
-            throw Interrupted();
-        const Frame frame = frame_after_reconnecting(camera, next, request.retries, clock, stop,
-                                                     [](const auto&, const auto&) {});
-        const bool complete = frame.status == FrameStatus::complete;
-        last = complete ? frame.exposure_start : clock.now();
-        monitor.add(last - start, complete ? find_target(frame.image) : TargetPoints{});
-        seen(monitor);
-    }
-}
-
 using Json = nlohmann::ordered_json;
 
-// Growth and turn, which are px at one radius, as what they are.
-double scale_ppm(const Movement& movement, double radius_px) {
-    return 1e6 * movement[2] / radius_px;
+// Growth and turn, which are px at one radius, as what they are: of a frame or a jump.
+template <class Moved>
+double scale_ppm(const Moved& moved) {
+    return 1e6 * moved.movement[2] / moved.radius_px;
 }
-double rotation_urad(const Movement& movement, double radius_px) {
-    return 1e6 * movement[3] / radius_px;
+template <class Moved>
+double rotation_urad(const Moved& moved) {
+    return 1e6 * moved.movement[3] / moved.radius_px;
 }
 
 double radius_of(const DriftMonitor& monitor) {
@@ -64,12 +39,10 @@ double radius_of(const DriftMonitor& monitor) {
 Json rate_json(const DriftRate& rate) {
     return {{"from_min", rate.from.count()},
             {"to_min", rate.to.count()},
-            {"px_per_min", {rate.per_min[0], rate.per_min[1], rate.per_min[2], rate.per_min[3]}},
-            {"standard_uncertainty",
-             {rate.standard_uncertainty[0], rate.standard_uncertainty[1],
-              rate.standard_uncertainty[2], rate.standard_uncertainty[3]}},
+            {"px_per_min", numbers_of(rate.per_min)},
+            {"standard_uncertainty", numbers_of(rate.standard_uncertainty)},
             {"worst_px_per_min", rate.worst_px_per_min},
-            {"worst_pixel", {rate.worst_pixel.x(), rate.worst_pixel.y()}},
+            {"worst_pixel", numbers_of(rate.worst_pixel)},
             {"worst_standard_uncertainty_px_per_min", rate.standard_uncertainty_px_per_min},
             {"coverage_factor", rate.coverage_factor},
             {"worst_expanded_uncertainty_px_per_min", rate.expanded_uncertainty_px_per_min},
@@ -78,12 +51,19 @@ Json rate_json(const DriftRate& rate) {
             {"block_correlation", rate.block_correlation}};
 }
 
-Json jump_json(const DriftJump& jump) {
-    return {{"time_min", jump.time.count()},
-            {"size_px", jump.size_px},
-            {"shift_px", {jump.movement[0], jump.movement[1]}},
-            {"scale_ppm", scale_ppm(jump.movement, jump.radius_px)},
-            {"rotation_urad", rotation_urad(jump.movement, jump.radius_px)}};
+ResultTable jump_table(const DriftMonitor& monitor) {
+    const ColumnsOf<DriftJump> columns = {
+        {"time_min", [](const auto& jump) { return jump.time.count(); }, "minute", "", "{:.2f}"},
+        {"size_px", &DriftJump::size_px, "size px", "", "{:.3f}"},
+        {"shift_px",
+         [](const auto& jump) {
+             return std::vector{jump.movement[0], jump.movement[1]};
+         }},
+        {"", [](const auto& jump) { return jump.movement[0]; }, "shift x px", "", "{:.3f}"},
+        {"", [](const auto& jump) { return jump.movement[1]; }, "shift y px", "", "{:.3f}"},
+        {"scale_ppm", scale_ppm<DriftJump>, "scale ppm", "", "{:.0f}"},
+        {"rotation_urad", rotation_urad<DriftJump>, "rotation µrad", "", "{:.0f}"}};
+    return table_of(columns, monitor.jumps());
 }
 
 long frames_without_target(const DriftMonitor& monitor) {
@@ -108,22 +88,20 @@ std::string obstacle(const DriftResult& result) {
     if (rate.worst_px_per_min >= limit)
         return fmt::format("it drifts: {}", in_words(rate));
     if (rate.bound_px_per_min >= limit)
-        return fmt::format(
-            "too uncertain: {}; more frames, or a target that fills more of the "
-            "image, would tell",
-            in_words(rate));
+        return "too uncertain: " + in_words(rate) +
+               "; more frames, or a target that fills more of the image, would tell";
     if (rate.shape_px_per_min >= limit)
         return fmt::format("the target's points drift against each other by {:.3f} px/min",
                            rate.shape_px_per_min);
     return "something jumped just before the end";
 }
 
-Facts facts_of_the_watch(const DriftResult& result, const std::string& target) {
+Facts facts_of(const DriftResult& result, const std::string& target) {
     const DriftMonitor& monitor = result.monitor;
     const auto px = [](const std::optional<double>& value) {
         return value ? fmt::format("{:.4f} px", *value) : "unknown";
     };
-    return {
+    Facts facts = {
         {"limit", fmt::format("{} px/min anywhere in the image", monitor.plan().limit_px_per_min)},
         {"camera", result.camera.uri + " " + result.camera.serial},
         {"target", target},
@@ -134,22 +112,20 @@ Facts facts_of_the_watch(const DriftResult& result, const std::string& target) {
         {"noise of a point", px(monitor.point_noise_px())},
         {"shake of the target", px(monitor.shake_px())},
         {"jumps", std::to_string(monitor.jumps().size())}};
-}
-
-Facts facts_of_the_rate(const DriftMonitor& monitor) {
     if (monitor.rates().empty())
-        return {};
+        return facts;
     const DriftRate& rate = monitor.rates().back();
     const double per_radius = 1e6 / radius_of(monitor);
-    const auto with_u = [&](int i, double factor, const char* unit) {
-        return fmt::format("{:.3g} ± {:.2g} {}/min", factor * rate.per_min[i],
-                           2.0 * factor * rate.standard_uncertainty[i], unit);
+    const auto add = [&](const char* name, int i, double factor, const char* unit) {
+        facts.emplace_back(name, fmt::format("{:.3g} ± {:.2g} {}/min", factor * rate.per_min[i],
+                                             2.0 * factor * rate.standard_uncertainty[i], unit));
     };
-    return {{"shift x (U: k = 2)", with_u(0, 1.0, "px")},
-            {"shift y", with_u(1, 1.0, "px")},
-            {"scale", with_u(2, per_radius, "ppm")},
-            {"rotation", with_u(3, per_radius, "µrad")},
-            {"between its points", fmt::format("{:.3g} px/min", rate.shape_px_per_min)}};
+    add("shift x (U: k = 2)", 0, 1.0, "px");
+    add("shift y", 1, 1.0, "px");
+    add("scale", 2, per_radius, "ppm");
+    add("rotation", 3, per_radius, "µrad");
+    facts.emplace_back("between its points", fmt::format("{:.3g} px/min", rate.shape_px_per_min));
+    return facts;
 }
 
 void add_summary(HtmlPage& page, const DriftResult& result, const std::string& target) {
@@ -158,10 +134,7 @@ void add_summary(HtmlPage& page, const DriftResult& result, const std::string& t
                     ? drift_sentence(result) + ": " + in_words(result.monitor.rates().back())
                     : obstacle(result);
     page.add_verdict(result.stable ? "STABLE" : "NOT STABLE", sentence);
-    Facts facts = facts_of_the_watch(result, target);
-    const Facts of_rate = facts_of_the_rate(result.monitor);
-    facts.insert(facts.end(), of_rate.begin(), of_rate.end());
-    page.add_facts(facts);
+    page.add_facts(facts_of(result, target));
 }
 
 std::string movement_plot(const DriftMonitor& monitor) {
@@ -196,19 +169,12 @@ std::string rate_plot(const DriftMonitor& monitor) {
 void add_jumps(HtmlPage& page, const DriftMonitor& monitor) {
     if (monitor.jumps().empty())
         return;
-    TableRows rows;
-    for (const DriftJump& jump : monitor.jumps())
-        rows.push_back({fixed(jump.time.count(), 2), fixed(jump.size_px, 3),
-                        fixed(jump.movement[0], 3), fixed(jump.movement[1], 3),
-                        fixed(scale_ppm(jump.movement, jump.radius_px), 0),
-                        fixed(rotation_urad(jump.movement, jump.radius_px), 0)});
     page.add_heading("Jumps");
     page.add_paragraph(
         "The image moved from one frame to the next: the target, the camera or what they stand on "
         "was touched, or a part of the lens slipped. No drift is taken over a jump: it is judged "
         "anew from there.");
-    page.add_table({"minute", "size px", "shift x px", "shift y px", "scale ppm", "rotation µrad"},
-                   rows);
+    page.add_table(jump_table(monitor));
 }
 
 void add_limits_of_the_method(HtmlPage& page) {
@@ -247,52 +213,29 @@ DriftRequest drift_request(const CaptureArguments& arguments) {
     return request;
 }
 
-// On a terminal one line that is drawn again and again, otherwise one whenever there is a new rate.
+// A line for each jump; on a terminal the last state, elsewhere one whenever there is a new rate.
 class DriftPrinter {
 public:
     void show(const DriftMonitor& monitor) {
-        for (; jumps_ < monitor.jumps().size(); ++jumps_)
-            note_jump(monitor.jumps()[jumps_]);
-        if (terminal_)
-            fmt::print(stderr, "\r{:<79}", drift_line(monitor));
-        else if (monitor.rates().size() > rates_ || monitor.frames().size() == 1)
-            fmt::print(stderr, "{}\n", drift_line(monitor));
+        for (; jumps_ < monitor.jumps().size(); ++jumps_) {
+            const DriftJump& jump = monitor.jumps()[jumps_];
+            fmt::print(stderr,
+                       "{}jump of {:.3f} px at {:.2f} min: target, camera or their base was "
+                       "touched; judged anew\n",
+                       line_.is_terminal() ? "\r" : "", jump.size_px, jump.time.count());
+        }
+        if (line_.is_terminal() || monitor.rates().size() > rates_ || monitor.frames().size() == 1)
+            line_.show(drift_line(monitor));
         rates_ = monitor.rates().size();
-        std::fflush(stderr);
     }
-    ~DriftPrinter() {
-        if (terminal_)
-            fmt::print(stderr, "\n");
-    }
-    DriftPrinter() = default;
-    DriftPrinter(const DriftPrinter&) = delete;
-    DriftPrinter& operator=(const DriftPrinter&) = delete;
 
 private:
-    void note_jump(const DriftJump& jump) const {
-        const std::string text = fmt::format(
-            "jump of {:.3f} px at {:.2f} min: target, camera or their base was touched; judged "
-            "anew",
-            jump.size_px, jump.time.count());
-        fmt::print(stderr, "{}{}\n", terminal_ ? "\r" : "", text);
-    }
-
-    bool terminal_ = isatty(STDERR_FILENO) != 0;
+    StatusLine line_;
     std::size_t rates_ = 0, jumps_ = 0;
 };
 
-void write_record(const std::filesystem::path& folder, const DriftResult& result,
-                  const std::string& target) {
-    write_text(folder / "drift.csv", drift_csv(result));
-    write_text(folder / "drift.json", drift_json(result, target));
-    write_text(folder / "report.html", drift_html(result, target));
-}
-
 void print_result(const CaptureArguments& arguments, const DriftResult& result) {
-    if (!result.reason.empty())
-        fmt::print(stderr, "etalon: {}\n", result.reason);
-    for (const std::string& remark : result.remarks)
-        fmt::print(stderr, "etalon: {}\n", remark);
+    print_remarks(result);
     if (arguments.json) {
         fmt::print("{}", drift_json(result, arguments.marker));
         return;
@@ -302,79 +245,69 @@ void print_result(const CaptureArguments& arguments, const DriftResult& result) 
     fmt::print("{}\nreport {}\n", drift_sentence(result), (arguments.out / "report.html").string());
 }
 
-int exit_code(const DriftResult& result) {
-    if (result.reason == "interrupted")
-        return ExitCode::interrupted;
-    if (!result.reason.empty())
-        return ExitCode::run_error;
-    return result.stable ? 0 : ExitCode::inconclusive;
-}
-
 }  // namespace
 
 DriftResult watch_drift(Camera& camera, const TargetFinder& find_target,
                         const DriftRequest& request, Clock& clock, const std::stop_token& stop,
                         const std::function<void(const DriftMonitor&)>& seen) {
-    const std::string started = utc_now();
-    const CaptureSettings settings = camera.configure(request.settings);
-    const DriftPlan plan = drift_plan({settings.width, settings.height}, request.interval,
-                                      request.frames * Minutes(request.interval));
-    DriftResult result{.camera = camera.identity(),
-                       .settings = settings,
-                       .statistics = {},
-                       .remarks = {},
-                       .monitor = DriftMonitor(plan),
-                       .started_utc = started};
+    DriftResult result{{.settings = {}, .started_utc = utc_now()}, DriftMonitor({})};
+    result.settings = camera.configure(request.settings);
+    result.monitor =
+        DriftMonitor(drift_plan({result.settings.width, result.settings.height}, request.interval,
+                                request.frames * Minutes(request.interval)));
     const Instant start = clock.now();
-    camera.arm();
-    try {
-        watch(camera, find_target, request, clock, stop, result.monitor, seen);
-    } catch (const Interrupted&) {
-        result.reason = "interrupted";
-    } catch (const Error& error) {
-        result.reason = error.what();
-    }
-    camera.disarm();
-    result.stable = result.monitor.stable();
+    DriftMonitor& monitor = result.monitor;
+    use_camera(camera, result, [&] {
+        Instant next = clock.now();
+        for (int number = 0; number < request.frames && !monitor.stable(); ++number) {
+            next = std::max(start + number * request.interval, next);
+            if (!clock.wait_until(next, stop))
+                throw Interrupted();
+            const Frame frame = frame_after_reconnecting(camera, next, request.retries, clock, stop,
+                                                         [](const auto&, const auto&) {});
+            const bool complete = frame.status == FrameStatus::complete;
+            next = complete ? frame.exposure_start : clock.now();
+            monitor.add(next - start, complete ? find_target(frame.image) : TargetPoints{});
+            seen(monitor);
+        }
+    });
+    result.stable = monitor.stable();
     result.duration = clock.now() - start;
-    result.statistics = camera.statistics();
-    result.remarks = camera.remarks();
     return result;
 }
 
 std::string drift_csv(const DriftResult& result) {
-    std::string text =
-        "time_min,seen,part,shift_x_px,shift_y_px,scale_ppm,rotation_urad,misfit_px\n";
-    for (const DriftFrame& frame : result.monitor.frames()) {
-        text += fmt::format("{},{},{}", exact(frame.time.count()), frame.seen ? 1 : 0, frame.part);
-        if (frame.seen)
-            for (const double value :
-                 {frame.movement[0], frame.movement[1], scale_ppm(frame.movement, frame.radius_px),
-                  rotation_urad(frame.movement, frame.radius_px), frame.misfit_px})
-                text += "," + exact(value);
-        else
-            text += ",,,,,";
-        text += "\n";
-    }
-    return text;
+    // Nothing of a frame without the target.
+    const auto where_seen = [](auto value) {
+        return [=](const DriftFrame& frame) {
+            return frame.seen ? TableCell(value(frame)) : TableCell();
+        };
+    };
+    const ColumnsOf<DriftFrame> columns = {
+        {"time_min", [](const auto& frame) { return frame.time.count(); }},
+        {"seen", &DriftFrame::seen},
+        {"part", &DriftFrame::part},
+        {"shift_x_px", where_seen([](const auto& frame) { return frame.movement[0]; })},
+        {"shift_y_px", where_seen([](const auto& frame) { return frame.movement[1]; })},
+        {"scale_ppm", where_seen(scale_ppm<DriftFrame>)},
+        {"rotation_urad", where_seen(rotation_urad<DriftFrame>)},
+        {"misfit_px", where_seen([](const auto& frame) { return frame.misfit_px; })}};
+    return csv_of(table_of(columns, result.monitor.frames()));
 }
 
 std::string drift_json(const DriftResult& result, const std::string& target) {
     const DriftMonitor& monitor = result.monitor;
+    Json camera = device_json(result.camera);
+    camera["width"] = result.settings.width;
+    camera["height"] = result.settings.height;
+    camera["exposure_us"] = result.settings.exposure.count();
+    camera["remarks"] = result.remarks;
     Json json = {{"etalon", "drift/1"},
                  {"stable", result.stable},
                  {"reason", result.reason},
                  {"limit_px_per_min", monitor.plan().limit_px_per_min},
                  {"target", target},
-                 {"camera",
-                  {{"uri", result.camera.uri},
-                   {"vendor", result.camera.vendor},
-                   {"model", result.camera.model},
-                   {"serial", result.camera.serial},
-                   {"width", result.settings.width},
-                   {"height", result.settings.height},
-                   {"exposure_us", result.settings.exposure.count()},
-                   {"remarks", result.remarks}}},
+                 {"camera", camera},
                  {"started_utc", result.started_utc},
                  {"duration_min", result.duration.count()},
                  {"frames", monitor.frames().size()},
@@ -384,7 +317,7 @@ std::string drift_json(const DriftResult& result, const std::string& target) {
                  {"radius_px", radius_of(monitor)},
                  {"point_noise_px", optional_number(monitor.point_noise_px())},
                  {"shake_px", optional_number(monitor.shake_px())},
-                 {"jumps", json_list(monitor.jumps(), jump_json)},
+                 {"jumps", json_rows(jump_table(monitor))},
                  {"rates", json_list(monitor.rates(), rate_json)}};
     return text_of(json) + "\n";
 }
@@ -457,9 +390,13 @@ int run_capture_drift(const CaptureArguments& arguments) {
         result = watch_drift(*camera, find_target, request, clock, stop.get_token(),
                              [&](const DriftMonitor& monitor) { printer.show(monitor); });
     }
-    write_record(arguments.out, *result, arguments.marker);
+    write_text(arguments.out / "drift.csv", drift_csv(*result));
+    write_text(arguments.out / "drift.json", drift_json(*result, arguments.marker));
+    write_text(arguments.out / "report.html", drift_html(*result, arguments.marker));
     print_result(arguments, *result);
-    return exit_code(*result);
+    if (!result->reason.empty())
+        return result->reason == "interrupted" ? ExitCode::interrupted : ExitCode::run_error;
+    return result->stable ? 0 : ExitCode::inconclusive;
 }
 
 }  // namespace etalon

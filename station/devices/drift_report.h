@@ -5,8 +5,8 @@
 //     report.html  the same as plots, with what it cannot tell
 #pragma once
 
-#include "capture/frame/camera.h"
 #include "compare/drift/drift_monitor.h"
+#include "station/devices/capture_run.h"
 
 namespace etalon {
 
@@ -21,21 +21,15 @@ struct DriftRequest {
     int frames = 3600;                            // at most
 };
 
-struct DriftResult {
-    CameraIdentity camera;
-    CaptureSettings settings;  // in force
-    CaptureStatistics statistics;
-    std::vector<std::string> remarks;
+struct DriftResult : CameraUse {
     DriftMonitor monitor;
     bool stable = false;
     Minutes duration{};
-    std::string started_utc;
-    std::string reason;  // why it ended before it was stable or all frames were taken; else empty
 };
 
 // Takes a frame per interval and hands what is known by then to `seen`. Ends when the drift is
-// below the limit. A camera that fails ends it with a reason, after an attempt to reconnect; so
-// does a stop request ("interrupted"). Throws DeviceError when the camera cannot be configured.
+// below the limit; a camera that fails and a stop request end it with a reason. Throws DeviceError
+// when the camera cannot be configured.
 DriftResult watch_drift(Camera& camera, const TargetFinder& find_target,
                         const DriftRequest& request, Clock& clock, const std::stop_token& stop,
                         const std::function<void(const DriftMonitor&)>& seen);

@@ -21,11 +21,6 @@ double noise_of_two(const cv::Mat& a, const cv::Mat& b) {
     return deviation[0] / std::numbers::sqrt2;
 }
 
-double part_at(const cv::Mat& codes, int full_scale) {
-    return static_cast<double>(cv::countNonZero(codes >= full_scale)) /
-           static_cast<double>(codes.total());
-}
-
 double sharpness_of(const cv::Mat& codes, double mean) {
     if (!(mean > 0.0))
         return 0.0;
@@ -46,7 +41,8 @@ void LiveView::add(const Frame& frame) {
     const cv::Mat& codes = frame.image.pixels;
     bits_ = frame.image.bits;
     figures_.mean = cv::mean(codes)[0];
-    figures_.saturated = part_at(codes, frame.image.full_scale());
+    figures_.saturated = static_cast<double>(cv::countNonZero(codes >= frame.image.full_scale())) /
+                         static_cast<double>(codes.total());
     figures_.sharpness = sharpness_of(codes, figures_.mean);
     if (last_.size() == codes.size() && last_.type() == codes.type()) {
         figures_.noise = noise_of_two(codes, last_);

@@ -1,5 +1,3 @@
-#include "station/devices/stage_text.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <unistd.h>
@@ -10,7 +8,6 @@
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "core/time/progress.h"
 #include "report/json_text.h"
 #include "station/devices/commands.h"
@@ -22,6 +19,7 @@ namespace etalon {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using Seconds = std::chrono::duration<double>;
 
 double typed_unit(const Axis& axis) {
     return axis.kind == Axis::Kind::linear ? 1.0 : rad_per_deg;
@@ -29,10 +27,6 @@ double typed_unit(const Axis& axis) {
 
 const char* unit_name(const Axis& axis) {
     return axis.kind == Axis::Kind::linear ? "mm" : "deg";
-}
-
-double seconds(Duration time) {
-    return std::chrono::duration<double>(time).count();
 }
 
 std::string print(const Json& json) {
@@ -100,7 +94,7 @@ std::string watchdog_text(const StageProfile& profile) {
                        profile.watchdog->timeout.count());
 }
 
-// The stage with its rules, and what it is told to show. Traces go to stderr.
+// The stage with its rules, and how it is shown. Traces go to stderr.
 class Session {
 public:
     Session(const StationStage& stage, bool trace, Opening opening = Opening::asks)
@@ -186,8 +180,8 @@ void declare_motion(Command& stage, StageAction action, const char* name, const 
         stage, action, name, summary,
         "Axes that are not named stay. The axes must be homed (`etalon stage home`); soft\n"
         "limits, forbidden boxes and slow zones hold as in a run. Ctrl-C stops the axes.\n"
-        "A controller that does not tell whether its axes are homed takes your word for\n"
-        "it, if they were homed since they were switched on: --homed.\n");
+        "Of a controller that does not tell whether its axes are homed, --homed confirms\n"
+        "it, if they were homed since they were switched on.\n");
     command.required("TARGET", asked->targets, target);
     command.option("--speed", asked->speed_percent, "percent of the axes' speeds (100)", "P")
         .in_range(0.1, 100.0);
@@ -195,27 +189,17 @@ void declare_motion(Command& stage, StageAction action, const char* name, const 
     command.option("--operator", asked->operator_name, operator_help, "NAME");
 }
 
-void declare_homing(Command& stage) {
-    auto [command, asked] =
-        declare_on_stage(stage, run_stage_home, "home", "enable the axes and find their zeros",
-                         "Asks first: homing goes the controller's own way, whatever is in it.\n");
-    command.flag("--yes", asked->yes, "do not ask (needed without a terminal)");
-    command.option("--operator", asked->operator_name, operator_help, "NAME");
+int run_stage_plan(const StageArguments& arguments) {
+    const StationFile station = read_station(arguments.station);
+    const auto text = arguments.json ? stage_plan_json : stage_plan_text;
+    fmt::print("{}", text(station.stage.axes, plan_of(station)));
+    return 0;
 }
 
-void declare_trace(Command& stage) {
-    auto [command, asked] =
-        stage.add(run_stage_trace, "trace", "read the status and print every Modbus exchange",
-                  "Writes nothing.\n");
-    command.required("STATION", asked->station, station_help);
-    command.option("--polls", asked->polls, "how often (1)", "N").within(1, 1000000);
-}
-
-void declare_check(Command& stage) {
-    auto [command, asked] = stage.add(run_stage_check, "check",
-                                      "check a controller's profile and say how well it is known",
-                                      "Exit code 0: valid, 3: not, with file, line and key.\n");
-    command.required("PROFILE", asked->profile, "a file.yaml, or the name of a built-in one");
+int run_stage_check(const StageArguments& arguments) {
+    const StageProfile profile = named_stage_profile(arguments.profile);
+    fmt::print("{}", arguments.json ? stage_profile_json(profile) : stage_profile_text(profile));
+    return 0;
 }
 
 }  // namespace
@@ -264,7 +248,7 @@ std::string stage_plan_text(std::span<const Axis> axes, const Plan& plan) {
                 where += fmt::format(" (near {})", fmt::join(segment.near, ", "));
             text += wrapped_text(
                 fmt::format("{:>4} {:5.1f}s {:4.0f} %  ", first ? std::to_string(pose + 1) : "",
-                            seconds(segment.time), 100.0 * segment.speed_share),
+                            Seconds(segment.time).count(), 100.0 * segment.speed_share),
                 where);
         }
     return text + fmt::format("{} poses in {} motions, about {} without homing\n",
@@ -272,22 +256,21 @@ std::string stage_plan_text(std::span<const Axis> axes, const Plan& plan) {
 }
 
 std::string stage_plan_json(std::span<const Axis> axes, const Plan& plan) {
-    Json json = {{"etalon", "stage-plan/1"},
-                 {"duration_s", seconds(plan.expected_duration)},
-                 {"poses", Json::array()}};
-    for (std::size_t pose = 0; pose < plan.legs.size(); ++pose) {
-        Json motions = Json::array();
-        for (const MotionSegment& segment : plan.legs[pose])
-            motions.push_back({{"from", positions_json(axes, segment.from)},
-                               {"to", positions_json(axes, segment.to)},
-                               {"time_s", seconds(segment.time)},
-                               {"speed_share", segment.speed_share},
-                               {"near", segment.near}});
-        json["poses"].push_back({{"target", positions_json(axes, plan.poses[pose].target)},
-                                 {"hold_out", plan.poses[pose].hold_out},
-                                 {"motions", motions}});
-    }
-    return print(json);
+    const auto motion_json = [&](const MotionSegment& segment) -> Json {
+        return {{"from", positions_json(axes, segment.from)},
+                {"to", positions_json(axes, segment.to)},
+                {"time_s", Seconds(segment.time).count()},
+                {"speed_share", segment.speed_share},
+                {"near", segment.near}};
+    };
+    Json poses = Json::array();
+    for (std::size_t pose = 0; pose < plan.legs.size(); ++pose)
+        poses.push_back({{"target", positions_json(axes, plan.poses[pose].target)},
+                         {"hold_out", plan.poses[pose].hold_out},
+                         {"motions", json_list(plan.legs[pose], motion_json)}});
+    return print({{"etalon", "stage-plan/1"},
+                  {"duration_s", Seconds(plan.expected_duration).count()},
+                  {"poses", poses}});
 }
 
 std::string stage_profile_text(const StageProfile& profile) {
@@ -391,34 +374,31 @@ int run_stage_trace(const StageArguments& arguments) {
     return 0;
 }
 
-int run_stage_plan(const StageArguments& arguments) {
-    const StationFile station = read_station(arguments.station);
-    const Plan plan = plan_of(station);
-    const auto text = arguments.json ? stage_plan_json : stage_plan_text;
-    fmt::print("{}", text(station.stage.axes, plan));
-    return 0;
-}
-
-int run_stage_check(const StageCheckArguments& arguments) {
-    const StageProfile profile = named_stage_profile(arguments.profile);
-    fmt::print("{}", arguments.json ? stage_profile_json(profile) : stage_profile_text(profile));
-    return 0;
-}
-
 void declare_stage(Command& program) {
     Command stage = program.add_group("stage", "look at, home, move and stop the stage");
     declare_on_stage(stage, run_stage_status, "status", "show where the axes are and how they are");
-    declare_homing(stage);
+    auto [home, homing] =
+        declare_on_stage(stage, run_stage_home, "home", "enable the axes and find their zeros",
+                         "Asks first: homing goes the controller's own way, whatever is in it.\n");
+    home.flag("--yes", homing->yes, "do not ask (needed without a terminal)");
+    home.option("--operator", homing->operator_name, operator_help, "NAME");
     declare_motion(stage, run_stage_move, "move", "move axes to positions",
                    "x=12.5 rz=-3: mm or degrees");
     declare_motion(stage, run_stage_jog, "jog", "move axes by some way",
                    "x=0.5 rz=-1: by so many mm or degrees");
     declare_on_stage(stage, run_stage_stop, "stop",
                      "stop every axis; exit code 0 only if that is confirmed");
-    declare_trace(stage);
+    auto [trace, traced] =
+        stage.add(run_stage_trace, "trace", "read the status and print every Modbus exchange",
+                  "Writes nothing.\n");
+    trace.required("STATION", traced->station, station_help);
+    trace.option("--polls", traced->polls, "how often (1)", "N").within(1, 1000000);
     declare_on_stage(stage, run_stage_plan, "plan", "print a run's way without moving anything",
                      "Needs the whole station.yaml; touches no device.\n");
-    declare_check(stage);
+    auto [check, checked] = stage.add(run_stage_check, "check",
+                                      "check a controller's profile and say how well it is known",
+                                      "Exit code 0: valid, 3: not, with file, line and key.\n");
+    check.required("PROFILE", checked->profile, "a file.yaml, or the name of a built-in one");
 }
 
 }  // namespace etalon

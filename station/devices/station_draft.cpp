@@ -1,5 +1,3 @@
-#include "station/devices/station_draft.h"
-
 #include <fmt/format.h>
 #include <unistd.h>
 #include <nlohmann/json.hpp>
@@ -8,10 +6,9 @@
 
 #include "compare/qualification/judged_quantities.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "station/devices/commands.h"
-#include "station/setup/station_file.h"
+#include "station/devices/new_station.yaml.h"
 #include "station/shell/command.h"
 
 namespace etalon {
@@ -35,16 +32,12 @@ std::string link_text(const std::string& stage) {
     return fmt::format("{{host: {}, port: {}}}", quoted(stage.substr(0, colon), "--stage"), *port);
 }
 
-bool is_rotary(const std::string& axis) {
-    return axis.starts_with("r");
-}
-
 std::string axis_text(const std::string& name) {
     const char direction = name.back();
-    const std::string along = direction == 'x'   ? "[1, 0, 0]"
-                              : direction == 'y' ? "[0, 1, 0]"
-                                                 : "[0, 0, 1]";
-    if (is_rotary(name))
+    const char* along = direction == 'x'   ? "[1, 0, 0]"
+                        : direction == 'y' ? "[0, 1, 0]"
+                                           : "[0, 0, 1]";
+    if (name.starts_with("r"))
         return fmt::format(R"(    - name: {}
       kind: rotary
       direction: {}
@@ -87,14 +80,14 @@ struct InitArguments {
 };
 
 // The one camera that answers, or nothing where there is none or a choice.
-std::string found_camera() {
+std::optional<std::string> found_camera() {
     std::vector<std::string> uris;
     for (const CameraBackend& backend : list_cameras())
         for (const CameraIdentity& identity : backend.cameras)
             uris.push_back(identity.uri);
     for (const std::string& uri : uris)
         fmt::print(stderr, "camera {}\n", uri);
-    return uris.size() == 1 ? uris.front() : "";
+    return uris.size() == 1 ? std::optional(uris.front()) : std::nullopt;
 }
 
 // What was given, else the answer of whoever sits there, else `otherwise`, which is what an empty
@@ -114,9 +107,8 @@ std::string asked(const std::optional<std::string>& given, const char* question,
 
 StationTemplate draft_of(const InitArguments& arguments) {
     StationTemplate draft;
-    const std::string found = arguments.camera ? "" : found_camera();
-    if (!found.empty())
-        draft.camera = found;
+    if (!arguments.camera)
+        draft.camera = found_camera().value_or(draft.camera);
     draft.camera = asked(arguments.camera, "camera", draft.camera);
     draft.calibration = asked(arguments.calibration, "its calibration", draft.calibration);
     draft.stage = asked(arguments.stage, "stage: HOST:PORT or a serial line", draft.stage);
@@ -166,40 +158,13 @@ std::string drafted_station(const StationTemplate& draft) {
     std::string axes;
     for (const std::string& axis : draft.axes)
         axes += axis_text(axis);
-    return fmt::format(
-        R"(# A station: the devices, the marker, where it goes, and what the camera is judged by. What only
-# you know is marked "yours". Every key is checked; docs/files.md explains them, and those that are
-# left out here. `etalon stage plan` and `etalon plan` say what this file means before anything moves.
-etalon: station/1
-id: station-1                       # yours: names the station in records
-
-camera:
-  uri: {}
-  calibration: {}                   # of this camera, at this focus
-
-stage:
-  link: {}
-  profile: {}                       # of the controller
-  axes:                             # the first is nearest to the base
-{}
-marker: {}
-marker_size_uncertainty_ppm: 100    # yours: standard uncertainty of its size
-
-plan:
-  volume:                           # mm, and degrees for rotary axes
-{}  poses: 100
-  hold_out: 0.6                     # share of the poses that only judge
-  repeats: 8                        # of them are visited again at the end
-  frames: 5                         # per pose
-  seed: 1
-  settle_ms: 50                     # after the stage says that it arrived
-
-detector: auto                      # the marker's own
-limits: limits.yaml
-)",
-        quoted(draft.camera, "--camera"), quoted(draft.calibration, "--calibration"),
-        link_text(draft.stage), quoted(draft.profile, "--profile"), axes,
-        quoted(draft.marker, "--marker"), volume_text(draft.axes));
+    return fmt::format(fmt::runtime(new_station_yaml),
+                       fmt::arg("camera", quoted(draft.camera, "--camera")),
+                       fmt::arg("calibration", quoted(draft.calibration, "--calibration")),
+                       fmt::arg("link", link_text(draft.stage)),
+                       fmt::arg("profile", quoted(draft.profile, "--profile")),
+                       fmt::arg("axes", axes), fmt::arg("marker", quoted(draft.marker, "--marker")),
+                       fmt::arg("volume", volume_text(draft.axes)));
 }
 
 std::string drafted_limits() {

@@ -1,5 +1,4 @@
-// A control chart for a handful of runs whose mean and spread nobody knows beforehand: has a
-// quantity drifted away from where it was?
+// A control chart for a handful of runs of unknown mean and spread: has a quantity drifted?
 //
 // Every value is compared with those before it (a Q chart: Quesenberry, SPC Q charts for start-up
 // processes and short or long runs, J. Quality Technology 23 (1991) 213-224):
@@ -7,17 +6,15 @@
 //     t_i = (x_i - mean of x_1..x_(i-1)) / (s_(i-1) sqrt(i / (i - 1))),   Q_i =
 //     Phi^-1(F_(i-2)(t_i))
 //
-// F is Student's distribution of i - 2 degrees of freedom. As long as the values are independent
-// and normal with any one mean and deviation, Q_3, Q_4, ... are independent and standard normal:
-// the false-alarm rate is known from the third run on, without a baseline that must be long enough.
-// Their exponentially weighted moving average is what is judged:
+// F is Student's distribution of i - 2 degrees of freedom. While the values are independent and
+// normal, Q_3, Q_4, ... are independent and standard normal: the false-alarm rate is known from the
+// third run on. Their exponentially weighted moving average is judged:
 //
 //     z_i = 0.25 Q_i + 0.75 z_(i-1),   alarm where |z_i| > 2.90 sqrt(0.25 / 1.75) = 1.096
 //
 // which is one false alarm in 373 runs on average (Crowder, J. Quality Technology 21 (1989)
-// 155-162; tests/station/history/control_chart_test.cpp counts them). What it does not see: a drift
-// that was there from the first run on in equal steps is partly taken for spread. A stop in between
-// does not matter: runs count, not days.
+// 155-162; tests/station/history/control_chart_test.cpp counts them). A drift in equal steps from
+// the first run on is partly taken for spread. Runs count, not days.
 #pragma once
 
 #include <optional>
@@ -27,13 +24,11 @@
 namespace etalon {
 
 // Does a quantity go up or down from run to run? The test of Mann and Kendall (Mann, Econometrica
-// 13 (1945) 245-259), which needs no distribution, no baseline and no uncertainty of the values: S
-// is the number of pairs of runs whose later one is larger, less that of those whose later one is
-// smaller. In independent values of one distribution every order is as likely, so the chance of an
-// |S| as large is known exactly; ties make it smaller than said.
-//
-// It finds what the control chart (control_chart.h) is slow to: a drift in equal steps from the
-// first run on. It does not find what went up and came down again.
+// 13 (1945) 245-259) needs no distribution and no uncertainty of the values. S is the number of
+// pairs of runs whose later one is larger, less those whose later one is smaller. In independent
+// values of one distribution the chance of an |S| as large is known exactly; ties make it smaller
+// than said. It finds a drift in equal steps from the first run on, but not what went up and came
+// down again.
 
 // That a camera without any trend shows one in one of its quantities when it is looked at.
 inline constexpr double trend_false_alarm = 0.01;

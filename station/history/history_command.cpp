@@ -5,12 +5,10 @@
 #include "station/history/run_index.h"
 #include "station/record/run_record.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {
 
-// Exit code 1 when a quantity drifts.
 struct HistoryArguments {
     std::vector<std::filesystem::path> records;
     std::filesystem::path index;  // in place of records: the folder whose index is used
@@ -40,22 +38,21 @@ void print_alarms(std::span<const QuantityHistory> charts, std::span<const Camer
         fmt::print("no drift alarm\n");
 }
 
-// A run.json that is none is said and left out: one bad record must not hide a fleet.
-std::vector<HistoricRun> indexed_runs(const std::filesystem::path& folder) {
-    RunIndex index(folder);
-    const IndexUpdate update = index.update();
-    for (const std::string& refused : update.refused)
-        fmt::print(stderr, "etalon: left out: {}\n", refused);
-    fmt::print(stderr, "{} runs in {}, {} read anew\n", update.runs,
-               (folder / run_index_file).string(), update.read);
-    return index.runs();
-}
-
 int run_history(const HistoryArguments& arguments) {
     if (arguments.records.empty() && arguments.index.empty())
         throw ConfigError({"DIR"}, "is required, or --index FOLDER");
-    const std::vector<HistoricRun> runs =
-        arguments.index.empty() ? read_history(arguments.records) : indexed_runs(arguments.index);
+    std::vector<HistoricRun> runs;
+    if (arguments.index.empty()) {
+        runs = read_history(arguments.records);
+    } else {
+        RunIndex index(arguments.index);
+        const IndexUpdate update = index.update();
+        for (const std::string& refused : update.refused)  // one must not hide a fleet
+            fmt::print(stderr, "etalon: left out: {}\n", refused);
+        fmt::print(stderr, "{} runs in {}, {} read anew\n", update.runs,
+                   (arguments.index / run_index_file).string(), update.read);
+        runs = index.runs();
+    }
     const std::vector<QuantityHistory> charts = chart_history(runs);
     const std::vector<CameraState> fleet = fleet_of(runs, charts, utc_now().substr(0, 10));
     if (!arguments.out.empty())

@@ -35,28 +35,21 @@ std::string title_of(const QuantityHistory& history) {
 
 // ---- table
 
-std::string heading(const QuantityHistory& history) {
-    return fmt::format("camera {}, station {}, {}\n{}, limit {} {}\n", history.camera,
-                       history.station, history.marker, history.quantity,
-                       number(history.runs.back().quantity.limit, 4), history.unit);
-}
-
-std::string row(const HistoricRun& run, const ChartedRun& charted) {
-    return fmt::format("  {:20}  {:>9}  {:>9}  {:14}  {:>6}  {}\n", run.started_utc,
-                       number(charted.quantity.value, 4),
-                       number(charted.quantity.expanded_uncertainty, 3), charted.quantity.outcome,
-                       fixed(charted.chart.ewma, 2, "-"), charted.chart.alarm ? "DRIFT" : "");
-}
-
 std::string table_of(std::span<const HistoricRun> runs, const QuantityHistory& history) {
-    std::string text = heading(history);
-    text += fmt::format("  {:20}  {:>9}  {:>9}  {:14}  {:>6}\n", "run", "value", "U", "outcome",
-                        "EWMA");
+    constexpr const char* columns = "  {:20}  {:>9}  {:>9}  {:14}  {:>6}";
+    std::string text = fmt::format("camera {}, station {}, {}\n{}, limit {} {}\n", history.camera,
+                                   history.station, history.marker, history.quantity,
+                                   number(history.runs.back().quantity.limit, 4), history.unit) +
+                       fmt::format(columns, "run", "value", "U", "outcome", "EWMA") + "\n";
     for (std::size_t i = 0; i < history.runs.size(); ++i) {
-        const HistoricRun& run = runs[history.runs[i].run];
+        const auto& [index, quantity, baseline, chart] = history.runs[i];
+        const HistoricRun& run = runs[index];
         if (begins_baseline(history, i))
             text += fmt::format("  -- calibration {}: a new baseline\n", short_hash(run));
-        text += row(run, history.runs[i]);
+        text += fmt::format(columns, run.started_utc, number(quantity.value, 4),
+                            number(quantity.expanded_uncertainty, 3), quantity.outcome,
+                            fixed(chart.ewma, 2, "-")) +
+                (chart.alarm ? "  DRIFT\n" : "  \n");
     }
     return text + "\n";
 }
@@ -89,16 +82,6 @@ RecordJson chart_entry(std::span<const HistoricRun> runs, const QuantityHistory&
              })}};
 }
 
-RecordJson trend_entry(const QuantityTrend& each) {
-    return {{"quantity", each.quantity},
-            {"unit", each.unit},
-            {"runs", each.trend.runs},
-            {"probability", each.trend.probability},
-            {"per_year", optional_number(each.trend.per_year)},
-            {"judged", each.is_judged},
-            {"trend", each.is_shown}};
-}
-
 RecordJson state_entry(const CameraState& state) {
     return {{"camera", state.camera},
             {"station", state.station},
@@ -110,7 +93,15 @@ RecordJson state_entry(const CameraState& state) {
             {"is_due", state.is_due},
             {"drifts", state.drifts()},
             {"alarms", state.alarms},
-            {"trends", json_list(state.trends, trend_entry)}};
+            {"trends", json_list(state.trends, [](const QuantityTrend& each) -> RecordJson {
+                 return {{"quantity", each.quantity},
+                         {"unit", each.unit},
+                         {"runs", each.trend.runs},
+                         {"probability", each.trend.probability},
+                         {"per_year", optional_number(each.trend.per_year)},
+                         {"judged", each.is_judged},
+                         {"trend", each.is_shown}};
+             })}};
 }
 
 // ---- pictures
@@ -150,20 +141,6 @@ SvgPlot value_plot(const Columns& columns, const QuantityHistory& history) {
     return plot;
 }
 
-SvgPlot drift_plot(const Columns& columns) {
-    SvgPlot plot("run", "EWMA of Q");
-    plot.add_curve(columns.ewma, Color::orange, "EWMA");
-    plot.add_level(drift_limit, Color::red, "alarm");
-    plot.add_level(-drift_limit, Color::red, "alarm");
-    return plot;
-}
-
-std::string trend_sentence(const CameraState& state, const QuantityTrend& each) {
-    return fmt::format("Camera {}: {} changes by {:+.3g} {} a year ({} runs, p = {:.2g})",
-                       state.camera, each.quantity, each.trend.per_year.value_or(0.0), each.unit,
-                       each.trend.runs, each.trend.probability);
-}
-
 void add_fleet(HtmlPage& page, std::span<const CameraState> fleet) {
     TableRows rows;
     for (const CameraState& state : fleet)
@@ -187,10 +164,15 @@ void add_chart(HtmlPage& page, std::span<const HistoricRun> runs, const Quantity
     HtmlPage::Figures figures{
         {value_plot(columns, history).svg(),
          "Values, with U as a band. Look for steps and trends, and how near the limit they come."}};
-    if (!columns.ewma.empty())
+    if (!columns.ewma.empty()) {
+        SvgPlot plot("run", "EWMA of Q");
+        plot.add_curve(columns.ewma, Color::orange, "EWMA");
+        plot.add_level(drift_limit, Color::red, "alarm");
+        plot.add_level(-drift_limit, Color::red, "alarm");
         figures.push_back(
-            {drift_plot(columns).svg(),
+            {plot.svg(),
              "How far they have moved from those before. Beyond the lines it is drift."});
+    }
     page.add_figures(figures);
     TableRows rows;
     for (const ChartedRun& charted : history.runs) {
@@ -248,7 +230,10 @@ void write_history_report(std::span<const HistoricRun> runs,
     for (const CameraState& state : fleet) {
         for (const QuantityTrend& each : state.trends)
             if (each.is_shown)
-                drifting.push_back(trend_sentence(state, each));
+                drifting.push_back(
+                    fmt::format("Camera {}: {} changes by {:+.3g} {} a year ({} runs, p = {:.2g})",
+                                state.camera, each.quantity, each.trend.per_year.value_or(0.0),
+                                each.unit, each.trend.runs, each.trend.probability));
         if (state.is_due)
             due.push_back(
                 fmt::format("Camera {}: {}", state.camera,

@@ -73,18 +73,6 @@ void refuse_the_same_run_twice(const std::vector<HistoricRun>& runs) {
                               fmt::format("is the same run as {}", runs[i - 1].folder.string()));
 }
 
-QuantityHistory& history_of(std::vector<QuantityHistory>& all, const HistoricRun& run,
-                            const HistoricQuantity& quantity) {
-    const auto found = std::find_if(all.begin(), all.end(), [&](const QuantityHistory& history) {
-        return history.camera == run.camera && history.station == run.station &&
-               history.marker == run.marker && history.quantity == quantity.name;
-    });
-    if (found != all.end())
-        return *found;
-    all.push_back({run.camera, run.station, run.marker, quantity.name, quantity.unit, {}});
-    return all.back();
-}
-
 // Each stretch of runs with one calibration by itself.
 void chart(QuantityHistory& history) {
     for (auto begin = history.runs.begin(); begin != history.runs.end();) {
@@ -103,29 +91,21 @@ bool has_verdict(const HistoricRun& run) {
     return run.outcome == "PASS" || run.outcome == "FAIL" || run.outcome == "INCONCLUSIVE";
 }
 
-template <class Measured>
-bool is_of(const CameraState& state, const Measured& one) {
-    return state.camera == one.camera && state.station == one.station && state.marker == one.marker;
+template <class One, class Other>
+bool is_of(const One& one, const Other& other) {
+    return one.camera == other.camera && one.station == other.station && one.marker == other.marker;
 }
 
 // From the last PASS on; a camera whose limits ask for it and that never passed is due at once.
-struct DueDay {
-    std::string day;
-    bool is_due = false;
-};
-
-DueDay due_day(std::span<const HistoricRun> runs, const CameraState& state,
-               const std::string& today) {
-    DueDay due;
+void find_due_day(std::span<const HistoricRun> runs, const std::string& today, CameraState& state) {
     for (const HistoricRun& run : runs) {
         if (!is_of(state, run) || !has_verdict(run) || !run.due_after_days)
             continue;
         if (run.outcome == "PASS")
-            due.day = date_of_days(days_of_date(run.started_utc.substr(0, 10)).value() +
-                                   *run.due_after_days);
-        due.is_due = due.day.empty() || due.day <= today;
+            state.due = date_of_days(days_of_date(run.started_utc.substr(0, 10)).value() +
+                                     *run.due_after_days);
+        state.is_due = state.due.empty() || state.due <= today;
     }
-    return due;
 }
 
 // The runs since the latest calibration.
@@ -139,60 +119,27 @@ Trend latest_trend(std::span<const HistoricRun> runs, const QuantityHistory& his
     return trend_of(values);
 }
 
-void judge_trends(std::vector<QuantityTrend>& trends) {
-    const auto quantities = static_cast<int>(trends.size());
-    for (QuantityTrend& each : trends) {
-        each.is_judged = !is_too_short_for_trend(each.trend.runs, quantities);
-        each.is_shown = each.is_judged && each.trend.probability <= trend_limit(quantities);
-    }
-}
-
-CameraState& state_of(std::vector<CameraState>& fleet, const HistoricRun& run) {
-    const auto found =
-        std::ranges::find_if(fleet, [&](const CameraState& state) { return is_of(state, run); });
-    if (found != fleet.end())
-        return *found;
-    CameraState& state = fleet.emplace_back();
-    state.camera = run.camera;
-    state.station = run.station;
-    state.marker = run.marker;
-    return state;
-}
-
 constexpr const char* columns = "  {:11} {:9} {:10} {:12} {:>4}  {:10} {}";
 
-// "DUE ALARM TREND", as much of it as there is.
-std::string words_of(const CameraState& state) {
-    std::vector<std::string> words;
-    if (state.is_due)
-        words.emplace_back("DUE");
-    if (!state.alarms.empty())
-        words.emplace_back("ALARM");
-    if (std::ranges::any_of(state.trends, &QuantityTrend::is_shown))
-        words.emplace_back("TREND");
-    return fmt::format("{}", fmt::join(words, " "));
-}
-
 std::string line_of(const CameraState& state) {
+    std::string words;  // "DUE ALARM TREND", as much of it as there is
+    for (const auto& [word, is_so] :
+         {std::pair(" DUE", state.is_due),
+          {" ALARM", !state.alarms.empty()},
+          {" TREND", std::ranges::any_of(state.trends, &QuantityTrend::is_shown)}})
+        words += is_so ? word : "";
     const std::string due = !state.due.empty() ? state.due : state.is_due ? "now" : "-";
     std::string line =
         fmt::format(columns, state.camera, state.station, state.last_utc.substr(0, 10),
-                    state.last_outcome, state.runs, due, words_of(state));
+                    state.last_outcome, state.runs, due, trimmed(words));
     line.erase(line.find_last_not_of(' ') + 1);
     return line + "\n";
 }
 
-std::string trend_line(const CameraState& state, const QuantityTrend& each) {
-    return fmt::format("    {} {}: {:+.3g} {} a year over {} runs, p = {:.2g}\n", state.camera,
-                       each.quantity, each.trend.per_year.value_or(0.0), each.unit, each.trend.runs,
-                       each.trend.probability);
-}
-
 }  // namespace
 
-HistoricRun read_run(const Path& folder) {
-    const Path path = folder / "run.json";
-    const JsonEntry json(read_text(path), {path.string(), 0, ""});
+HistoricRun read_run(const Path& folder, const std::string& run_json) {
+    const JsonEntry json(run_json, {(folder / "run.json").string(), 0, ""});
     if (json.at("etalon").text() != "run/1")
         json.at("etalon").fail("must be 'run/1'");
     HistoricRun run;
@@ -220,7 +167,7 @@ std::vector<HistoricRun> read_history(std::span<const Path> folders) {
     std::vector<HistoricRun> runs;
     for (const Path& folder : folders)
         for (const Path& record : records_in(folder))
-            runs.push_back(read_run(record));
+            runs.push_back(read_run(record, read_text(record / "run.json")));
     // ISO 8601 in one time zone: the order of the texts is that of the times.
     std::sort(runs.begin(), runs.end(), [](const HistoricRun& a, const HistoricRun& b) {
         return std::tie(a.started_utc, a.camera, a.folder) <
@@ -236,7 +183,13 @@ std::vector<QuantityHistory> chart_history(std::span<const HistoricRun> runs) {
         for (const HistoricQuantity& quantity : runs[i].quantities) {
             if (!quantity.value)
                 continue;
-            std::vector<ChartedRun>& charted = history_of(histories, runs[i], quantity).runs;
+            auto history = std::ranges::find_if(histories, [&](const QuantityHistory& one) {
+                return is_of(one, runs[i]) && one.quantity == quantity.name;
+            });
+            if (history == histories.end())
+                history = histories.insert(history, {runs[i].camera, runs[i].station,
+                                                     runs[i].marker, quantity.name, quantity.unit});
+            std::vector<ChartedRun>& charted = history->runs;
             ChartedRun run{i, quantity, 1, {}};
             if (!charted.empty()) {
                 const HistoricRun& before = runs[charted.back().run];
@@ -266,18 +219,18 @@ std::vector<CameraState> fleet_of(std::span<const HistoricRun> runs,
     for (const HistoricRun& run : runs) {
         if (!has_verdict(run))
             continue;
-        CameraState& state = state_of(fleet, run);
-        ++state.runs;
-        state.last_utc = run.started_utc;
-        state.last_outcome = run.outcome;
+        auto state = std::ranges::find_if(fleet, [&](const auto& one) { return is_of(one, run); });
+        if (state == fleet.end())
+            state = fleet.insert(state, {run.camera, run.station, run.marker});
+        ++state->runs;
+        state->last_utc = run.started_utc;
+        state->last_outcome = run.outcome;
     }
     std::ranges::sort(fleet, {}, [](const CameraState& state) {
         return std::tie(state.camera, state.station, state.marker);
     });
     for (CameraState& state : fleet) {
-        const DueDay due = due_day(runs, state, today);
-        state.due = due.day;
-        state.is_due = due.is_due;
+        find_due_day(runs, today, state);
         for (const QuantityHistory& history : charts) {
             if (!is_of(state, history))
                 continue;
@@ -285,7 +238,11 @@ std::vector<CameraState> fleet_of(std::span<const HistoricRun> runs,
                 state.alarms.push_back(history.quantity);
             state.trends.push_back({history.quantity, history.unit, latest_trend(runs, history)});
         }
-        judge_trends(state.trends);
+        const auto quantities = static_cast<int>(state.trends.size());
+        for (QuantityTrend& each : state.trends) {
+            each.is_judged = !is_too_short_for_trend(each.trend.runs, quantities);
+            each.is_shown = each.is_judged && each.trend.probability <= trend_limit(quantities);
+        }
     }
     return fleet;
 }
@@ -298,7 +255,9 @@ std::string fleet_text(std::span<const CameraState> fleet) {
         text += line_of(state);
         for (const QuantityTrend& each : state.trends)
             if (each.is_shown)
-                text += trend_line(state, each);
+                text += fmt::format("    {} {}: {:+.3g} {} a year over {} runs, p = {:.2g}\n",
+                                    state.camera, each.quantity, each.trend.per_year.value_or(0.0),
+                                    each.unit, each.trend.runs, each.trend.probability);
     }
     return text + "\n";
 }

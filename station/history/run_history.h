@@ -27,8 +27,12 @@ struct HistoricRun {
     std::vector<HistoricQuantity> quantities;
 };
 
-// Of the record in this folder. Throws ConfigError for a run.json that is none.
-HistoricRun read_run(const std::filesystem::path& folder);
+// Of the record in this folder, from the text of its run.json, of which these keys count. Throws
+// ConfigError for one that is none.
+HistoricRun read_run(const std::filesystem::path& folder, const std::string& run_json);
+inline constexpr const char* historic_keys[] = {
+    "etalon",  "started_utc", "outcome", "reason", "sessions",       "camera",
+    "station", "marker",      "limits",  "inputs", "due_after_days", "measurements"};
 
 // The runs of these folders, in the order of their start. A folder is a record, or holds records.
 // Throws ConfigError for a folder without a record, a run.json that is none, and a run that is

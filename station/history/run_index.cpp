@@ -4,23 +4,23 @@
 #include <sqlite3.h>
 #include <sys/stat.h>
 
-#include <algorithm>
+#include <nlohmann/json.hpp>
+
 #include <set>
 
+#include "core/file/text.h"
 #include "core/program/errors.h"
+#include "report/json_text.h"
 
 namespace etalon {
 namespace {
 
 using Path = std::filesystem::path;
 
-constexpr int index_version = 2;  // of the tables below
+constexpr int index_version = 3;  // of the table below
 constexpr const char* tables = R"(
     CREATE TABLE run(record TEXT PRIMARY KEY, stamp TEXT, started_utc TEXT, outcome TEXT,
-        reason TEXT, operator TEXT, camera TEXT, station TEXT, marker TEXT, limits TEXT,
-        calibration TEXT, due_after_days REAL);
-    CREATE TABLE quantity(record TEXT, place INTEGER, name TEXT, unit TEXT, value REAL, u REAL,
-        bound REAL, outcome TEXT, PRIMARY KEY(record, place)) WITHOUT ROWID;
+        camera TEXT, station TEXT, run_json TEXT);
     CREATE INDEX run_started ON run(started_utc);)";
 
 class IndexError : public Error {
@@ -59,35 +59,18 @@ public:
         check(sqlite3_bind_int64(statement_, ++bound_, number));
         return *this;
     }
-    Statement& bind(const std::optional<double>& number) {
-        ++bound_;
-        check(number ? sqlite3_bind_double(statement_, bound_, *number)
-                     : sqlite3_bind_null(statement_, bound_));
-        return *this;
-    }
     bool next() {
         const int code = sqlite3_step(statement_);
         if (code != SQLITE_ROW && code != SQLITE_DONE)
             check(code);
         return code == SQLITE_ROW;
     }
-    void reset() {
-        sqlite3_reset(statement_);
-        bound_ = 0;
-    }
-    void run() {
-        next();
-        reset();
-    }
+    void run() { next(); }
     std::string text(int column) const {
         const auto* bytes = sqlite3_column_text(statement_, column);
         return bytes ? reinterpret_cast<const char*>(bytes) : "";
     }
-    std::optional<double> number(int column) const {
-        if (sqlite3_column_type(statement_, column) == SQLITE_NULL)
-            return std::nullopt;
-        return sqlite3_column_double(statement_, column);
-    }
+    int number(int column) const { return sqlite3_column_int(statement_, column); }
 
 private:
     void check(int code) const {
@@ -108,7 +91,7 @@ void execute(sqlite3* database, const std::string& sql) {
 int version_of(sqlite3* database) {
     Statement version(database, "PRAGMA user_version");
     version.next();
-    return static_cast<int>(version.number(0).value_or(0.0));
+    return version.number(0);
 }
 
 // Changes whenever the file does: it is replaced, never written over.
@@ -139,36 +122,7 @@ std::map<std::string, std::string> known_stamps(sqlite3* database) {
 }
 
 void forget(sqlite3* database, const std::string& record) {
-    for (const char* table : {"run", "quantity"})
-        Statement(database, fmt::format("DELETE FROM {} WHERE record = ?", table))
-            .bind(record)
-            .run();
-}
-
-HistoricRun run_of(const Path& folder, const Statement& row) {
-    HistoricRun run;
-    run.folder = folder / row.text(0);
-    std::string* const texts[] = {&run.started_utc,   &run.outcome, &run.reason,
-                                  &run.operator_name, &run.camera,  &run.station,
-                                  &run.marker,        &run.limits,  &run.calibration_sha256};
-    for (int column = 1; std::string * text : texts)
-        *text = row.text(column++);
-    if (const auto days = row.number(10))
-        run.due_after_days = static_cast<int>(*days);
-    return run;
-}
-
-void read_quantities(sqlite3* database, std::vector<HistoricRun>& runs) {
-    Statement rows(database,
-                   "SELECT name, unit, value, u, bound, outcome FROM quantity WHERE record = ? "
-                   "ORDER BY place");
-    for (HistoricRun& run : runs) {
-        rows.bind(run.folder.filename().string());
-        while (rows.next())
-            run.quantities.push_back({rows.text(0), rows.text(1), rows.number(2), rows.number(3),
-                                      rows.number(4), rows.text(5)});
-        rows.reset();
-    }
+    Statement(database, "DELETE FROM run WHERE record = ?").bind(record).run();
 }
 
 }  // namespace
@@ -233,7 +187,7 @@ IndexUpdate RunIndex::update() {
         update.gone = static_cast<int>(known.size());
         Statement count(database_, "SELECT count(*) FROM run");
         count.next();
-        update.runs = static_cast<int>(count.number(0).value_or(0.0));
+        update.runs = count.number(0);
         count.run();
         execute(database_, "COMMIT");
     } catch (const IndexError& error) {
@@ -244,34 +198,23 @@ IndexUpdate RunIndex::update() {
 }
 
 void RunIndex::take(const Path& record, const std::string& stamp) {
-    const HistoricRun run = read_run(record);
-    const std::string name = record.filename().string();
-    Statement row(database_, "INSERT INTO run VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
-    for (const std::string& text :
-         {name, stamp, run.started_utc, run.outcome, run.reason, run.operator_name, run.camera,
-          run.station, run.marker, run.limits, run.calibration_sha256})
-        row.bind(text);
-    row.bind(run.due_after_days ? std::optional<double>(*run.due_after_days) : std::nullopt);
+    const HistoricRun run = read_run(record, read_text(record / "run.json"));
+    const nlohmann::ordered_json all = read_json(record / "run.json");
+    nlohmann::ordered_json kept;
+    for (const char* key : historic_keys)
+        if (all.contains(key))
+            kept[key] = all[key];
+    Statement row(database_, "INSERT INTO run VALUES(?, ?, ?, ?, ?, ?, ?)");
+    for (const std::string& cell : {record.filename().string(), stamp, run.started_utc, run.outcome,
+                                    run.camera, run.station, kept.dump()})
+        row.bind(cell);
     row.run();
-    Statement quantity(database_, "INSERT INTO quantity VALUES(?, ?, ?, ?, ?, ?, ?, ?)");
-    for (long long place = 0; const HistoricQuantity& one : run.quantities)
-        quantity.bind(name)
-            .bind(place++)
-            .bind(one.name)
-            .bind(one.unit)
-            .bind(one.value)
-            .bind(one.expanded_uncertainty)
-            .bind(one.limit)
-            .bind(one.outcome)
-            .run();
 }
 
 std::vector<HistoricRun> RunIndex::runs(const RunFilter& filter) const {
     std::string sql =
-        "SELECT record, started_utc, outcome, reason, operator, camera, station, marker, limits, "
-        "calibration, due_after_days FROM run WHERE (?1 = '' OR camera = ?1) AND (?2 = '' OR "
-        "station = ?2) AND "
-        "(?3 = '' OR outcome = ?3)";
+        "SELECT record, run_json FROM run WHERE (?1 = '' OR camera = ?1) AND "
+        "(?2 = '' OR station = ?2) AND (?3 = '' OR outcome = ?3)";
     if (filter.unfinished)
         sql += " AND outcome IN ('ERROR', 'ABORTED')";
     sql += " ORDER BY started_utc DESC, camera DESC, record DESC LIMIT ?4";
@@ -281,9 +224,8 @@ std::vector<HistoricRun> RunIndex::runs(const RunFilter& filter) const {
         rows.bind(static_cast<long long>(filter.at_most));
         std::vector<HistoricRun> runs;
         while (rows.next())
-            runs.push_back(run_of(folder_, rows));
+            runs.push_back(read_run(folder_ / rows.text(0), rows.text(1)));
         std::ranges::reverse(runs);
-        read_quantities(database_, runs);
         return runs;
     } catch (const IndexError& error) {
         error.fail_in(folder_);

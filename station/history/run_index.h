@@ -1,6 +1,7 @@
 // The runs below a folder in an SQLite file beside them, so that thousands are listed and filtered
-// without reading thousands of run.json. The records are the truth: the index is made from them
-// alone, brought up to date by their sizes and times of change, and can be deleted at any time.
+// without reading thousands of run.json. It holds what history takes of each. The records are the
+// truth: the index is made from them alone, brought up to date by their sizes and times of change,
+// and can be deleted at any time.
 #pragma once
 
 #include <memory>

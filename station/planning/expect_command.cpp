@@ -1,15 +1,12 @@
 // `etalon expect`: the pose errors to be expected of a camera, a marker and a detector.
 #include <fmt/format.h>
 
-#include <cstdio>
-
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
 #include "station/planning/expectation_report.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -17,18 +17,12 @@ namespace etalon {
 namespace {
 
 using nlohmann::ordered_json;
-using Variable = ExpectationMap::Variable;
 
 double rms(const std::vector<double>& values) {
     double sum = 0.0;
     for (const double value : values)
         sum += value * value / static_cast<double>(values.size());
     return std::sqrt(sum);
-}
-
-std::string place_text(const MarkerPlace& place) {
-    return fmt::format("{:.0f} mm, {:.0f} px, {:.0f} deg", place.depth_mm, place.radius_px,
-                       place.tilt_rad * deg_per_rad);
 }
 
 const MarkerPlace& worst_place(const Expectation& expectation, std::size_t component) {
@@ -39,45 +33,31 @@ const MarkerPlace& worst_place(const Expectation& expectation, std::size_t compo
     return *mapped[(*expectation.bias_maps)[component].worst()];
 }
 
-// ---- Plots
-
 constexpr int plot_width = 420, plot_height = 320;  // three beside each other stay readable
 
 struct Abscissa {
-    Variable variable;
+    double MarkerPlace::*variable;
     const char* label;
-    double (*of)(const MarkerPlace&);  // in the plot's unit
-    double unit;                       // of the map per unit of the plot
+    double unit;  // of the map per unit of the plot
 };
 const std::array<Abscissa, 3> abscissae = {{
-    {Variable::depth, "depth, mm", [](const MarkerPlace& p) { return p.depth_mm; }, 1.0},
-    {Variable::radius, "distance from the principal point, px",
-     [](const MarkerPlace& p) { return p.radius_px; }, 1.0},
-    {Variable::tilt, "tilt, deg", [](const MarkerPlace& p) { return p.tilt_rad * deg_per_rad; },
-     1.0 / deg_per_rad},
+    {&MarkerPlace::depth_mm, "depth, mm", 1.0},
+    {&MarkerPlace::radius_px, "distance from the principal point, px", 1.0},
+    {&MarkerPlace::tilt_rad, "tilt, deg", 1.0 / deg_per_rad},
 }};
 
 // What is drawn of each pose: the values, their maps and how a map's value is shown.
 struct Ordinate {
     const char* label;
-    std::optional<SixErrors> ExpectedPose::*of_pose;
-    std::vector<double> (Expectation::*values)(int component) const;
+    Expectation::Six of_pose;
     std::optional<std::array<ExpectationMap, 6>> Expectation::*maps;
     double (*shown)(double);
-    Color ink;
+    Color color;
 };
-const Ordinate bias_ordinate{"B1",
-                             &ExpectedPose::bias,
-                             &Expectation::biases,
-                             &Expectation::bias_maps,
-                             [](double value) { return value; },
-                             Color::blue};
-const Ordinate noise_ordinate{"noise",
-                              &ExpectedPose::noise,
-                              &Expectation::noises,
-                              &Expectation::noise_maps,
-                              [](double value) { return std::exp(value); },
-                              Color::orange};
+const Ordinate bias_ordinate{"B1", &ExpectedPose::bias, &Expectation::bias_maps,
+                             [](double value) { return value; }, Color::blue};
+const Ordinate noise_ordinate{"noise", &ExpectedPose::noise, &Expectation::noise_maps,
+                              [](double value) { return std::exp(value); }, Color::orange};
 
 // Each pose, and the map's average over the other two variables as a line with its 95 % band.
 std::string component_plot(const Expectation& expectation, const Ordinate& what,
@@ -89,9 +69,8 @@ std::string component_plot(const Expectation& expectation, const Ordinate& what,
     std::vector<double> xs;
     for (const ExpectedPose& pose : expectation.poses)
         if (pose.*what.of_pose)
-            xs.push_back(along.of(pose.place));
-    plot.add_points({xs, (expectation.*what.values)(static_cast<int>(component))}, Color::gray,
-                    "pose");
+            xs.push_back(pose.place.*along.variable / along.unit);
+    plot.add_points({xs, expectation.values(what.of_pose, component)}, Color::gray, "pose");
     const auto [low, high] = std::ranges::minmax(xs);
     Series series;
     for (int i = 0; i <= steps; ++i) {
@@ -101,8 +80,8 @@ std::string component_plot(const Expectation& expectation, const Ordinate& what,
         series.add(at, what.shown(average.value), what.shown(average.low),
                    what.shown(average.high));
     }
-    plot.add_band(series, what.ink, "95 %");
-    plot.add_line(series, what.ink, "average");
+    plot.add_band(series, what.color, "95 %");
+    plot.add_line(series, what.color, "average");
     return plot.svg();
 }
 
@@ -133,21 +112,22 @@ void add_plots(HtmlPage& page, const Expectation& expectation) {
     page.add_figures(figures);
 }
 
-// ---- JSON
-
 ordered_json value_json(const MapValue& value) {
     return {{"value", value.value}, {"low_95", value.low}, {"high_95", value.high}};
 }
 
+const ColumnsOf<MarkerPlace> place_columns = {
+    {"depth_mm", &MarkerPlace::depth_mm},
+    {"radius_px", &MarkerPlace::radius_px},
+    {"tilt_deg", [](const MarkerPlace& at) { return at.tilt_rad * deg_per_rad; }}};
+
 ordered_json place_json(const MarkerPlace& place) {
-    return {{"depth_mm", place.depth_mm},
-            {"radius_px", place.radius_px},
-            {"tilt_deg", place.tilt_rad * deg_per_rad}};
+    return json_object(table_of_one(place_columns, place));
 }
 
 ordered_json component_json(const Expectation& expectation, std::size_t k) {
-    const std::vector<double> biases = expectation.biases(static_cast<int>(k));
-    const std::vector<double> noises = expectation.noises(static_cast<int>(k));
+    const std::vector<double> biases = expectation.values(&ExpectedPose::bias, k);
+    const std::vector<double> noises = expectation.values(&ExpectedPose::noise, k);
     ordered_json json = {{"name", error_components[k].name}, {"unit", error_components[k].unit}};
     if (!biases.empty())
         json["bias_rms"] = rms(biases);
@@ -189,18 +169,18 @@ std::vector<std::string> summary_header() {
 std::vector<std::vector<std::string>> summary_rows(const Expectation& expectation) {
     std::vector<std::vector<std::string>> rows;
     for (std::size_t k = 0; k < 6; ++k) {
-        const std::vector<double> noises = expectation.noises(static_cast<int>(k));
+        const std::vector<double> noises = expectation.values(&ExpectedPose::noise, k);
         std::vector<std::string> row = {error_components[k].name, error_components[k].unit};
         if (expectation.bias_maps) {
             const ExpectationMap& map = (*expectation.bias_maps)[k];
             const MapValue mean = map.mean();
             const MarkerPlace& worst = worst_place(expectation, k);
-            row.push_back(fixed(mean.value, 4));
-            row.push_back(fmt::format("{:.4f} .. {:.4f}", mean.low, mean.high));
-            row.push_back(fixed(rms(expectation.biases(static_cast<int>(k))), 4));
-            row.push_back(fixed(map.scatter(), 4));
-            row.push_back(fixed(map.at(worst).value, 4));
-            row.push_back(place_text(worst));
+            row.insert(row.end(),
+                       {fixed(mean.value, 4), fmt::format("{:.4f} .. {:.4f}", mean.low, mean.high),
+                        fixed(rms(expectation.values(&ExpectedPose::bias, k)), 4),
+                        fixed(map.scatter(), 4), fixed(map.at(worst).value, 4),
+                        fmt::format("{:.0f} mm, {:.0f} px, {:.0f} deg", worst.depth_mm,
+                                    worst.radius_px, worst.tilt_rad * deg_per_rad)});
         } else {
             row.resize(8);
         }
@@ -211,18 +191,18 @@ std::vector<std::vector<std::string>> summary_rows(const Expectation& expectatio
 }
 
 void add_expectation(HtmlPage& page, const Expectation& expectation) {
-    page.add_verdict(
-        expectation.bias_maps
-            ? fmt::format("{} mm", significant(rms(expectation.biases(0)), 2))
-            : fmt::format("{} of {}", expectation.detected(), expectation.poses.size()),
-        expectation.bias_maps
-            ? fmt::format(
-                  "is the bias along the line of sight, RMS over the volume; across it {} "
-                  "mm.",
-                  significant(std::hypot(rms(expectation.biases(1)), rms(expectation.biases(2))),
-                              2))
-            : fmt::format("poses were detected, too few for a map: {} are needed.",
-                          ExpectationMap::min_poses));
+    const auto bias_rms = [&](std::size_t k) {
+        return rms(expectation.values(&ExpectedPose::bias, k));
+    };
+    if (expectation.bias_maps)
+        page.add_verdict(fmt::format("{} mm", significant(bias_rms(0), 2)),
+                         fmt::format("is the bias along the line of sight, RMS over the volume; "
+                                     "across it {} mm.",
+                                     significant(std::hypot(bias_rms(1), bias_rms(2)), 2)));
+    else
+        page.add_verdict(fmt::format("{} of {}", expectation.detected(), expectation.poses.size()),
+                         fmt::format("poses were detected, too few for a map: {} are needed.",
+                                     ExpectationMap::min_poses));
     page.add_paragraph(fmt::format(
         "Marker detected at {} of {} poses without noise, and in {:.1f} % of all frames; the other "
         "planar solution fitted better in {:.1f} % of the frames with noise.{}",
@@ -272,11 +252,7 @@ std::string expectation_json(const ExpectationRequest& request, const Expectatio
 std::string expectation_csv(const Expectation& expectation) {
     ColumnsOf<ExpectedPose> columns;
     add_columns(columns, columns_of_pose(), &ExpectedPose::camera_from_marker);
-    const ColumnsOf<MarkerPlace> place = {
-        {"depth_mm", &MarkerPlace::depth_mm},
-        {"radius_px", &MarkerPlace::radius_px},
-        {"tilt_deg", [](const MarkerPlace& at) { return at.tilt_rad * deg_per_rad; }}};
-    add_columns(columns, place, &ExpectedPose::place);
+    add_columns(columns, place_columns, &ExpectedPose::place);
     columns.push_back({"detections", &ExpectedPose::detections});
     columns.push_back({"flips", &ExpectedPose::flips});
     add_columns(columns, six_columns(), &ExpectedPose::bias, "bias_");

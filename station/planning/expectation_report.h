@@ -10,7 +10,8 @@
 
 namespace etalon {
 
-// A line per component: mean and scatter of the bias, where its map is worst, the noise.
+// A line per component, below a header: mean and scatter of the bias, where its map is worst, the
+// noise.
 std::vector<std::string> summary_header();
 std::vector<std::vector<std::string>> summary_rows(const Expectation& expectation);
 

@@ -3,18 +3,14 @@
 #include <fmt/ranges.h>
 
 #include <cctype>
-#include <cstdio>
 #include <nlohmann/json.hpp>
-#include <numeric>
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
 #include "report/json_text.h"
 #include "report/svg_plot.h"
 #include "station/planning/operating_characteristic.h"
-#include "station/planning/simulated_run.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {
@@ -37,38 +33,30 @@ using Json = nlohmann::ordered_json;
 
 constexpr int frames_of_study = 24;
 
-// ------------------------------------------------------------------------------------- for people
-
 // "99.9 >99.6": the share in percent and the end of its interval that matters.
-std::string at_least(int count, int runs) {
-    const Proportion share = run_share(count, runs);
+std::string at_least(const Proportion& share) {
     return fmt::format("{:5.1f} >{:4.1f}", 100.0 * share.value, 100.0 * share.low);
-}
-
-std::string at_most(int count, int runs) {
-    const Proportion share = run_share(count, runs);
-    return fmt::format("{:5.2f} <{:4.2f}", 100.0 * share.value, 100.0 * share.high);
 }
 
 // At most 80 columns: 29 + 11 + 3 x 13.
 void print_row(const ErrorCharacteristic& error, std::size_t quantity) {
+    constexpr double multiples[] = {0.5, 1.0, 2.0};
     if (!error.observable) {
         fmt::print("{:<28} NOT_OBSERVABLE: {}\n", error.name, error.reason);
         return;
     }
-    const CharacteristicPoint* points[] = {point_at(error, quantity, 0.5),
-                                           point_at(error, quantity, 1.0),
-                                           point_at(error, quantity, 2.0)};
-    if (!points[0] || !points[1] || !points[2]) {
+    if (std::ranges::any_of(multiples, [&](double m) { return !point_at(error, quantity, m); })) {
         fmt::print("{:<28} no size of it was found that reaches the limit\n", error.name);
         return;
     }
-    const auto counts = [&](int k) { return points[k]->quantities[quantity].counts; };
-    fmt::print("{:<28} {:>10} {:>12} {:>12} {:>12}\n", error.name,
+    const auto share = [&](double multiple, std::size_t OutcomeCounts::*outcome) {
+        return point_at(error, quantity, multiple)->quantities[quantity].counts.share(outcome);
+    };
+    const Proportion pass = share(1.0, &OutcomeCounts::pass);
+    fmt::print("{:<28} {:>10} {:>12} {:5.2f} <{:4.2f} {:>12}\n", error.name,
                size_text(*error.limit_size[quantity], error.unit),
-               at_least(counts(0).pass, counts(0).runs()),
-               at_most(counts(1).pass, counts(1).runs()),
-               at_least(counts(2).fail, counts(2).runs()));
+               at_least(share(0.5, &OutcomeCounts::pass)), 100.0 * pass.value, 100.0 * pass.high,
+               at_least(share(2.0, &OutcomeCounts::fail)));
 }
 
 // U over the limit without any error, and its largest over the errors at 1x.
@@ -93,36 +81,29 @@ void print_quantity(const OperatingCharacteristic& result, std::size_t k) {
         print_row(error, k);
 }
 
-void print_alike(const OperatingCharacteristic& result) {
-    for (const ErrorCharacteristic& error : result.errors)
-        if (!error.alike.empty())
-            fmt::print("{} stands also for: {}\n", error.name, fmt::join(error.alike, ", "));
-}
-
 void print_text(const StationCharacteristic& studied) {
     const OperatingCharacteristic& result = studied.result;
     fmt::print("operating characteristic of {}: {} poses, {} runs a point\n{}", studied.station,
-               studied.detector.poses, result.runs, detector_text(studied.detector));
-    const OutcomeCounts& verdict = result.without_error.verdict;
-    const Proportion pass = run_share(verdict.pass, verdict.runs());
+               studied.detector.asked, result.runs, detector_text(studied.detector));
+    const Proportion pass = result.without_error.verdict.share(&OutcomeCounts::pass);
     fmt::print("without any error the verdict is PASS in {:.2f} % of runs ({:.2f} to {:.2f})\n",
                100.0 * pass.value, 100.0 * pass.low, 100.0 * pass.high);
     for (std::size_t k = 0; k < result.quantities.size(); ++k)
         print_quantity(result, k);
     fmt::print("\nshares in %, with the end of the 95 % interval that counts\n");
-    print_alike(result);
+    for (const ErrorCharacteristic& error : result.errors)
+        if (!error.alike.empty())
+            fmt::print("{} stands also for: {}\n", error.name, fmt::join(error.alike, ", "));
 }
 
-// -------------------------------------------------------------------------------------- JSON, SVG
-
 Json json_of(const OutcomeCounts& counts) {
-    const auto share = [&](int count) {
-        const Proportion s = run_share(count, counts.runs());
-        return Json{{"runs", count}, {"share", s.value}, {"low", s.low}, {"high", s.high}};
+    const auto share = [&](std::size_t OutcomeCounts::*outcome) {
+        const Proportion s = counts.share(outcome);
+        return Json{{"runs", s.count}, {"share", s.value}, {"low", s.low}, {"high", s.high}};
     };
-    return {{"PASS", share(counts.pass)},
-            {"FAIL", share(counts.fail)},
-            {"INCONCLUSIVE", share(counts.other)}};
+    return {{"PASS", share(&OutcomeCounts::pass)},
+            {"FAIL", share(&OutcomeCounts::fail)},
+            {"INCONCLUSIVE", share(&OutcomeCounts::other)}};
 }
 
 Json json_of(const CharacteristicPoint& point, const OperatingCharacteristic& result) {
@@ -168,7 +149,7 @@ Json json_of(const StationCharacteristic& studied) {
     }
     return {{"etalon", "operating-characteristic/1"},
             {"station", studied.station},
-            {"poses", detector.poses},
+            {"poses", detector.asked},
             {"runs", result.runs},
             {"seed", result.seed},
             {"detector",
@@ -187,9 +168,9 @@ std::string curve(const OperatingCharacteristic& result, const ErrorCharacterist
                   std::size_t quantity) {
     Series pass, fail;
     const auto add = [&](double size, const OutcomeCounts& counts) {
-        const Proportion share = run_share(counts.pass, counts.runs());
+        const Proportion share = counts.share(&OutcomeCounts::pass);
         pass.add(size, share.value, share.low, share.high);
-        fail.add(size, run_share(counts.fail, counts.runs()).value);
+        fail.add(size, counts.share(&OutcomeCounts::fail).value);
     };
     add(0.0, result.without_error.quantities[quantity].counts);
     for (const CharacteristicPoint& point : error.points)
@@ -204,36 +185,20 @@ std::string curve(const OperatingCharacteristic& result, const ErrorCharacterist
     return plot.svg(true);
 }
 
-std::string file_name(std::string name) {
-    for (char& c : name)
-        if (!std::isalnum(static_cast<unsigned char>(c)))
-            c = '-';
-    return name;
-}
-
 void write_files(const std::filesystem::path& folder, const Json& json,
                  const OperatingCharacteristic& result) {
     make_folder(folder);
     write_text(folder / "operating-characteristic.json", json.dump(1) + "\n");
     for (const ErrorCharacteristic& error : result.errors)
-        for (std::size_t k = 0; k < error.limit_size.size(); ++k)
-            if (error.limit_size[k])
-                write_text(folder / fmt::format("{}-{}.svg", file_name(error.name),
-                                                file_name(result.quantities[k].name)),
-                           curve(result, error, k));
-}
-
-void simulate(const CharacteristicRuns& runs, std::span<const std::size_t> numbers,
-              Progress& progress, const CharacteristicRuns::KeepRun& keep) {
-    if (numbers.empty())
-        return;
-    progress.begin("simulating", static_cast<int>(numbers.size()),
-                   numbers.size() * point_count(runs.planned()) * std::chrono::milliseconds(5));
-    runs.simulate(numbers, [&](std::size_t run, std::span<const PointRun> points) {
-        keep(run, points);
-        progress.step();
-    });
-    progress.end();
+        for (std::size_t k = 0; k < error.limit_size.size(); ++k) {
+            if (!error.limit_size[k])
+                continue;
+            std::string file = error.name + "-" + result.quantities[k].name;
+            for (char& c : file)
+                if (!std::isalnum(static_cast<unsigned char>(c)))
+                    c = '-';
+            write_text(folder / (file + ".svg"), curve(result, error, k));
+        }
 }
 
 void give(const StationCharacteristic& studied, const std::filesystem::path& out, bool json) {
@@ -246,20 +211,6 @@ void give(const StationCharacteristic& studied, const std::filesystem::path& out
         print_text(studied);
 }
 
-// The runs that the shard's record does not hold yet; they are all in its folder afterwards.
-void run_shard(const CharacteristicRuns& runs, const StationCharacteristic& planned,
-               const Shard& shard, const std::filesystem::path& out, Progress& progress) {
-    RowRecord record(out, oc_rows(planned, shard));
-    std::vector<std::size_t> missing;
-    for (std::size_t i = record.units_done();
-         i < shard.units(static_cast<std::size_t>(planned.result.runs)); ++i)
-        missing.push_back(shard.index - 1 + i * shard.count);
-    simulate(runs, missing, progress, [&](std::size_t run, std::span<const PointRun> points) {
-        record.add(rows_of_run(run, points));
-    });
-    fmt::print("shard {}\n", (out / "results.csv").string());
-}
-
 int run_oc(const OcArguments& arguments) {
     // `merge` needs none, so that the command line cannot require it.
     if (arguments.station.empty())
@@ -267,23 +218,35 @@ int run_oc(const OcArguments& arguments) {
     const Shard shard = parse_shard(arguments.shard);
     if (!shard.is_all() && arguments.out.empty())
         throw ConfigError({"--out"}, "is required: a shard's runs are merged from its folder");
-    const StudiedPlan studied = study_plan(arguments.station, frames_of_study);
+    const auto simulator = study_plan(arguments.station, frames_of_study);
     CharacteristicRequest request;
     request.runs = arguments.runs;
     request.errors = arguments.errors;
-    const CharacteristicRuns runs(*studied.simulator, request);
-    StationCharacteristic result = characteristic_of(studied, runs.planned());
+    const CharacteristicRuns runs(*simulator, request);
+    StationCharacteristic result = characteristic_of(*simulator, runs.planned());
+    std::optional<RowRecord> record;
+    if (!shard.is_all())
+        record.emplace(arguments.out, oc_rows(result, shard));
+    std::vector<std::size_t> missing;
+    for (std::size_t i = record ? record->units_done() : 0;
+         i < shard.units(static_cast<std::size_t>(arguments.runs)); ++i)
+        missing.push_back(shard.index - 1 + i * shard.count);
     StderrProgress progress;
-    if (!shard.is_all()) {
-        run_shard(runs, result, shard, arguments.out, progress);
-        return 0;
-    }
-    std::vector<std::size_t> all(static_cast<std::size_t>(arguments.runs));
-    std::iota(all.begin(), all.end(), std::size_t{0});
-    simulate(runs, all, progress, [&](std::size_t, std::span<const PointRun> points) {
-        add_run(result.result, points);
+    if (!missing.empty())
+        progress.begin("simulating", static_cast<int>(missing.size()),
+                       missing.size() * point_count(runs.planned()) * std::chrono::milliseconds(5));
+    runs.simulate(missing, [&](std::size_t run, std::span<const PointRun> points) {
+        if (record)
+            record->add(rows_of_run(run, points));
+        else
+            add_run(result.result, points);
+        progress.step();
     });
-    give(result, arguments.out, arguments.json);
+    progress.end();
+    if (record)
+        fmt::print("shard {}\n", (arguments.out / "results.csv").string());
+    else
+        give(result, arguments.out, arguments.json);
     return 0;
 }
 

@@ -3,12 +3,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <tbb/parallel_for.h>
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
+#include <nlohmann/json.hpp>
 
 #include "core/config/json_entry.h"
 #include "core/file/text.h"
@@ -20,7 +18,7 @@ namespace etalon {
 
 namespace {
 
-PointRun run_of(const Qualification& analysis, const std::vector<JudgedQuantity>& quantities) {
+PointRun run_of(const Qualification& analysis, std::span<const JudgedQuantity> quantities) {
     PointRun run;
     run.verdict = analysis.verdict;
     for (const JudgedQuantity& wanted : quantities) {
@@ -33,12 +31,9 @@ PointRun run_of(const Qualification& analysis, const std::vector<JudgedQuantity>
 }
 
 void count(Outcome outcome, OutcomeCounts& counts) {
-    if (outcome == Outcome::pass)
-        ++counts.pass;
-    else if (outcome == Outcome::fail)
-        ++counts.fail;
-    else
-        ++counts.other;
+    ++(outcome == Outcome::pass   ? counts.pass
+       : outcome == Outcome::fail ? counts.fail
+                                  : counts.other);
 }
 
 void add_to(CharacteristicPoint& point, const PointRun& run, int runs) {
@@ -54,21 +49,10 @@ void add_to(CharacteristicPoint& point, const PointRun& run, int runs) {
 }
 
 CharacteristicPoint empty_point(double size, std::size_t quantities) {
-    CharacteristicPoint point;
-    point.size = size;
-    point.quantities.resize(quantities);
-    return point;
+    return {size, std::vector<QuantityOutcomes>(quantities)};
 }
 
 }  // namespace
-
-Proportion run_share(int count, int runs) {
-    if (runs <= 0 || count < 0)
-        throw NumericalError(fmt::format("share of runs: {} of {}", count, runs));
-    return wilson_share(static_cast<std::size_t>(count), static_cast<std::size_t>(runs));
-}
-
-// ------------------------------------------------------------------------------ the size of 1x
 
 // What has a limit, and nothing else: that is what takes no longer than it must.
 Qualification CharacteristicRuns::judgement(QualificationInput input) const {
@@ -78,17 +62,10 @@ Qualification CharacteristicRuns::judgement(QualificationInput input) const {
     return qualify(input);
 }
 
-// Nothing where the error is so large that the marker leaves the image, say.
-std::optional<double> CharacteristicRuns::value_at(const std::string& quantity,
-                                                   const InjectedError& error, double size) const {
+RunTruth CharacteristicRuns::truth(const InjectedError& error, double size) const {
     RunTruth truth = simulator_.as_told();
-    error.apply(truth, size);
-    auto qualified = attempted([&] { return judgement(simulator_.exact(truth)); });
-    if (qualified)
-        for (const JudgedQuantity& each : qualified->quantities)
-            if (each.name == quantity && each.outcome != Outcome::skipped)
-                return each.value;
-    return std::nullopt;
+    error.change(truth, size);
+    return truth;
 }
 
 // The size whose exact field has the quantity at its limit; values grow nearly in proportion to the
@@ -99,10 +76,13 @@ std::optional<double> CharacteristicRuns::size_at(const JudgedQuantity& quantity
     constexpr double close = 1e-3, max_step = 4.0;
     double size = start;
     for (int step = 0; step < max_steps; ++step) {
-        const std::optional<double> value = value_at(quantity.name, error, size);
-        if (!value || !(*value > 0.0))
+        // Not analysed where the error is so large that the marker leaves the image, say.
+        auto analysis = attempted([&] { return judgement(simulator_.exact(truth(error, size))); });
+        const QuantityRun found =
+            analysis ? run_of(*analysis, std::span(&quantity, 1)).quantities[0] : QuantityRun{};
+        if (found.outcome == Outcome::skipped || !(found.value > 0.0))
             return std::nullopt;
-        const double ratio = quantity.limit / *value;
+        const double ratio = quantity.limit / found.value;
         if (std::abs(ratio - 1.0) < close)
             return size;
         size *= std::clamp(ratio, 1.0 / max_step, max_step);
@@ -110,8 +90,9 @@ std::optional<double> CharacteristicRuns::size_at(const JudgedQuantity& quantity
     return std::nullopt;
 }
 
+// Its points with their truths.
 ErrorCharacteristic CharacteristicRuns::with_sizes(const InjectedError& error,
-                                                   const ErrorSignature& signature) const {
+                                                   const ErrorSignature& signature) {
     ErrorCharacteristic result{error.name,       error.unit, {}, signature.observable,
                                signature.reason, {},         {}};
     if (!signature.observable)
@@ -121,23 +102,23 @@ ErrorCharacteristic CharacteristicRuns::with_sizes(const InjectedError& error,
     std::vector<double> sizes;
     for (const JudgedQuantity& quantity : planned_.quantities) {
         const auto limit_size = result.limit_size.emplace_back(size_at(quantity, error, start));
-        for (const double multiple : characteristic_multiples)
+        for (const double multiple : {0.5, 1.0, 2.0})
             if (limit_size)
                 sizes.push_back(multiple * *limit_size);
     }
     std::ranges::sort(sizes);
-    for (const double size : sizes)
+    for (const double size : sizes) {
         result.points.push_back(empty_point(size, planned_.quantities.size()));
+        truths_.push_back(truth(error, size));
+    }
     return result;
 }
 
-// Those to be studied, with the sizes of their points.
-std::vector<ErrorCharacteristic> CharacteristicRuns::chosen_errors(
-    const std::vector<std::string>& wanted) const {
+void CharacteristicRuns::choose_errors(const std::vector<std::string>& wanted) {
     const auto is_in = [](const std::vector<std::string>& names, const std::string& name) {
         return std::ranges::find(names, name) != names.end();
     };
-    std::vector<ErrorCharacteristic> chosen;
+    std::vector<ErrorCharacteristic>& chosen = planned_.errors;
     for (const InjectedError& error : simulator_.errors()) {
         const auto signature =
             std::ranges::find(told_.signatures, error.name, &ErrorSignature::name);
@@ -156,21 +137,6 @@ std::vector<ErrorCharacteristic> CharacteristicRuns::chosen_errors(
             throw ConfigError({"--error"}, fmt::format("there is no '{}'; `etalon plan` lists "
                                                        "the errors of this station",
                                                        name));
-    return chosen;
-}
-
-// What is there at every point: without an error, then each error's sizes.
-std::vector<RunTruth> CharacteristicRuns::truths() const {
-    const std::vector<InjectedError> errors = simulator_.errors();
-    std::vector<RunTruth> truths{simulator_.as_told()};
-    for (const ErrorCharacteristic& error : planned_.errors) {
-        const auto injected = std::ranges::find(errors, error.name, &InjectedError::name);
-        for (const CharacteristicPoint& point : error.points) {
-            truths.push_back(simulator_.as_told());
-            injected->apply(truths.back(), point.size);
-        }
-    }
-    return truths;
 }
 
 CharacteristicRuns::CharacteristicRuns(const RunSimulator& simulator,
@@ -188,8 +154,8 @@ CharacteristicRuns::CharacteristicRuns(const RunSimulator& simulator,
     planned_.without_error = empty_point(0.0, planned_.quantities.size());
     planned_.runs = request.runs;
     planned_.seed = request.seed;
-    planned_.errors = chosen_errors(request.errors);
-    truths_ = truths();
+    truths_.push_back(simulator_.as_told());
+    choose_errors(request.errors);
 }
 
 PointRun CharacteristicRuns::run(std::size_t run, std::size_t point) const {
@@ -250,7 +216,7 @@ constexpr ShardedWork oc_work{"operating characteristic", "run", "oc merge", "oc
 constexpr double DetectorFigures::*detector_numbers[] = {
     &DetectorFigures::noise_px, &DetectorFigures::bias_px, &DetectorFigures::noise_bias_px};
 constexpr int DetectorFigures::*detector_counts[] = {
-    &DetectorFigures::frames, &DetectorFigures::seen, &DetectorFigures::poses};
+    &DetectorFigures::frames, &DetectorFigures::seen, &DetectorFigures::asked};
 
 ordered_json error_json(const ErrorCharacteristic& error) {
     return {{"name", error.name},
@@ -282,8 +248,6 @@ ordered_json oc_json(const StationCharacteristic& planned, const Shard& shard) {
             {"errors", json_list(result.errors, error_json)},
             {"shard", {shard.index, shard.count}}};
 }
-
-// ------------------------------------------------------------------------------------- read back
 
 constexpr long long max_count = std::numeric_limits<int>::max();
 
@@ -342,14 +306,6 @@ StationCharacteristic read_planned(const std::filesystem::path& path, const std:
     return planned;
 }
 
-std::optional<Outcome> outcome_named(std::string_view text) {
-    for (const Outcome outcome : {Outcome::pass, Outcome::fail, Outcome::inconclusive,
-                                  Outcome::not_observable, Outcome::skipped})
-        if (text == name(outcome))
-            return outcome;
-    return std::nullopt;
-}
-
 PointRun read_point(const std::string& row, std::size_t point, std::size_t quantities,
                     const SourcePlace& place) {
     const std::vector<std::string> cells = split(row, ',');
@@ -357,10 +313,11 @@ PointRun read_point(const std::string& row, std::size_t point, std::size_t quant
         (cells[2] != "0" && cells[2] != "1"))
         throw ConfigError(place, fmt::format("is no line of point {}", point));
     const auto outcome = [&](const std::string& cell) {
-        const auto found = outcome_named(cell);
-        if (!found)
-            throw ConfigError(place, "'" + cell + "' is no outcome");
-        return *found;
+        for (const Outcome one : {Outcome::pass, Outcome::fail, Outcome::inconclusive,
+                                  Outcome::not_observable, Outcome::skipped})
+            if (cell == name(one))
+                return one;
+        throw ConfigError(place, "'" + cell + "' is no outcome");
     };
     const auto number = [&](const std::string& cell) {
         const auto found = parse_number(cell);
@@ -384,12 +341,12 @@ std::string oc_header(const OperatingCharacteristic& result) {
 
 }  // namespace
 
-StationCharacteristic characteristic_of(const StudiedPlan& studied,
+StationCharacteristic characteristic_of(const RunSimulator& simulator,
                                         const OperatingCharacteristic& result) {
     ordered_json made_from{{"version", version}};
-    for (const InputFile& input : studied.station.inputs)
+    for (const InputFile& input : simulator.station().inputs)
         made_from[input.role + "_sha256"] = input.sha256;
-    return {studied.station.id, made_from.dump(), figures_of(studied.simulator->study()), result};
+    return {simulator.station().id, made_from.dump(), simulator.study(), result};
 }
 
 RowsDescription oc_rows(const StationCharacteristic& planned, const Shard& shard) {

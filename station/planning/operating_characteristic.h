@@ -1,23 +1,15 @@
 // What a PASS of a station's plan means: how often a run comes out as PASS, FAIL or neither when
 // the camera (or marker, or stage) is wrong by a known size.
 //
-// Monte Carlo of whole runs at corner level (station/planning/simulated_run.h), each analysed by
-// the same function as a real one (compare/qualification/qualification.h). Sizes are multiples of
-// "1x": the size at which the field that registration leaves, without any noise, just reaches the
-// limit of a judged quantity. 1x is found by running the analysis on exact corners, not from the
-// first-order signatures.
+// Monte Carlo of whole runs (station/planning/simulated_run.h). Sizes are multiples of "1x": the
+// size at which the field that registration leaves, without any noise, just reaches the limit of a
+// judged quantity. 1x comes from the analysis of exact corners, not from first-order signatures.
 //
-// Errors whose signatures nobody can tell apart leave the same field: one of each group is studied
-// and names the others. An error that cannot be seen has no 1x and no curve.
+// Of errors whose signatures cannot be told apart one is studied, which names the others. An error
+// that cannot be seen has no 1x and no curve.
 #pragma once
 
-#include <cstdint>
-#include <filesystem>
 #include <functional>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
 
 #include "core/statistics/distributions.h"
 #include "report/result_rows.h"
@@ -25,12 +17,14 @@
 
 namespace etalon {
 
-// A share of runs with its two-sided 95 % interval. 0 <= count <= runs, runs > 0.
-Proportion run_share(int count, int runs);
-
 struct OutcomeCounts {
-    int pass = 0, fail = 0, other = 0;
-    int runs() const { return pass + fail + other; }
+    std::size_t pass = 0, fail = 0, other = 0;
+
+    std::size_t runs() const { return pass + fail + other; }
+    // Of the runs, with its two-sided 95 % interval.
+    Proportion share(std::size_t OutcomeCounts::*outcome) const {
+        return wilson_share(this->*outcome, runs());
+    }
 };
 
 // One judged quantity at one size of an error.
@@ -40,11 +34,10 @@ struct QuantityOutcomes {
 };
 
 struct CharacteristicPoint {
-    double size = 0.0;  // of the error, in its unit
-    std::vector<QuantityOutcomes>
-        quantities;         // in the order of OperatingCharacteristic::quantities
-    OutcomeCounts verdict;  // of the run
-    int refused = 0;        // runs that ended in a NumericalError: "other" everywhere, never a PASS
+    double size = 0.0;                         // of the error, in its unit
+    std::vector<QuantityOutcomes> quantities;  // as OperatingCharacteristic::quantities
+    OutcomeCounts verdict;                     // of the run
+    int refused = 0;  // runs that ended in a NumericalError: "other" everywhere, never a PASS
 };
 
 struct ErrorCharacteristic {
@@ -66,8 +59,6 @@ struct OperatingCharacteristic {
     std::uint64_t seed = 0;
 };
 
-inline constexpr double characteristic_multiples[] = {0.5, 1.0, 2.0};
-
 struct CharacteristicRequest {
     int runs = 2000;  // per point
     std::uint64_t seed = 1;
@@ -82,7 +73,7 @@ struct QuantityRun {
 struct PointRun {
     bool refused = false;  // then its quantities say nothing
     Outcome verdict = Outcome::inconclusive;
-    std::vector<QuantityRun> quantities;  // in the order of OperatingCharacteristic::quantities
+    std::vector<QuantityRun> quantities;  // as OperatingCharacteristic::quantities
 };
 
 // The runs of an operating characteristic, to be simulated a part at a time: a run is all points,
@@ -103,15 +94,12 @@ public:
     void simulate(std::span<const std::size_t> runs, const KeepRun& keep) const;
 
 private:
+    RunTruth truth(const InjectedError& error, double size) const;
     Qualification judgement(QualificationInput input) const;
-    std::optional<double> value_at(const std::string& quantity, const InjectedError& error,
-                                   double size) const;
     std::optional<double> size_at(const JudgedQuantity& quantity, const InjectedError& error,
                                   double start) const;
-    ErrorCharacteristic with_sizes(const InjectedError& error,
-                                   const ErrorSignature& signature) const;
-    std::vector<ErrorCharacteristic> chosen_errors(const std::vector<std::string>& wanted) const;
-    std::vector<RunTruth> truths() const;
+    ErrorCharacteristic with_sizes(const InjectedError& error, const ErrorSignature& signature);
+    void choose_errors(const std::vector<std::string>& wanted);
     PointRun run(std::size_t run, std::size_t point) const;
 
     const RunSimulator& simulator_;
@@ -130,15 +118,9 @@ void add_run(OperatingCharacteristic& result, std::span<const PointRun> points);
 const CharacteristicPoint* point_at(const ErrorCharacteristic& error, std::size_t quantity,
                                     double multiple);
 
-// The folder of a shard of `etalon oc` (report/result_rows.h):
-//
-//   oc.json        what the runs follow from: the station's files, the detector's figures, the
-//                  errors with their sizes, the program's version
-//   results.csv    a line per run and point: verdict, and each judged quantity's outcome, value
-//                  and U
-//
-// From all shards follows the operating characteristic, to the bit that of the runs in one process.
-// Layout of the files: docs/operating-characteristic.md.
+// The folder of a shard of `etalon oc` (report/result_rows.h): oc.json has what the runs follow
+// from, results.csv a line per run and point (docs/operating-characteristic.md). From all shards
+// follows the operating characteristic, to the bit that of the runs in one process.
 
 // An operating characteristic with what is said of its station.
 struct StationCharacteristic {
@@ -147,7 +129,7 @@ struct StationCharacteristic {
     DetectorFigures detector;
     OperatingCharacteristic result;
 };
-StationCharacteristic characteristic_of(const StudiedPlan& studied,
+StationCharacteristic characteristic_of(const RunSimulator& simulator,
                                         const OperatingCharacteristic& result);
 
 // Of the runs of one shard. `planned`: as CharacteristicRuns::planned() gives it.

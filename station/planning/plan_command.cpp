@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "core/program/errors.h"
@@ -12,7 +11,6 @@
 #include "report/json_text.h"
 #include "station/planning/simulated_run.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {
@@ -40,24 +38,22 @@ struct Forecast {
     int runs = 0;
 };
 
-void add(const std::vector<BudgetRow>& budget, ExpectedQuantity& quantity) {
-    if (quantity.contributions.empty())
-        for (const BudgetRow& row : budget)
-            quantity.contributions.emplace_back(row.source, 0.0);
-    for (std::size_t i = 0; i < budget.size(); ++i)
-        if (budget[i].counted)
-            quantity.contributions[i].second +=
-                budget[i].contribution(quantity.name) / simulated_runs;
-}
-
 void add(const Qualification& run, Forecast& forecast) {
     ++forecast.runs;
     for (std::size_t k = 0; k < run.quantities.size(); ++k) {
         const JudgedQuantity& quantity = run.quantities[k];
         if (forecast.quantities.size() <= k)
             forecast.quantities.push_back({quantity.name, quantity.unit, quantity.limit, 0.0, {}});
-        forecast.quantities[k].uncertainty += quantity.expanded_uncertainty / simulated_runs;
-        add(run.budget, forecast.quantities[k]);
+        ExpectedQuantity& expected = forecast.quantities[k];
+        expected.uncertainty += quantity.expanded_uncertainty / simulated_runs;
+        for (std::size_t i = 0; i < run.budget.size(); ++i) {
+            const BudgetRow& row = run.budget[i];
+            if (expected.contributions.size() <= i)
+                expected.contributions.emplace_back(row.source, 0.0);
+            if (row.counted)
+                expected.contributions[i].second +=
+                    row.contribution(quantity.name) / simulated_runs;
+        }
     }
 }
 
@@ -80,19 +76,14 @@ Forecast forecast_of(const RunSimulator& simulator) {
     return forecast;
 }
 
-// What the smallest size that is detected leaves, mm RMS.
-double least_field_mm(const ErrorSignature& signature) {
-    return signature.after_rms_mm * signature.detectable_size / std::abs(signature.size);
-}
-
-void print_plan(const StudiedPlan& studied) {
-    const auto hold_out = std::ranges::count(studied.plan.poses, true, &PlannedPose::hold_out);
+void print_plan(const RunSimulator& simulator) {
+    const auto hold_out = std::ranges::count(simulator.plan().poses, true, &PlannedPose::hold_out);
     fmt::print("plan of {}: {} poses, {} to register and {} to judge, {} frames each\n",
-               studied.station.id, studied.plan.poses.size(),
-               std::ssize(studied.plan.poses) - hold_out, hold_out, studied.station.plan.frames);
+               simulator.station().id, simulator.plan().poses.size(),
+               std::ssize(simulator.plan().poses) - hold_out, hold_out,
+               simulator.station().plan.frames);
     fmt::print("about {} of motion and photographs, then the analysis\n{}",
-               duration_text(studied.plan.expected_duration),
-               detector_text(figures_of(studied.simulator->study())));
+               duration_text(simulator.plan().expected_duration), detector_text(simulator.study()));
 }
 
 // "b3_position_field_rms_mm: image noise 0.051, registration 0.022": the largest first.
@@ -131,8 +122,10 @@ void print_errors(const std::vector<ErrorSignature>& signatures) {
                 others == 0   ? ""
                 : others == 1 ? one.confounded_with[0]
                               : fmt::format("{} and {} more", one.confounded_with[0], others - 1);
+            // What the smallest size that is detected leaves.
+            const double left_mm = one.after_rms_mm * one.detectable_size / std::abs(one.size);
             fmt::print("{:<28} {:>12} {:>14.4f}   {:.19}\n", one.name,
-                       size_text(one.detectable_size, one.unit), least_field_mm(one), alike);
+                       size_text(one.detectable_size, one.unit), left_mm, alike);
         }
     fmt::print("\nNOT_OBSERVABLE: no run of this plan says anything of\n");
     for (const ErrorSignature& one : signatures)
@@ -156,9 +149,9 @@ Json json_of(const ErrorSignature& one) {
             {"alike", one.confounded_with}};
 }
 
-Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
-    const DetectorStudy& study = studied.simulator->study();
-    const auto hold_out = std::ranges::count(studied.plan.poses, true, &PlannedPose::hold_out);
+Json json_of(const RunSimulator& simulator, const Forecast& forecast) {
+    const DetectorFigures detector = simulator.study();
+    const auto hold_out = std::ranges::count(simulator.plan().poses, true, &PlannedPose::hold_out);
     Json quantities = Json::array();
     for (const ExpectedQuantity& one : forecast.quantities) {
         Json budget = Json::object();
@@ -171,32 +164,32 @@ Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
                               {"uncertainty_over_limit", one.uncertainty / one.limit},
                               {"standard_uncertainty_of_inputs", budget}});
     }
-    return {{"etalon", "plan-forecast/1"},
-            {"station", studied.station.id},
-            {"poses", studied.plan.poses.size()},
-            {"hold_out", hold_out},
-            {"duration_s", std::chrono::duration<double>(studied.plan.expected_duration).count()},
-            {"detected_poses", std::count_if(study.poses.begin(), study.poses.end(),
-                                             [](const auto& pose) { return pose.has_value(); })},
-            {"noise_px", study.noise_px},
-            {"bias_px", study.bias_px},
-            {"simulated_runs", forecast.runs},
-            {"quantities", quantities},
-            {"errors", json_list(forecast.first.signatures,
-                                 [](const ErrorSignature& one) { return json_of(one); })}};
+    return {
+        {"etalon", "plan-forecast/1"},
+        {"station", simulator.station().id},
+        {"poses", simulator.plan().poses.size()},
+        {"hold_out", hold_out},
+        {"duration_s", std::chrono::duration<double>(simulator.plan().expected_duration).count()},
+        {"detected_poses", detector.seen},
+        {"noise_px", detector.noise_px},
+        {"bias_px", detector.bias_px},
+        {"simulated_runs", forecast.runs},
+        {"quantities", quantities},
+        {"errors", json_list(forecast.first.signatures,
+                             [](const ErrorSignature& one) { return json_of(one); })}};
 }
 
 int run_plan(const PlanArguments& arguments) {
-    const StudiedPlan studied = study_plan(arguments.station, noisy_frames);
-    const auto forecast = attempted([&] { return forecast_of(*studied.simulator); });
+    const auto simulator = study_plan(arguments.station, noisy_frames);
+    const auto forecast = attempted([&] { return forecast_of(*simulator); });
     if (!forecast)
         throw NumericalError(fmt::format("{}: a run as it declares ends with: {}",
                                          arguments.station.string(), forecast.cause));
     if (arguments.json) {
-        fmt::print("{}\n", json_of(studied, *forecast.value).dump(1));
+        fmt::print("{}\n", json_of(*simulator, *forecast.value).dump(1));
         return 0;
     }
-    print_plan(studied);
+    print_plan(*simulator);
     print_quantities(*forecast.value);
     print_errors(forecast.value->first.signatures);
     return 0;

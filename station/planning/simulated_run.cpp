@@ -5,9 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compare/expect/expected_view.h"
 #include "core/program/errors.h"
-#include "core/statistics/random.h"
 #include "stage/axes/kinematics.h"
 #include "station/register/qualification_input.h"
 #include "station/shell/command.h"
@@ -20,14 +18,6 @@ using Corners = std::vector<Eigen::Vector2d>;
 // Streams of the random numbers (core/statistics/random.h): one for the whole run, one per pose and
 // one per render.
 constexpr std::uint32_t run_stream = 0, first_pose_stream = 1, first_render_stream = 1u << 31;
-
-void require_camera_mount(const StationFile& station) {
-    if (!station.camera_from_base_nominal)
-        throw ConfigError(
-            {station.inputs.empty() ? "" : station.inputs.front().path.string(), 0, "camera_mount"},
-            "is needed to say what the camera will see: rotation_deg and "
-            "translation_mm of the stage's base before the camera, as drawn");
-}
 
 // The poses as they will be read: at the targets, with the declared noise of the mean of the
 // readings (one after settling and one after each frame).
@@ -52,31 +42,14 @@ Vector6d stage_shift(const Rigid& base_from_carriage, const StageError& error, s
            left_difference(base_from_carriage, error.base_from_carriage.at(pose));
 }
 
-void scale(std::vector<Eigen::Vector3d>& points, double factor) {
-    for (Eigen::Vector3d& point : points)
-        point *= factor;
-}
-
-// Out of the plane, by `size` at the point where the shape is highest.
-void bend(std::vector<Eigen::Vector3d>& points, double (*shape)(const Eigen::Vector3d&),
-          double size) {
-    double highest = 0.0;
-    for (const Eigen::Vector3d& point : points)
-        highest = std::max(highest, std::abs(shape(point)));
-    for (Eigen::Vector3d& point : points)
-        point.z() += highest > 0.0 ? size * shape(point) / highest : 0.0;
-}
-
-double twist(const Eigen::Vector3d& point) {
-    return point.x() * point.y();
-}
-
-double bow(const Eigen::Vector3d& point) {
-    return point.head<2>().squaredNorm();
+// `change` as one of the whole truth.
+template <class Changed, class Change>
+InjectedError injected(const ChangingError<Changed>& error, const Change& change) {
+    return {error.name, error.unit, error.size, change};
 }
 
 // The shift is that from the told poses, whatever else the truth has already.
-InjectedError stage_injection(const StageError& error, const std::vector<VisitedPose>& told) {
+InjectedError injected(const StageError& error, const std::vector<VisitedPose>& told) {
     std::vector<Vector6d> shifts;
     for (std::size_t i = 0; i < told.size(); ++i)
         shifts.push_back(stage_shift(told[i].base_from_carriage, error, i, 1.0));
@@ -88,100 +61,44 @@ InjectedError stage_injection(const StageError& error, const std::vector<Visited
             }};
 }
 
-std::vector<InjectedError> camera_injections(const CameraModel& calibration) {
-    std::vector<InjectedError> errors;
-    for (const CameraError& error : named_camera_errors(calibration))
-        errors.push_back({error.name, error.unit, error.size,
-                          [change = error.change](RunTruth& truth, double size) {
-                              CameraModel camera = truth.camera.camera();
-                              change(camera, size);
-                              truth.camera = Projector(camera);
-                          }});
-    return errors;
-}
-
-std::vector<InjectedError> marker_injections(bool is_single_tag) {
-    std::vector<InjectedError> errors;
-    errors.push_back({"marker print size", "1", 1e-3,
-                      [](RunTruth& truth, double size) { scale(truth.points_mm, 1.0 + size); }});
-    errors.push_back({"marker twist", "mm", 0.1,
-                      [](RunTruth& truth, double size) { bend(truth.points_mm, twist, size); }});
-    if (!is_single_tag)  // whose corners a bow lifts all alike
-        errors.push_back({"marker bow", "mm", 0.1,
-                          [](RunTruth& truth, double size) { bend(truth.points_mm, bow, size); }});
-    errors.push_back({"half pixel", "px", 0.5, [](RunTruth& truth, double size) {
-                          truth.corner_shift_px += Eigen::Vector2d(size, size);
-                      }});
-    if (is_single_tag)
-        errors.push_back({"edge shrink", "px", 0.1,
-                          [](RunTruth& truth, double size) { truth.edges_inwards_px += size; }});
-    errors.push_back({"constant pose offset", "mm", 0.1, [](RunTruth& truth, double size) {
-                          truth.camera_from_base.translation += size * pose_offset_direction();
-                      }});
-    return errors;
-}
-
 void add(const Eigen::VectorXd& displacement, Corners& corners) {
     for (std::size_t i = 0; i < corners.size(); ++i)
         corners[i] += displacement.segment<2>(static_cast<Eigen::Index>(2 * i));
 }
 
-Eigen::VectorXd deviates(Eigen::Index count, RandomStream& random) {
-    Eigen::VectorXd values(count);
-    for (double& value : values)
-        value = random.normal();
-    return values;
-}
-
 // Of a single frame's corners.
 Eigen::VectorXd frame_noise(const DetectorStatistics& pose, RandomStream& random) {
-    return pose.noise_factor * deviates(pose.noise_factor.cols(), random);
+    Eigen::VectorXd deviates(pose.noise_factor.cols());
+    for (double& value : deviates)
+        value = random.normal();
+    return pose.noise_factor * deviates;
 }
 
-struct FramesNoise {
-    Eigen::VectorXd mean;                // of the frames' corners, px
-    std::optional<CornerNoise> of_mean;  // as a run tells it: from how far the frames are apart
-};
-
-// As renders with the calibration's noise tell it, of the mean over the frames.
-CornerNoise stated_noise(const DetectorStatistics& pose, int frames) {
-    const auto coordinates = static_cast<double>(pose.bias.size());
-    return {pose.noise_factor.squaredNorm() / coordinates / frames,
-            (pose.frames - 1.0) * coordinates};
-}
-
-FramesNoise noise_of_frames(const DetectorStatistics& pose, int frames, RandomStream& random) {
-    Eigen::MatrixXd each(pose.bias.size(), frames);
+// Mean noise of the frames' corners, px. The pose gets what its frames and the renders tell of it.
+Eigen::VectorXd mean_frame_noise(const DetectorStatistics& statistics, int frames,
+                                 RandomStream& random, VisitedPose& pose) {
+    const auto coordinates = static_cast<double>(statistics.bias.size());
+    pose.stated_noise = CornerNoise{statistics.noise_factor.squaredNorm() / coordinates / frames,
+                                    (statistics.frames - 1.0) * coordinates};
+    Eigen::MatrixXd each(statistics.bias.size(), frames);
     for (Eigen::Index i = 0; i < frames; ++i)
-        each.col(i) = frame_noise(pose, random);
-    FramesNoise noise{each.rowwise().mean(), std::nullopt};
-    if (frames < 2)
-        return noise;
-    const double freedom = (frames - 1.0) * static_cast<double>(pose.bias.size());
-    const double squares = (each.colwise() - noise.mean).squaredNorm();
-    noise.of_mean = CornerNoise{squares / freedom / frames, freedom};
-    return noise;
-}
-
-// What the true camera sees of the true marker, without the detector.
-Corners seen(const RunTruth& truth, const Rigid& base_from_carriage,
-             const std::vector<Eigen::Vector3d>& points_mm) {
-    const Rigid camera_from_marker =
-        truth.camera_from_base * base_from_carriage * truth.carriage_from_marker;
-    Corners corners;
-    for (const Eigen::Vector3d& point : points_mm) {
-        const auto pixel = truth.camera.project(camera_from_marker * point);
-        if (!pixel)
-            throw NumericalError("simulated run: the true camera does not see the marker");
-        corners.push_back(*pixel + truth.corner_shift_px);
-    }
-    return corners;
+        each.col(i) = frame_noise(statistics, random);
+    const Eigen::VectorXd mean = each.rowwise().mean();
+    const double freedom = (frames - 1.0) * coordinates;
+    if (frames > 1)
+        pose.corner_noise =
+            CornerNoise{(each.colwise() - mean).squaredNorm() / freedom / frames, freedom};
+    return mean;
 }
 
 }  // namespace
 
 std::vector<Rigid> expected_poses(const StationFile& station, const Plan& plan) {
-    require_camera_mount(station);
+    if (!station.camera_from_base_nominal)
+        throw ConfigError(
+            {station.inputs.empty() ? "" : station.inputs.front().path.string(), 0, "camera_mount"},
+            "is needed to say what the camera will see: rotation_deg and "
+            "translation_mm of the stage's base before the camera, as drawn");
     std::vector<Rigid> poses;
     for (const PlannedPose& pose : plan.poses)
         poses.push_back(expected_pose(station, pose.target));
@@ -191,8 +108,8 @@ std::vector<Rigid> expected_poses(const StationFile& station, const Plan& plan) 
 // What one run draws.
 struct RunSimulator::Draws {
     std::uint64_t seed, run;
-    std::vector<Eigen::Vector3d> points_mm;  // of the marker
-    std::vector<double> term_sizes;          // of declared_.stage_terms
+    TrueMarker marker;
+    std::vector<double> term_sizes;  // of declared_.stage_terms
 };
 
 RunSimulator::RunSimulator(const StationFile& station, const Plan& plan, DetectorStudy study)
@@ -208,7 +125,7 @@ RunSimulator::RunSimulator(const StationFile& station, const Plan& plan, Detecto
                                          study_.poses.size(), plan_.poses.size()));
 }
 
-// Half the lost motion up where an axis came from above, half down where it came from below; an
+// Half the backlash up where an axis came from above, half down where it came from below; an
 // axis that did not move stays where it was in its gap.
 std::vector<std::vector<double>> RunSimulator::backlash() const {
     const std::vector<Axis>& axes = station_.stage.axes;
@@ -231,44 +148,36 @@ RunTruth RunSimulator::as_told() const {
                    *station_.camera_from_base_nominal,
                    station_.carriage_from_marker_nominal,
                    {},
-                   station_.marker.points_mm};
+                   {station_.marker.points_mm}};
     for (const VisitedPose& pose : declared_.poses)
         truth.base_from_carriage.push_back(pose.base_from_carriage);
     return truth;
 }
 
 std::vector<InjectedError> RunSimulator::errors() const {
-    std::vector<InjectedError> errors = camera_injections(*declared_.camera);
-    for (InjectedError& error : marker_injections(station_.marker.points_mm.size() == 4))
-        errors.push_back(std::move(error));
-    std::vector<InjectedError> linear;
+    std::vector<InjectedError> errors, linear;
+    for (const CameraError& error : named_camera_errors(*declared_.camera))
+        errors.push_back(injected(error, [change = error.change](RunTruth& truth, double size) {
+            CameraModel camera = truth.camera.camera();
+            change(camera, size);
+            truth.camera = Projector(camera);
+        }));
+    for (const MarkerError& error : marker_errors(station_.marker.points_mm.size()))
+        errors.push_back(injected(error, [change = error.change](RunTruth& truth, double size) {
+            change(truth.marker, size);
+        }));
     for (const DeclaredStageTerm& term : declared_.stage_terms) {
-        errors.push_back(stage_injection(term.error, declared_.poses));
-        if (term.is_linear_scale)
+        errors.push_back(injected(term.error, declared_.poses));
+        if (term.error.is_linear_scale)
             linear.push_back(errors.back());
     }
     if (linear.size() >= 2)
         errors.push_back(
             {"stage scale, all linear axes", "1", 1e-3, [linear](RunTruth& truth, double size) {
                  for (const InjectedError& one : linear)
-                     one.apply(truth, size);
+                     one.change(truth, size);
              }});
     return errors;
-}
-
-// As a render of this pose shows it to the detector, its noise that of the mean of all exposures.
-Corners RunSimulator::detector_bias(const Draws* draws, std::size_t pose) const {
-    const DetectorStatistics& statistics = *study_.poses[pose];
-    Eigen::VectorXd bias = statistics.bias + statistics.noise_bias;
-    if (draws) {
-        RandomStream random(draws->seed, first_render_stream + static_cast<std::uint32_t>(pose),
-                            draws->run);
-        bias += frame_noise(statistics, random) /
-                std::sqrt(RenderedCorners::exposures_per_frame * station_.plan.frames);
-    }
-    Corners corners(station_.marker.points_mm.size(), Eigen::Vector2d::Zero());
-    add(bias, corners);
-    return corners;
 }
 
 // How far the carriage is from where the truth has it: left perturbation.
@@ -295,24 +204,23 @@ void RunSimulator::photograph(const RunTruth& truth, const Draws* draws, std::si
     if (!statistics)
         return;
     Rigid base_from_carriage = truth.base_from_carriage.at(index);
-    Eigen::VectorXd displacement = statistics->bias + statistics->noise_bias;
+    Eigen::VectorXd in_photo = statistics->bias + statistics->noise_bias, in_render = in_photo;
     if (draws) {
-        RandomStream random(draws->seed, first_pose_stream + static_cast<std::uint32_t>(index),
-                            draws->run);
+        const auto number = static_cast<std::uint32_t>(index);
+        RandomStream random(draws->seed, first_pose_stream + number, draws->run),
+            of_render(draws->seed, first_render_stream + number, draws->run);
+        const int frames = station_.plan.frames;
         base_from_carriage = left_perturbed(base_from_carriage, drawn_shift(*draws, index, random));
-        const FramesNoise noise = noise_of_frames(*statistics, station_.plan.frames, random);
-        displacement += noise.mean;
-        pose.corner_noise = noise.of_mean;
-        pose.stated_noise = stated_noise(*statistics, station_.plan.frames);
+        in_photo += mean_frame_noise(*statistics, frames, random, pose);
+        in_render += frame_noise(*statistics, of_render) /
+                     std::sqrt(RenderedCorners::exposures_per_frame * frames);
     }
     // What the pixels show is not what a detector that slips makes of them.
     pose.seen_at = truth.camera_from_base * base_from_carriage * truth.carriage_from_marker;
-    Corners corners = seen(truth, base_from_carriage, draws ? draws->points_mm : truth.points_mm);
-    if (truth.edges_inwards_px != 0.0)
-        corners = edges_moved_inwards(corners, truth.edges_inwards_px);
-    add(displacement, corners);
-    pose.corners = corners;
-    pose.detector_bias_px = detector_bias(draws, index);
+    pose.corners = (draws ? draws->marker : truth.marker).seen(truth.camera, *pose.seen_at);
+    add(in_photo, pose.corners);
+    pose.detector_bias_px.assign(pose.corners.size(), Eigen::Vector2d::Zero());
+    add(in_render, pose.detector_bias_px);
 }
 
 QualificationInput RunSimulator::input(const RunTruth& truth, const Draws* draws) const {
@@ -323,27 +231,23 @@ QualificationInput RunSimulator::input(const RunTruth& truth, const Draws* draws
     return input;
 }
 
-QualificationInput RunSimulator::exact(const RunTruth& truth) const {
-    return input(truth, nullptr);
-}
-
 QualificationInput RunSimulator::draw(const RunTruth& truth, std::uint64_t seed,
                                       std::uint64_t run) const {
     RandomStream random(seed, run_stream, run);
     const DeclaredTemperature temperature = declared_.temperature.value_or(DeclaredTemperature{});
     const double kelvin = temperature.standard_uncertainty_k * random.normal();
-    Draws draws{seed, run, truth.points_mm, {}};
-    scale(draws.points_mm, 1.0 + declared_.marker_size_uncertainty.value_or(0.0) * random.normal() +
-                               temperature.marker_expansion_per_k * kelvin);
+    Draws draws{seed, run, truth.marker, {}};
+    draws.marker.scale(1.0 + declared_.marker_size_uncertainty.value_or(0.0) * random.normal() +
+                       temperature.marker_expansion_per_k * kelvin);
     const double flatness_mm = declared_.marker_flatness_mm.value_or(0.0);
-    bend(draws.points_mm, twist, flatness_mm * random.normal());
-    if (draws.points_mm.size() != 4)
-        bend(draws.points_mm, bow, flatness_mm * random.normal());
+    draws.marker.twist(flatness_mm * random.normal());
+    if (draws.marker.points_mm.size() != 4)
+        draws.marker.bow(flatness_mm * random.normal());
     for (const DeclaredStageTerm& term : declared_.stage_terms) {
         const double drawn =
             term.in_budget ? term.standard_uncertainty.value_or(0.0) * random.normal() : 0.0;
         const double expansion =
-            term.is_linear_scale ? temperature.stage_expansion_per_k * kelvin : 0.0;
+            term.error.is_linear_scale ? temperature.stage_expansion_per_k * kelvin : 0.0;
         draws.term_sizes.push_back(drawn + expansion);
     }
     QualificationInput drawn = input(truth, &draws);
@@ -351,41 +255,22 @@ QualificationInput RunSimulator::draw(const RunTruth& truth, std::uint64_t seed,
     return drawn;
 }
 
-namespace {
-
-void require_noise(const StationFile& station) {
-    const auto& sensor = station.camera.model.sensor;
-    if (!sensor || !(sensor->gain_e_per_dn > 0.0))
+std::unique_ptr<const RunSimulator> study_plan(const std::filesystem::path& path,
+                                               int noisy_frames) {
+    const StationFile station = read_station(path);
+    const Plan plan = plan_of(station);
+    if (!states_noise(station.camera.model))
         throw ConfigError({station.inputs.at(1).path.string(), 0, "sensor.gain_e_per_dn"},
                           "is needed: without the sensor's noise nothing can be said of a run's "
                           "uncertainty (`etalon characterise` measures it)");
-}
-
-}  // namespace
-
-StudiedPlan study_plan(const std::filesystem::path& path, int noisy_frames) {
-    StudiedPlan studied;
-    studied.station = read_station(path);
-    const StationFile& station = studied.station;
-    studied.plan = plan_of(station);
-    require_noise(station);
-    const std::vector<Rigid> poses = expected_poses(station, studied.plan);
+    const std::vector<Rigid> poses = expected_poses(station, plan);
     StderrProgress progress;
     progress.begin("rendering", static_cast<int>(poses.size()),
                    poses.size() * noisy_frames * std::chrono::milliseconds(12));
     DetectorStudy study = study_detector(expected_scene(station), poses, noisy_frames,
                                          station.plan.seed, [&] { progress.count(); });
     progress.end();
-    studied.simulator =
-        std::make_unique<const RunSimulator>(station, studied.plan, std::move(study));
-    return studied;
-}
-
-DetectorFigures figures_of(const DetectorStudy& study) {
-    const auto seen = std::count_if(study.poses.begin(), study.poses.end(),
-                                    [](const auto& pose) { return pose.has_value(); });
-    return {study.noise_px, study.bias_px,          study.noise_bias_px,
-            study.frames,   static_cast<int>(seen), static_cast<int>(study.poses.size())};
+    return std::make_unique<const RunSimulator>(station, plan, std::move(study));
 }
 
 std::string detector_text(const DetectorFigures& detector) {
@@ -393,7 +278,7 @@ std::string detector_text(const DetectorFigures& detector) {
         "the marker is detected in {} of {} poses ({} noisy renders of each)\n"
         "corner noise {:.4f} px a frame; the detector's bias {:.4f} px, of which noise moves {:.4f}"
         " px\n",
-        detector.seen, detector.poses, detector.frames, detector.noise_px, detector.bias_px,
+        detector.seen, detector.asked, detector.frames, detector.noise_px, detector.bias_px,
         detector.noise_bias_px);
 }
 

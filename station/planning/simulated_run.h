@@ -1,10 +1,9 @@
-// A qualification run at corner level, in process: the physics between the stage's encoders and the
-// detector's corners without a pixel in between, for studies of thousands of runs.
+// A qualification run at corner level, in process, for studies of thousands of runs: the physics
+// between the stage's encoders and the detector's corners, without a pixel.
 //
-// The truth is simulated forwards: true axes carry the true marker before the true camera; the
-// detector adds its bias and noise as real renders of the same poses showed them
-// (compare/expect/expectation.h). What the analysis is given is what a run would give it, and it
-// is the same function that analyses both (compare/qualification/qualification.h).
+// True axes carry the true marker before the true camera; the detector adds its bias and noise as
+// real renders of the same poses showed them (compare/expect/expectation.h). The analysis is that
+// of a real run (compare/qualification/qualification.h).
 //
 // Drawn anew for every run, from what the station declares: each stage term of the budget, the
 // marker's print size and flatness, the temperature, repeatability and read-back noise of each axis
@@ -13,13 +12,8 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <memory>
-#include <optional>
-#include <string>
-#include <vector>
 
-#include "calib/camera/projector.h"
 #include "compare/expect/expectation.h"
 #include "compare/qualification/qualification.h"
 #include "core/statistics/random.h"
@@ -32,19 +26,12 @@ namespace etalon {
 struct RunTruth {
     Projector camera;
     Rigid camera_from_base, carriage_from_marker;
-    std::vector<Rigid> base_from_carriage;   // per pose, before what each run draws
-    std::vector<Eigen::Vector3d> points_mm;  // of the marker as it is printed and bent
-    // What moves the corners in photographs and not in renders.
-    Eigen::Vector2d corner_shift_px = Eigen::Vector2d::Zero();
-    double edges_inwards_px = 0.0;  // of a single tag: compare/diagnosis/error_signatures.h
+    std::vector<Rigid> base_from_carriage;  // per pose, before what each run draws
+    TrueMarker marker;
 };
 
 // An error that can be put into the truth, by the name that its signature has.
-struct InjectedError {
-    std::string name, unit;
-    double size = 0.0;  // small enough for first order
-    std::function<void(RunTruth&, double size)> apply;
-};
+using InjectedError = ChangingError<RunTruth>;
 
 // camera_from_marker of every pose of the plan as drawn. Throws ConfigError without camera_mount.
 std::vector<Rigid> expected_poses(const StationFile& station, const Plan& plan);
@@ -60,6 +47,7 @@ public:
     RunSimulator& operator=(const RunSimulator&) = delete;
 
     const StationFile& station() const { return station_; }
+    const Plan& plan() const { return plan_; }
     const DetectorStudy& study() const { return study_; }
 
     // Everything as the station is told and as drawn.
@@ -70,7 +58,7 @@ public:
 
     // The input of a run in which nothing is drawn: no noise, no repeatability. The detector's bias
     // is in.
-    QualificationInput exact(const RunTruth& truth) const;
+    QualificationInput exact(const RunTruth& truth) const { return input(truth, nullptr); }
 
     // The input of run number `run` of the series `seed`. Throws NumericalError when the truth puts
     // a corner where the true camera sees nothing.
@@ -81,7 +69,6 @@ private:
     struct Draws;
 
     std::vector<std::vector<double>> backlash() const;
-    Corners detector_bias(const Draws* draws, std::size_t pose) const;
     Vector6d drawn_shift(const Draws& draws, std::size_t pose, RandomStream& random) const;
     void photograph(const RunTruth& truth, const Draws* draws, std::size_t index,
                     VisitedPose& pose) const;
@@ -96,25 +83,11 @@ private:
     QualificationInput declared_;           // without corners
 };
 
-// What `etalon plan` and `etalon oc` share: the station's plan with what its detector makes of it.
-
-struct StudiedPlan {
-    StationFile station;
-    Plan plan;
-    std::unique_ptr<const RunSimulator> simulator;
-};
-
 // Reads the station, plans, and renders and detects every pose with `noisy_frames` different
 // noises, with progress on stderr. Throws ConfigError as read_station, plan_of and
 // study_detector do.
-StudiedPlan study_plan(const std::filesystem::path& station, int noisy_frames);
-
-// What is said of a detector's study (compare/expect/expectation.h).
-struct DetectorFigures {
-    double noise_px = 0.0, bias_px = 0.0, noise_bias_px = 0.0;
-    int frames = 0, seen = 0, poses = 0;  // seen: poses whose marker is detected
-};
-DetectorFigures figures_of(const DetectorStudy& study);
+std::unique_ptr<const RunSimulator> study_plan(const std::filesystem::path& station,
+                                               int noisy_frames);
 
 // "The detector: corner noise 0.017 px a frame, ..." as lines of at most 80 columns.
 std::string detector_text(const DetectorFigures& detector);

@@ -1,11 +1,9 @@
-// What the pixels of a record's photographs gave, kept beside them in pixels.jsonl: nine tenths of
-// an analysis are spent on finding it. It is a pure function of the program, the station's files
-// and the frames; it is taken from there where all of these are the same to the bit, and found
-// again where they are not, or where the file is missing or not as it was written. So an analysis
-// gives the same bytes with it and without.
+// What the pixels of a record's photographs gave, kept beside them in pixels.jsonl, as finding it
+// is nine tenths of an analysis. It is a pure function of the program, the station's files and the
+// frames. It is taken from there where all of these and the line itself are the same to the bit,
+// and found again elsewhere: an analysis gives the same bytes with the file and without.
 #pragma once
 
-#include "compare/diagnosis/pixel_evidence.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {

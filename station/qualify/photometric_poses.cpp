@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include "core/program/errors.h"
-
 namespace etalon {
 namespace {
 
@@ -38,12 +36,6 @@ std::vector<PhotoFinding> in_words(const Findings& findings) {
     return all;
 }
 
-std::optional<ComparedArea> printed_area(const Marker& marker) {
-    if (marker.kind == Marker::Kind::chessboard)
-        return std::nullopt;
-    return compared_area(marker, {}, marker.spec);
-}
-
 }  // namespace
 
 PhotometricPoses::PhotometricPoses(const QualifyResult& result, std::stop_token stop)
@@ -54,9 +46,11 @@ PhotometricPoses::PhotometricPoses(const QualifyResult& result, std::stop_token 
       rendered_(expected_scene(result.station), result.station.plan.frames,
                 result.station.plan.seed),
       area_(compared_area(result.station.marker, {}, result.station.marker.spec)),
-      whole_(printed_area(result.station.marker)),
       calibration_(result.station.camera.model),
-      kept_(result) {}
+      kept_(result) {
+    if (result.station.marker.kind != Marker::Kind::chessboard)
+        whole_ = area_;
+}
 
 PhotometricPoses::~PhotometricPoses() {
     tasks_.cancel();
@@ -78,11 +72,8 @@ void PhotometricPoses::add(const VisitedPose& pose) {
     tasks_.run([this, pose, &found] {
         if (stop_.stop_requested())
             return;
-        try {
-            find(pose, found);
-        } catch (const NumericalError& error) {
-            found.refusal = error.what();
-        }
+        if (const auto done = attempted([&] { find(pose, found); }); !done)
+            found.refusal = done.cause;
     });
 }
 
@@ -165,10 +156,10 @@ RunEvidence PhotometricPoses::pixels() const {
     for (const auto& [index, pose] : hold_out) {
         const ImageResultCache& found = found_.at(index);
         findings.push_back(found.findings);
-        if (!found.pixels)
-            continue;
-        compared.push_back(pose);
-        at_zero.push_back(*found.pixels);
+        if (found.pixels) {
+            compared.push_back(pose);
+            at_zero.push_back(*found.pixels);
+        }
     }
     if (is_overexposed(findings))
         return {.findings = std::move(findings)};

@@ -8,7 +8,6 @@
 
 #include "compare/expect/expected_view.h"
 #include "compare/match/pixel_measurement.h"
-#include "compare/photometric/photometric_detector.h"
 #include "station/qualify/image_result_cache.h"
 
 namespace etalon {
@@ -16,9 +15,8 @@ namespace etalon {
 // Of poses whose marker was detected: of hold-out poses from all their whole frames in the record,
 // of training poses, where only the detector's bias is wanted, from the first. They start at the
 // detector's pose and are a pure function of these frames. All is found on other threads while the
-// stage moves on, some 30 ms of CPU time per frame, 0.1 s for the bias and 0.2 s in all per pose;
-// nothing of it where the record has kept what this program found before.
-// Used from one thread.
+// stage moves on, in 0.2 s of CPU time per pose, or taken from what the record has kept of this
+// program's. Used from one thread.
 class PhotometricPoses {
 public:
     // Of `result`, which must outlive it, station, settings and folder are read and must stay as
@@ -38,9 +36,8 @@ public:
     void set_in(QualifyResult& result);
 
     // The first whole photographs of the hold-out poses that were set, against their renders; of
-    // overexposed ones only what they show. Costs
-    // nothing more where they match, some 10 s of CPU time where a tone curve or a focus has to be
-    // found.
+    // overexposed ones only what they show. Costs some 10 s of CPU time where a tone curve or a
+    // focus has to be found.
     RunEvidence pixels() const;
 
     const RenderedCorners& rendered() const { return rendered_; }

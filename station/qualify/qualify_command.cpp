@@ -13,7 +13,6 @@
 #include "station/setup/station_file.h"
 #include "station/setup/station_lock.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {
@@ -109,16 +108,6 @@ QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& p
                              stop);
 }
 
-// What the command line cannot say by itself: a new run needs a station and a folder.
-void require_either(const QualifyArguments& arguments) {
-    if (!arguments.resume.empty())
-        return;
-    if (arguments.station.empty())
-        throw ConfigError({"STATION"}, "is required, unless a run is resumed with --resume DIR");
-    if (arguments.out.empty())
-        throw ConfigError({"--out"}, "is required, unless a run is resumed with --resume DIR");
-}
-
 // The simulated devices of a run, which end with it.
 std::unique_ptr<Subprocess> started_twin(const std::vector<std::string>& arguments) {
     std::vector<std::string> command = {(program_folder() / "etalon-twin").string()};
@@ -134,20 +123,18 @@ std::unique_ptr<Subprocess> started_twin(const std::vector<std::string>& argumen
     }
 }
 
-// What it prints when both devices listen; empty when it has ended.
-std::string ready_line(Subprocess& twin) {
-    std::string line;
-    while (!line.ends_with('\n') && !twin.has_closed_output())
-        line += twin.read_output(no_time_limit);
-    return line;
-}
-
 int run_qualify(const QualifyArguments& arguments) {
-    require_either(arguments);
+    // What the command line cannot say by itself.
+    for (const auto& [option, value] :
+         {std::pair("STATION", &arguments.station), {"--out", &arguments.out}})
+        if (arguments.resume.empty() && value->empty())
+            throw ConfigError({option}, "is required, unless a run is resumed with --resume DIR");
     std::unique_ptr<Subprocess> twin;
     if (!arguments.twin.empty()) {
         twin = started_twin(arguments.twin);
-        const std::string ready = ready_line(*twin);
+        std::string ready;  // what it prints when both devices listen
+        while (!ready.ends_with('\n') && !twin->has_closed_output())
+            ready += twin->read_output(no_time_limit);
         if (ready.empty()) {  // it has said why
             twin->wait_for(no_time_limit);
             return twin->result().exit_code;
@@ -165,8 +152,7 @@ int run_qualify(const QualifyArguments& arguments) {
 int run_report(const ReportArguments& arguments) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
-    const SteadyClock clock;
-    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    StderrProgress progress;
     const FileLock lock(arguments.record / log_file);
     const RecordedRun recorded = read_record(arguments.record, progress, stop.get_token());
     announce(recorded, progress);
@@ -179,15 +165,12 @@ struct DemoArguments {
     bool json = false;
 };
 
-std::filesystem::path new_record() {
-    const std::time_t now = std::time(nullptr);
-    return fmt::format("etalon-demo-{:%Y%m%d-%H%M%S}", fmt::localtime(now));
-}
-
 int run_demo(const DemoArguments& arguments) {
     QualifyArguments run;
     run.station = installed_file("examples/demo/station.yaml");
-    run.out = arguments.out.empty() ? new_record() : arguments.out;
+    run.out = arguments.out;
+    if (run.out.empty())
+        run.out = fmt::format("etalon-demo-{:%Y%m%d-%H%M%S}", fmt::localtime(std::time(nullptr)));
     run.twin = {installed_file("examples/demo/twin.yaml").string()};
     run.twin.insert(run.twin.end(), arguments.twin.begin(), arguments.twin.end());
     run.json = arguments.json;

@@ -1,19 +1,15 @@
-#include "station/qualify/qualify_report.h"
+#include "station/qualify/run_analysis.h"
 
 #include <fmt/format.h>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/projector.h"
 #include "compare/match/overlay.h"
 #include "compare/photometric/photometric_model.h"
-#include "compare/pose/pose_bias.h"
 #include "compare/qualification/judged_quantities.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
-#include "station/qualify/run_analysis.h"
 
 namespace etalon {
 namespace {
@@ -28,19 +24,15 @@ std::string joined(const std::vector<std::string>& parts, const std::string& sep
     return fmt::format("{}", fmt::join(parts, separator));
 }
 
-// In the unit that people read: a relative number in percent, a coefficient as it is.
-struct ReadUnit {
-    double factor;
-    std::string text;  // " mm"
-};
-
-ReadUnit read_unit(const std::string& unit) {
-    return unit == "1" ? ReadUnit{100.0, " %"} : ReadUnit{1.0, unit.empty() ? "" : " " + unit};
+// In the unit that people read: a relative number in percent, a coefficient as it is. Factor and
+// text, " mm".
+std::pair<double, std::string> read_unit(const std::string& unit) {
+    return unit == "1" ? std::pair(100.0, " %") : std::pair(1.0, unit.empty() ? "" : " " + unit);
 }
 
 std::string with_unit(double value, const std::string& unit) {
-    const ReadUnit read = read_unit(unit);
-    return std::isfinite(value) ? significant(read.factor * value, 2) + read.text : "none";
+    const auto [factor, text] = read_unit(unit);
+    return std::isfinite(value) ? significant(factor * value, 2) + text : "none";
 }
 
 // ---- verdict, cause, what to do -------------------------------------------------------------
@@ -101,18 +93,11 @@ std::vector<std::string> other_reasons(const Qualification& analysis,
 std::string size_text(const CausingError& error) {
     if (!(error.expanded_uncertainty > 0.0))
         return "";
-    const ReadUnit read = read_unit(error.unit);
-    const double expanded = read.factor * error.expanded_uncertainty;
+    const auto [factor, unit] = read_unit(error.unit);
+    const double expanded = factor * error.expanded_uncertainty;
     const int decimals = decimals_of(expanded);
-    return fmt::format("{} ± {}{}", fixed(read.factor * error.size, decimals),
-                       fixed(expanded, decimals), read.text);
-}
-
-std::string sizes_text(const Cause& cause) {
-    std::vector<std::string> sizes;
-    for (const CausingError& error : cause.errors)
-        sizes.push_back(size_text(error));
-    return joined(sizes, "; ");
+    return fmt::format("{} ± {}{}", fixed(factor * error.size, decimals), fixed(expanded, decimals),
+                       unit);
 }
 
 std::string percent(double probability) {
@@ -142,11 +127,10 @@ std::vector<std::string> cause_sentences(const Causes& causes) {
     return {};
 }
 
-std::vector<std::string> what_to_do(const Causes& causes) {
-    std::vector<std::string> all;
-    if (const Cause* named = causes.named())
-        std::ranges::transform(named->remedies(), std::back_inserter(all), sentence);
-    return all;
+// Each as a sentence.
+std::vector<std::string> sentences(std::vector<std::string> texts) {
+    std::ranges::transform(texts, texts.begin(), sentence);
+    return texts;
 }
 
 void add_summary(HtmlPage& page, const QualifyResult& result) {
@@ -157,24 +141,28 @@ void add_summary(HtmlPage& page, const QualifyResult& result) {
     const Qualification& analysis = *result.analysis;
     const JudgedQuantity* deciding = deciding_quantity(analysis);
     const Causes causes = analysis.causes.value_or(Causes{});
-    std::vector<std::string> findings;
-    if (analysis.pixels)
-        std::ranges::transform(analysis.pixels->findings, std::back_inserter(findings), sentence);
+    const Cause* named = causes.named();
+    using Texts = std::vector<std::string>;
     page.add_verdict(name(result.outcome),
                      deciding ? deciding_sentence(*deciding) : "Nothing could be judged.",
                      {{"Most probable cause", cause_sentences(causes)},
-                      {"What to do", what_to_do(causes)},
+                      {"What to do", named ? sentences(named->remedies()) : Texts()},
                       {result.outcome == RunOutcome::pass ? "Beside it" : "Why it is not PASS",
                        other_reasons(analysis, deciding)},
-                      {"Photographs against renders", findings}});
+                      {"Photographs against renders",
+                       analysis.pixels ? sentences(analysis.pixels->findings) : Texts()}});
 }
 
 void add_causes(HtmlPage& page, const Causes& causes) {
     if (causes.ranked.empty() || causes.no_error > 0.5)
         return;
     TableRows rows;
-    for (const Cause& cause : causes.ranked)
-        rows.push_back({cause.text(), percent(cause.probability), sizes_text(cause)});
+    for (const Cause& cause : causes.ranked) {
+        std::vector<std::string> sizes;
+        for (const CausingError& error : cause.errors)
+            sizes.push_back(size_text(error));
+        rows.push_back({cause.text(), percent(cause.probability), joined(sizes, "; ")});
+    }
     rows.push_back({"none of these", percent(causes.none_of_these), ""});
     rows.push_back({"no error", percent(causes.no_error), ""});
     page.add_heading("Causes");
@@ -270,26 +258,20 @@ void add_unseen(HtmlPage& page, const Qualification& analysis) {
         rows);
 }
 
-// Mean and standard deviation of one component of one bias over the hold-out poses.
-std::vector<std::string> bias_row(const std::string& label, const std::vector<AnalysedPose>& poses,
-                                  std::optional<PoseError> PoseBias::*bias,
-                                  Eigen::Vector3d PoseError::*part, int axis, double unit) {
-    std::vector<double> values;
-    for (const AnalysedPose& pose : poses)
-        if (const auto& error = pose.bias.*bias; pose.hold_out && error)
-            values.push_back(((*error).*part)(axis) / unit);
+// Mean and standard deviation of one component of a bias.
+std::vector<std::string> bias_row(const std::string& label, const std::vector<double>& values) {
+    const auto n = static_cast<double>(values.size());
+    const std::string count = fmt::format("{}", values.size());
     if (values.size() < 2)
-        return {label, dash, dash, dash, fmt::format("{}", values.size())};
+        return {label, dash, dash, dash, count};
     double mean = 0.0, squares = 0.0, largest = 0.0;
     for (const double value : values)
-        mean += value / static_cast<double>(values.size());
+        mean += value / n;
     for (const double value : values) {
         squares += (value - mean) * (value - mean);
         largest = std::max(largest, std::abs(value));
     }
-    const double deviation = std::sqrt(squares / static_cast<double>(values.size() - 1));
-    return {label, number(mean), number(deviation), number(largest),
-            fmt::format("{}", values.size())};
+    return {label, number(mean), number(std::sqrt(squares / (n - 1.0))), number(largest), count};
 }
 
 void add_biases(HtmlPage& page, const std::vector<AnalysedPose>& poses) {
@@ -297,30 +279,30 @@ void add_biases(HtmlPage& page, const std::vector<AnalysedPose>& poses) {
     page.add_paragraph(
         "Mean and scatter by component, in the camera frame. Judged is the field of B3 and, where "
         "there is a limit, of B4; B1 and B2 are reported.");
-    constexpr double mrad = 1e-3;
     TableRows rows;
-    const std::pair<const char*, std::optional<PoseError> PoseBias::*> biases[] = {
-        {"B1", &PoseBias::b1}, {"B2", &PoseBias::b2}, {"B3", &PoseBias::b3}, {"B4", &PoseBias::b4}};
-    for (const auto& [label, bias] : biases) {
-        for (int axis = 0; axis < 3; ++axis)
-            rows.push_back(bias_row(fmt::format("{} t{} / mm", label, "xyz"[axis]), poses, bias,
-                                    &PoseError::translation_mm, axis, 1.0));
-        for (int axis = 0; axis < 3; ++axis)
-            rows.push_back(bias_row(fmt::format("{} r{} / mrad", label, "xyz"[axis]), poses, bias,
-                                    &PoseError::rotation_rad, axis, mrad));
-    }
+    for (const auto& [label, bias] :
+         {std::pair("B1", &PoseBias::b1), std::pair("B2", &PoseBias::b2),
+          std::pair("B3", &PoseBias::b3), std::pair("B4", &PoseBias::b4)})
+        for (const auto& [name, part, unit] :
+             {std::tuple("{} t{} / mm", &PoseError::translation_mm, 1.0),
+              std::tuple("{} r{} / mrad", &PoseError::rotation_rad, 1e-3)})
+            for (int axis = 0; axis < 3; ++axis) {
+                std::vector<double> values;
+                for (const AnalysedPose& pose : poses)
+                    if (const auto& error = pose.bias.*bias; pose.hold_out && error)
+                        values.push_back(((*error).*part)(axis) / unit);
+                rows.push_back(
+                    bias_row(fmt::format(fmt::runtime(name), label, "xyz"[axis]), values));
+            }
     page.add_table({"component", "mean", "standard deviation", "largest", "poses"}, rows);
 }
 
-// Which quantities the budget is shown for, and how.
-struct BudgetColumn {
-    const char* quantity;
-    const char* heading;
-};
-constexpr BudgetColumn budget_columns[] = {{quantity::position_rms, "RMS / mm"},
-                                           {quantity::position_max, "maximum / mm"},
-                                           {quantity::length_max, "lengths / mm"},
-                                           {quantity::rotation_rms, "rotation / mrad"}};
+// Which quantities the budget is shown for, with their headings.
+constexpr std::pair<const char*, const char*> budget_columns[] = {
+    {quantity::position_rms, "RMS / mm"},
+    {quantity::position_max, "maximum / mm"},
+    {quantity::length_max, "lengths / mm"},
+    {quantity::rotation_rms, "rotation / mrad"}};
 
 std::string contribution(const BudgetRow& row, const char* quantity) {
     if (!row.sensitivity.contains(quantity))
@@ -343,15 +325,15 @@ std::string origin_of(const BudgetRow& row) {
 void add_budget(HtmlPage& page, const Qualification& analysis) {
     page.add_heading("Uncertainty budget");
     std::vector<std::string> headings{"source", "u", "unit"};
-    for (const BudgetColumn& column : budget_columns)
-        headings.emplace_back(column.heading);
+    for (const auto& [quantity, heading] : budget_columns)
+        headings.emplace_back(heading);
     headings.emplace_back("from");
     TableRows rows;
     for (const BudgetRow& row : analysis.budget) {
         std::vector<std::string> cells{row.source,
                                        significant(row.standard_uncertainty, 2, unknown), row.unit};
-        for (const BudgetColumn& column : budget_columns)
-            cells.push_back(contribution(row, column.quantity));
+        for (const auto& [quantity, heading] : budget_columns)
+            cells.push_back(contribution(row, quantity));
         cells.push_back(origin_of(row));
         rows.push_back(cells);
     }
@@ -395,39 +377,30 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
             weak.name, number(std::sqrt(registration.reduced_squares) * weak.deviation),
             weak.is_shift() ? "mm" : "rad"));
     page.add_notes(notes);
-    const auto row = [](const std::string& label, const Rigid& transform) {
-        const Vector6d pose = vector_from_rigid(transform);
-        std::vector<std::string> cells{label};
-        for (int i = 0; i < 6; ++i)
-            cells.push_back(fmt::format("{:.{}f}", pose(i), i < 3 ? 5 : 3));
-        return cells;
-    };
+    TableRows rows;
+    for (const auto& [label, transform] :
+         {std::pair("camera_from_base", registration.camera_from_base),
+          std::pair("carriage_from_marker", registration.carriage_from_marker)}) {
+        rows.push_back({label});
+        for (int i = 0; const double number : pose_numbers(transform))
+            rows.back().push_back(fixed(number, i++ < 3 ? 5 : 3));
+    }
     page.add_table(
-        {"transform", "rx / rad", "ry / rad", "rz / rad", "tx / mm", "ty / mm", "tz / mm"},
-        {row("camera_from_base", registration.camera_from_base),
-         row("carriage_from_marker", registration.carriage_from_marker)});
+        {"transform", "rx / rad", "ry / rad", "rz / rad", "tx / mm", "ty / mm", "tz / mm"}, rows);
 }
 
 // ---- decision rule
-
-std::vector<std::string> row_of(const JudgedQuantity& each, const DecisionRisk& risk) {
-    return {quantity_kind(each.name).words,
-            name(each.outcome),
-            probability_text(risk.conformance),
-            probability_text(risk.consumer),
-            probability_text(risk.producer),
-            significant(risk.passes_95, 3),
-            significant(risk.passes_50, 3),
-            significant(risk.passes_5, 3),
-            each.unit};
-}
 
 // The decision rule and what each judgement risks; nothing where nothing was judged.
 void add_decision(HtmlPage& page, const Qualification& analysis) {
     TableRows rows;
     for (const JudgedQuantity& each : analysis.quantities)
-        if (each.risk)
-            rows.push_back(row_of(each, *each.risk));
+        if (const auto& risk = each.risk)
+            rows.push_back({quantity_kind(each.name).words, name(each.outcome),
+                            probability_text(risk->conformance), probability_text(risk->consumer),
+                            probability_text(risk->producer), significant(risk->passes_95, 3),
+                            significant(risk->passes_50, 3), significant(risk->passes_5, 3),
+                            each.unit});
     if (rows.empty())
         return;
     page.add_heading("Decision rule: " + analysis.rule.name());
@@ -490,8 +463,7 @@ HoldOut hold_out_biases(const QualifyResult& result) {
 HtmlPage::Figure arrow_figure(const HoldOut& poses) {
     const double longest = std::max({1e-9, poses.biases.longest(), poses.field.longest()});
     const double factor = round_scale(poses.span_mm / 6.0 / longest);
-    SvgPlot plot("x / mm", "y / mm");
-    plot.set_size(plot_width, plot_height);
+    SvgPlot plot("x / mm", "y / mm", plot_width, plot_height);
     plot.set_image_axes();
     plot.add_arrows(poses.field, factor, Color::gray, "fitted field");
     plot.add_arrows(poses.biases, factor, Color::blue, "B3");
@@ -505,8 +477,7 @@ HtmlPage::Figure arrow_figure(const HoldOut& poses) {
 
 HtmlPage::Figure component_figure(const std::array<Series, 3>& biases, const std::string& label,
                                   const std::string& caption, double limit) {
-    SvgPlot plot(label, "B3 / mm");
-    plot.set_size(plot_width, plot_height);
+    SvgPlot plot(label, "B3 / mm", plot_width, plot_height);
     plot.add_points(biases[0], Color::blue, "x");
     plot.add_points(biases[1], Color::green, "y");
     plot.add_points(biases[2], Color::orange, "z");
@@ -538,38 +509,32 @@ void add_bias_plots(HtmlPage& page, const QualifyResult& result) {
 
 // ---- photographs against renders ------------------------------------------------------------
 
-struct Extreme {
-    const AnalysedPose* pose;
-    std::string label;
-};
-
-// Four hold-out poses worth looking at: nearest, farthest, most off-axis, largest bias.
-std::vector<Extreme> poses_to_show(const QualifyResult& result) {
-    struct Wanted {
-        const char* label;
-        std::function<double(const PoseBias&)> score;
-    };
-    const auto depth = [&](const PoseBias& b) {
+// Four hold-out poses worth looking at: nearest, farthest, most off-axis, largest bias. Each once,
+// with its labels.
+std::vector<std::pair<const AnalysedPose*, std::string>> poses_to_show(
+    const QualifyResult& result) {
+    using Score = std::function<double(const PoseBias&)>;
+    const Score depth = [&](const PoseBias& b) {
         return depth_mm(result.station.camera.model.projection, b.predicted.translation);
     };
-    const Wanted wanted[] = {
+    const std::pair<std::string, Score> wanted[] = {
         {"nearest", [&](const PoseBias& b) { return -depth(b); }},
         {"farthest", depth},
         {"most off-axis", [](const PoseBias& b) { return off_axis_deg(b.predicted); }},
         {"largest position bias",
          [](const PoseBias& b) { return b.b3 ? b.b3->translation_mm.norm() : -1e300; }}};
-    std::vector<Extreme> shown;
-    for (const Wanted& each : wanted) {
+    std::vector<std::pair<const AnalysedPose*, std::string>> shown;
+    for (const auto& [label, score] : wanted) {
         const AnalysedPose* best = nullptr;
         for (const AnalysedPose& pose : result.poses)
-            if (!pose.render_file.empty() &&
-                (!best || each.score(pose.bias) > each.score(best->bias)))
+            if (!pose.render_file.empty() && (!best || score(pose.bias) > score(best->bias)))
                 best = &pose;
-        const auto twin = std::ranges::find(shown, best, &Extreme::pose);
+        const auto twin =
+            std::ranges::find(shown, best, [](const auto& each) { return each.first; });
         if (twin != shown.end())
-            twin->label += std::string(", ") + each.label;
+            twin->second += ", " + label;
         else if (best)
-            shown.push_back({best, each.label});
+            shown.emplace_back(best, label);
     }
     return shown;
 }
@@ -588,28 +553,25 @@ cv::Rect marker_crop(const std::vector<Eigen::Vector2d>& corners, const cv::Size
 
 // Photograph, render and their overlay side by side, enlarged to whole multiples.
 cv::Mat comparison_strip(const cv::Mat& photo_gray, const cv::Mat& render_gray, double gain) {
-    cv::Mat panels[3], strip;
-    for (int i = 0; i < 2; ++i) {
-        cv::Mat eight_bit;
-        (i == 0 ? photo_gray : render_gray).convertTo(eight_bit, CV_8U);
-        cv::cvtColor(eight_bit, panels[i], cv::COLOR_GRAY2BGR);
-    }
+    cv::Mat strip;
+    cv::hconcat(photo_gray, render_gray, strip);
+    strip.convertTo(strip, CV_8U);
+    cv::cvtColor(strip, strip, cv::COLOR_GRAY2BGR);
     const cv::Mat everywhere(photo_gray.size(), CV_8UC1, cv::Scalar(255));
-    panels[2] = red_cyan_overlay(photo_gray, render_gray, everywhere, gain);
-    cv::hconcat(panels, 3, strip);
+    cv::hconcat(strip, red_cyan_overlay(photo_gray, render_gray, everywhere, gain), strip);
     const int factor = std::max(1, 900 / strip.cols);
     cv::resize(strip, strip, {}, factor, factor, cv::INTER_NEAREST);
     return strip;
 }
 
-HtmlPage::Figure pose_figure(const QualifyResult& result, const Extreme& shown) {
+HtmlPage::Figure pose_figure(const QualifyResult& result, const AnalysedPose& pose,
+                             const std::string& label) {
     constexpr double gain = 4.0;
-    const AnalysedPose& pose = *shown.pose;
     const std::string caption = fmt::format(
         "Pose {} ({}): photograph, render, and their difference enlarged {:.0f} times "
         "(red: the "
         "photograph is brighter, cyan: the render is). A coloured rim is an edge out of place.",
-        pose.index, shown.label, gain);
+        pose.index, label, gain);
     try {
         const CodeImage photo = recorded_photo(result, *first_whole(pose));
         const CodeImage render = read_image(result.folder / pose.render_file);
@@ -637,11 +599,9 @@ void add_residual_summary(HtmlPage& page, const QualifyResult& result) {
         "black and white level (a plane each) and one blur width were fitted on half of the "
         "marker's cells; scored on the other half.",
         *mean_residual_gray(result), residuals.xs.size()));
-    SvgPlot plot("pose", "residual RMS / gray");
-    plot.set_size(640, 260);
+    SvgPlot plot("pose", "residual RMS / gray", 640, 260);
     plot.add_points(residuals, Color::blue, "");
-    plot.set_y_range(0.0,
-                     1.15 * *std::max_element(residuals.ys.begin(), residuals.ys.end()) + 1e-9);
+    plot.set_y_range(0.0, 1.15 * std::ranges::max(residuals.ys) + 1e-9);
     page.add_figures(
         {{plot.svg(),
           "Photograph minus render, RMS per hold-out pose. Look for poses that stand out: "
@@ -649,14 +609,13 @@ void add_residual_summary(HtmlPage& page, const QualifyResult& result) {
 }
 
 void add_pictures(HtmlPage& page, const QualifyResult& result) {
-    const std::vector<Extreme> shown = poses_to_show(result);
-    if (shown.empty())
+    HtmlPage::Figures figures;
+    for (const auto& [pose, label] : poses_to_show(result))
+        figures.push_back(pose_figure(result, *pose, label));
+    if (figures.empty())
         return;
     page.add_heading("Photograph against render");
     add_residual_summary(page, result);
-    HtmlPage::Figures figures;
-    for (const Extreme& each : shown)
-        figures.push_back(pose_figure(result, each));
     page.add_figures(figures);
 }
 

@@ -6,7 +6,6 @@
 #include <tbb/task_arena.h>
 
 #include "compare/make_detector.h"
-#include "core/program/errors.h"
 #include "station/qualify/image_result_cache.h"
 #include "station/qualify/run_analysis.h"
 #include "station/qualify/runner.h"
@@ -105,7 +104,7 @@ private:
         else if (event == climate_lost)
             result_.environment.lost = line.at("detail").text();
         else if (event == "remark")
-            add_once(result_.remarks, line.at("detail").text());
+            take_remark(line.at("detail").text());
         else if (event == "camera released")
             result_.sessions.back().counters = read_counters(line.at("camera"));
         else
@@ -194,6 +193,11 @@ private:
         frames_.clear();
     }
 
+    void take_remark(const std::string& text) {
+        if (std::ranges::find(result_.remarks, text) == result_.remarks.end())
+            result_.remarks.push_back(text);
+    }
+
     void take_climate(const JsonEntry& line, double t) {
         line.require_keys({"t", "event", "temperature_c", "humidity_percent"});
         ClimateReading reading{t, line.at("temperature_c").number(possible_temperature_c), {}};
@@ -238,7 +242,7 @@ private:
     }
 
     std::vector<FrameRecord> frames_of(const JsonEntry& line, int pose) const {
-        const bool any = std::any_of(frames_.begin(), frames_.end(), [](const FrameRecord& frame) {
+        const bool any = std::ranges::any_of(frames_, [](const FrameRecord& frame) {
             return frame.status == FrameStatus::complete;
         });
         if (!any || in_flight_ != pose ||
@@ -258,11 +262,6 @@ private:
         result_.reason = line.at("detail").text();
     }
 
-    static void add_once(std::vector<std::string>& texts, const std::string& text) {
-        if (std::find(texts.begin(), texts.end(), text) == texts.end())
-            texts.push_back(text);
-    }
-
     std::size_t axes() const { return result_.station.stage.axes.size(); }
 
     RecordedRun& run_;
@@ -271,54 +270,41 @@ private:
     int in_flight_ = 0;
 };
 
-// In which frames the marker is, from what the record kept or by looking again.
-class FrameReader {
-public:
-    FrameReader(QualifyResult& result, const std::stop_token& stop)
-        : result_(result), stop_(stop), kept_(result), detectors_([this] {
-              const StationFile& station = result_.station;
-              return make_detector(station.detector, station.marker, station.detector);
-          }) {}
-
-    void read(VisitedPose& pose) {
-        if (stop_.stop_requested())
+// In which frames the marker is, from what the record kept or by looking again. So many poses at a
+// time that progress is seen.
+void read_frames(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
+    constexpr std::size_t at_a_time = 32;
+    const StationFile& station = result.station;
+    const KeptPixels kept_pixels(result);
+    tbb::enumerable_thread_specific<std::unique_ptr<Detector>> detectors(
+        [&] { return make_detector(station.detector, station.marker, station.detector); });
+    const auto read = [&](VisitedPose& pose) {
+        if (stop.stop_requested())
             throw Interrupted();
-        const KeptPose* kept = kept_.of(pose);
+        const KeptPose* kept = kept_pixels.of(pose);
         for (std::size_t i = 0; i < pose.frames.size(); ++i) {
             FrameRecord& frame = pose.frames[i];
             if (frame.status != FrameStatus::complete)
                 continue;
             if (!kept) {
-                detect_frame(*detectors_.local(), recorded_photo(result_, frame), frame);
+                detect_frame(*detectors.local(), recorded_photo(result, frame), frame);
                 continue;
             }
-            require_recorded(result_, frame);
+            require_recorded(result, frame);
             frame.corners = kept->frames[i].corners;
             frame.detection = kept->frames[i].detection;
         }
         average_corners(pose);
-    }
-
-private:
-    QualifyResult& result_;
-    std::stop_token stop_;
-    KeptPixels kept_;
-    tbb::enumerable_thread_specific<std::unique_ptr<Detector>> detectors_;
-};
-
-// So many poses at a time that progress is seen.
-void read_frames(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
-    constexpr std::size_t at_a_time = 32;
-    if (result.poses.empty())
+    };
+    const std::size_t count = result.poses.size();
+    if (count == 0)
         return;
-    FrameReader reader(result, stop);
-    progress.begin("reading", static_cast<int>(result.poses.size()),
-                   result.poses.size() * std::chrono::milliseconds(30));
-    for (std::size_t first = 0; first < result.poses.size(); first += at_a_time) {
-        const std::size_t end = std::min(first + at_a_time, result.poses.size());
+    progress.begin("reading", static_cast<int>(count), count * std::chrono::milliseconds(30));
+    for (std::size_t first = 0; first < count; first += at_a_time) {
+        const std::size_t end = std::min(first + at_a_time, count);
         // Isolated: a detector that waits for its own tasks must not begin another pose.
         tbb::parallel_for(first, end, [&](std::size_t i) {
-            tbb::this_task_arena::isolate([&] { reader.read(result.poses[i]); });
+            tbb::this_task_arena::isolate([&] { read(result.poses[i]); });
         });
         for (std::size_t i = first; i < end; ++i)
             progress.step();
@@ -343,13 +329,14 @@ QualifyResult analyse_record(RecordedRun recorded, Progress& progress,
     const bool measured = recorded.is_measured();
     QualifyResult result = std::move(recorded.result);
     if (measured) {
-        try {
-            make_record_folders(result.folder, {"renders"});
+        make_record_folders(result.folder, {"renders"});
+        const auto analysed = attempted([&] {
             PhotometricPoses photometric(result, stop);
             analyse_run(result, photometric, progress, stop);
-        } catch (const NumericalError& error) {
+        });
+        if (!analysed) {
             result.outcome = RunOutcome::error;
-            result.reason = error.what();
+            result.reason = analysed.cause;
         }
     }
     progress.end();

@@ -1,5 +1,5 @@
-// A run read back from its record: from the log, the frames and the copies of its inputs. All else
-// follows from these; what the frames' pixels gave is looked at only where it is this program's
+// A run read back from its record: from the log, the frames and the copies of its inputs. What the
+// frames' pixels gave is taken from the record only where it is this program's
 // (station/qualify/image_result_cache.h).
 //
 // A record is hostile until checked: every file by its SHA-256, every line of the log by its keys,

@@ -3,14 +3,10 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include "compare/photometric/photo_match.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/image/picture_codec.h"
-#include "core/program/errors.h"
 #include "station/planning/expectation_report.h"
-#include "station/qualify/junit.h"
-#include "station/qualify/qualify_report.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
 #include "station/register/qualification_input.h"
@@ -23,11 +19,6 @@ using namespace std::chrono_literals;
 void throw_if_stopped(const std::stop_token& stop) {
     if (stop.stop_requested())
         throw Interrupted();
-}
-
-std::string png_of(const CodeImage& image) {
-    const std::vector<unsigned char> bytes = encode_png(image.pixels);
-    return {bytes.begin(), bytes.end()};
 }
 
 // On the scale of the renders: the marker's white is `white_level`.
@@ -43,14 +34,6 @@ PhotoResidual residual_of(const CodeImage& photo, const StationFile& station,
     return {fit.scored.rms_gray, fit.scored.p99_gray, fit.state.photometry.psf_sigma_px};
 }
 
-std::vector<AnalysedPose*> judged_poses(std::vector<AnalysedPose>& poses) {
-    std::vector<AnalysedPose*> judged;
-    for (AnalysedPose& pose : poses)
-        if (pose.is_judged())
-            judged.push_back(&pose);
-    return judged;
-}
-
 // Each hold-out photograph against the calibration at its registered pose. The renders are kept,
 // for people and for re-analysis.
 void compare_photos(QualifyResult& result, const ExpectedView& view, Progress& progress,
@@ -58,19 +41,23 @@ void compare_photos(QualifyResult& result, const ExpectedView& view, Progress& p
     const StationFile& station = result.station;
     const PhotometricCamera camera(station.camera.model);
     const ComparedArea area = compared_area(station.marker, {}, station.marker.spec);
-    const std::vector<AnalysedPose*> judged = judged_poses(result.poses);
+    std::vector<AnalysedPose*> judged;
+    for (AnalysedPose& pose : result.poses)
+        if (pose.is_judged())
+            judged.push_back(&pose);
     std::vector<std::string> refusals(judged.size());
     tbb::parallel_for(std::size_t{0}, judged.size(), [&](std::size_t i) {
         throw_if_stopped(stop);
         AnalysedPose& pose = *judged[i];
         pose.render_file = fmt::format("renders/{:04}.png", pose.index);
-        write_text(result.folder / pose.render_file, png_of(view.at(pose.bias.predicted)));
-        try {
-            pose.residual = residual_of(recorded_photo(result, *first_whole(pose)), station, area,
-                                        camera, pose.bias.predicted);
-        } catch (const NumericalError& error) {
-            refusals[i] = error.what();
-        }
+        const std::vector<unsigned char> png = encode_png(view.at(pose.bias.predicted).pixels);
+        write_text(result.folder / pose.render_file, std::string(png.begin(), png.end()));
+        const CodeImage photo = recorded_photo(result, *first_whole(pose));
+        auto residual = attempted(
+            [&] { return residual_of(photo, station, area, camera, pose.bias.predicted); });
+        if (residual)
+            pose.residual = *residual;
+        refusals[i] = residual.cause;
     });
     for (std::size_t i = 0; i < judged.size(); ++i) {
         if (!refusals[i].empty())
@@ -83,8 +70,7 @@ void compare_photos(QualifyResult& result, const ExpectedView& view, Progress& p
 // Where no frames tell the noise of corners: what the calibration states makes of them.
 void find_stated_noise(std::vector<AnalysedPose>& poses, const RenderedCorners& rendered,
                        const std::stop_token& stop) {
-    if (std::ranges::any_of(poses,
-                            [](const AnalysedPose& pose) { return pose.corner_noise.has_value(); }))
+    if (std::ranges::any_of(poses, [](const auto& pose) { return pose.corner_noise.has_value(); }))
         return;
     for (AnalysedPose& pose : poses) {
         throw_if_stopped(stop);
@@ -101,17 +87,16 @@ RunOutcome outcome_of(Outcome verdict) {
     return verdict == Outcome::fail ? RunOutcome::fail : RunOutcome::inconclusive;
 }
 
-// A file that could not be written has no hash: the run says so elsewhere.
-void attach(QualifyResult& result, const std::string& path) {
-    std::error_code ignored;
-    if (std::filesystem::is_regular_file(result.folder / path, ignored))
-        result.attachments.push_back({path, sha256_of_file(result.folder / path)});
-}
-
 void attach_all(QualifyResult& result) {
     result.attachments.clear();
+    // A file that could not be written has no hash: the run says so elsewhere.
+    const auto attach = [&](const std::string& path) {
+        std::error_code ignored;
+        if (std::filesystem::is_regular_file(result.folder / path, ignored))
+            result.attachments.push_back({path, sha256_of_file(result.folder / path)});
+    };
     for (const char* file : {log_file, "poses.csv", "convergence.csv", "junit.xml", "report.html"})
-        attach(result, file);
+        attach(file);
     for (const InputFile& input : result.station.inputs)
         result.attachments.push_back({input.copy, input.sha256});
     for (const AnalysedPose& pose : result.poses) {
@@ -119,7 +104,7 @@ void attach_all(QualifyResult& result) {
             if (!frame.file.empty())
                 result.attachments.push_back({frame.file, frame.sha256});
         if (!pose.render_file.empty())
-            attach(result, pose.render_file);
+            attach(pose.render_file);
     }
 }
 
@@ -128,15 +113,15 @@ std::optional<SixErrors> noise_of(const AnalysedPose& pose,
                                   const std::vector<Eigen::Vector3d>& points_mm,
                                   const Projector& projector) {
     const Rigid& predicted = pose.bias.predicted;
-    ErrorSpread spread;
+    std::vector<SixErrors> errors;
     for (const FrameRecord& frame : pose.frames) {
         if (frame.corners.empty())
             continue;
         const PoseBias bias = pose_bias(projector, points_mm, predicted, frame.corners, {});
         if (bias.b2)
-            spread.add(components_of(*bias.b2, predicted));
+            errors.push_back(components_of(*bias.b2, predicted));
     }
-    return spread.deviations();
+    return deviations_of(errors);
 }
 
 }  // namespace
@@ -192,7 +177,7 @@ Expectation run_expectation(const QualifyResult& result) {
         expected.detections = pose.detections;
         expectation.poses.push_back(expected);
     }
-    fit_maps(expectation, result.station.plan.seed);
+    expectation.fit_maps(result.station.plan.seed);
     return expectation;
 }
 

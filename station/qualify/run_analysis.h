@@ -1,7 +1,6 @@
-// The analysis of a run, from what was measured: the same for a run that has just ended and for one
-// whose record is read again years later (station/qualify/recorded_run.h). Touches no device and no
-// clock: what it gives follows from `result` and the record's frames alone, to the bit on the same
-// build.
+// The analysis of a run: the same for a run that has just ended and for a record that is read again
+// (station/qualify/recorded_run.h). What it gives follows from `result` and the record's frames
+// alone, to the bit on the same build. Touches no device and no clock.
 #pragma once
 
 #include "compare/expect/expectation.h"
@@ -13,13 +12,11 @@ namespace etalon {
 
 // Judges the poses by their corners and positions, then compares each hold-out photograph with its
 // render: sets their residuals and render files, writes the renders into the record's folder, and
-// adds a remark for each that could not be compared. Sets the analysis, and the outcome last.
-//
-// `photometric`: of this result, whatever was added to it before.
+// remarks each that could not be compared. Sets the analysis, and the outcome last. `photometric`
+// is of this result. Costs what the renders cost.
 //
 // Throws what qualify() throws, Interrupted when a stop was requested, and ConfigError when a
-// photograph of the record cannot be read or a render not be written. Its cost is that of the
-// renders.
+// photograph of the record cannot be read or a render not be written.
 void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress& progress,
                  const std::stop_token& stop);
 
@@ -27,6 +24,12 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
 // report.html, and run.json with the hashes of all other files, which it sets in the result. Throws
 // ConfigError when one cannot be written.
 void write_results(QualifyResult& result);
+
+// report.html: the verdict, what limits it, what the run could not see, the bias over the volume,
+// photographs against renders, the budget and the run. A self-contained page that opens offline.
+// Pictures are read from result.folder; the page says which cannot be read. A run that ended early
+// gets the page of what it has. Throws ConfigError when the file cannot be written.
+void write_qualify_report(const QualifyResult& result, const std::filesystem::path& path);
 
 // What is to be expected of the camera, marker and detector of a run: `etalon expect` in short.
 // Bias: B1 of the hold-out poses, which were rendered where the registration puts them. Noise: the

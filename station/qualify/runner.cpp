@@ -6,7 +6,6 @@
 #include "compare/make_detector.h"
 #include "compare/match/photo_findings.h"
 #include "core/file/file_lock.h"
-#include "core/program/errors.h"
 #include "core/program/version.h"
 #include "stage/axes/kinematics.h"
 #include "stage/link/modbus_link.h"
@@ -51,7 +50,7 @@ struct Run {
     }
     // False for what was remarked before.
     bool remark(const std::string& text) const {
-        if (std::find(result.remarks.begin(), result.remarks.end(), text) != result.remarks.end())
+        if (std::ranges::find(result.remarks, text) != result.remarks.end())
             return false;
         result.remarks.push_back(text);
         log("remark", text);
@@ -99,26 +98,19 @@ Frame take_frame(const Run& run, Camera& camera, Instant after) {
     return frame;
 }
 
-// What a lossy link costs is time, but nobody should wonder where it goes.
 constexpr const char* link_advice =
     "the camera's link loses packets, and most frames are taken again: look at cable, switch and "
     "network card; give the receive buffer room (sysctl net.core.rmem_max=4194304); set "
-    "packet_size "
-    "to what the whole way carries (1400, or 8000 with jumbo frames)";
+    "packet_size to what the whole way carries (1400, or 8000 with jumbo frames)";
 
 // More frames break than arrive whole. One that breaks now and then is in the counters.
 bool is_lossy(const CaptureStatistics& counts) {
     return counts.missing_packets > 0 && counts.rejected > counts.delivered;
 }
 
-void mention_losses(const Run& run, const Camera& camera) {
-    if (is_lossy(camera.statistics()) && run.remark(link_advice))
-        run.progress.note(link_advice);
-}
-
-// Calls `after_each` after every frame.
+// The stage's position is read after every frame.
 std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, VisitedPose& pose,
-                               const std::function<void()>& after_each) {
+                               Stage& stage) {
     std::vector<Frame> frames;
     Instant after = settled;
     for (int i = 0; i < run.result.station.plan.frames; ++i) {
@@ -130,9 +122,10 @@ std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, 
             after = frames.back().exposure_start;
         }
         pose.frames.push_back(record);
-        after_each();
+        pose.readings.push_back(stage.position());
     }
-    mention_losses(run, camera);
+    if (is_lossy(camera.statistics()) && run.remark(link_advice))
+        run.progress.note(link_advice);
     return frames;
 }
 
@@ -147,8 +140,7 @@ std::vector<Frame> take_frames_until_one_is_whole(const Run& run, Camera& camera
     for (int round = 0; round < max_rounds; ++round) {
         pose.frames.clear();
         pose.readings = {stage.position()};
-        std::vector<Frame> frames = take_frames(run, camera, settled, pose,
-                                                [&] { pose.readings.push_back(stage.position()); });
+        std::vector<Frame> frames = take_frames(run, camera, settled, pose, stage);
         if (std::ranges::find(frames, FrameStatus::complete, &Frame::status) != frames.end())
             return frames;
         last = frames.back().status;
@@ -257,17 +249,6 @@ void prepare(const Run& run, Camera& camera, Stage& stage) {
     run.log("stage homed");
 }
 
-// The poses of the plan that have not been visited, in its order.
-std::vector<PlannedPose> missing_poses(const QualifyResult& result) {
-    std::vector<PlannedPose> missing;
-    std::ranges::copy_if(
-        result.plan.poses, std::back_inserter(missing), [&](const PlannedPose& pose) {
-            return std::ranges::find(result.poses, pose.index, &PlannedPose::index) ==
-                   result.poses.end();
-        });
-    return missing;
-}
-
 // Three poses in succession that lack the marker are no accident of their places.
 constexpr int poses_without_marker = 3;
 
@@ -305,7 +286,10 @@ void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPose
     const QualifyResult& result = run.result;
     const auto detector =
         make_detector(result.station.detector, result.station.marker, result.station.detector);
-    const std::vector<PlannedPose> missing = missing_poses(result);
+    std::vector<PlannedPose> missing;  // of the plan, in its order
+    for (const PlannedPose& pose : result.plan.poses)
+        if (std::ranges::find(result.poses, pose.index, &PlannedPose::index) == result.poses.end())
+            missing.push_back(pose);
     std::vector<double> from;
     for (const AxisStatus& axis : stage.status())
         from.push_back(axis.position);
@@ -324,20 +308,17 @@ void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPose
     run.progress.end();
 }
 
-// Nothing moves any more when this is asked: a move that fails or is interrupted has stopped its
-// axes itself. Asking first keeps the end of a run short when nobody answers: every attempt to stop
-// then takes 2 s, and closing the stage makes one in any case.
-bool answers(Stage& stage) {
+// Nothing moves any more when the stage is asked: a move that fails or is interrupted has stopped
+// its axes itself. Asking first keeps the end of a run short when nobody answers: every attempt to
+// stop then takes 2 s, and closing the stage makes one in any case.
+void stop_axes(const Run& run, Stage& stage) {
+    bool confirmed = false;
     try {
         stage.status();  // not position(), which an alarm keeps from answering
-        return true;
+        confirmed = stage.stop();
     } catch (const DeviceError&) {
-        return false;
+        // said below
     }
-}
-
-void stop_axes(const Run& run, Stage& stage) {
-    const bool confirmed = answers(stage) && stage.stop();
     run.log("axes stopped", confirmed ? "confirmed" : "NOT confirmed by the controller");
     if (!confirmed)
         run.remark("the stage did not confirm that its axes stand still");
@@ -370,12 +351,6 @@ void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Sta
     release_camera(run, *camera);
 }
 
-void log_analysis(const Run& run) {
-    const std::vector<AnalysedPose>& poses = run.result.poses;
-    const auto hold_out = std::ranges::count(poses, true, &VisitedPose::hold_out);
-    run.log("analysis", fmt::format("{} poses, {} of them hold-out", poses.size(), hold_out));
-}
-
 // What ends a run early becomes its outcome: the record must be finished whatever happened. Without
 // devices everything has been measured before.
 void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Stage> stage) {
@@ -384,7 +359,9 @@ void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<S
         PhotometricPoses photometric(result, run.stop);
         if (camera)
             measure(run, std::move(camera), std::move(stage), photometric);
-        log_analysis(run);
+        const auto hold_out = std::ranges::count(result.poses, true, &VisitedPose::hold_out);
+        run.log("analysis",
+                fmt::format("{} poses, {} of them hold-out", result.poses.size(), hold_out));
         analyse_run(result, photometric, run.progress, run.stop);
     } catch (const Interrupted& error) {
         result.outcome = RunOutcome::aborted;
@@ -421,21 +398,25 @@ void close_record(const Run& run) {
 }
 
 RunSession new_session(const DeviceOpeners& open) {
-    RunSession session;
-    session.operator_name = open.operator_name;
-    session.started_utc = utc_now();
-    session.started = boot_time();
-    session.version = version;
-    return session;
+    return {.started_utc = utc_now(),
+            .started = boot_time(),
+            .version = version,
+            .operator_name = open.operator_name};
 }
 
-void begin_session(const Run& run, RunSession session) {
+// Measures, analyses and closes the record, in a session of its own.
+void carry_out_session(const Run& run, RunSession session, std::unique_ptr<Camera> camera,
+                       std::unique_ptr<Stage> stage, const std::vector<std::string>& dropped = {}) {
     session.start_s = run.now_s();
     run.result.sessions.push_back(session);
     run.result.outcome = RunOutcome::error;
     run.result.reason = unfinished_run;  // what a crash leaves behind
     run.record.log(session_event(session, run.result.camera));
     run.record.write(run.result);
+    for (const std::string& each : dropped)
+        run.log("dropped", each);
+    carry_out(run, std::move(camera), std::move(stage));
+    close_record(run);
 }
 
 std::unique_ptr<Stage> guarded(const StationFile& station, const DeviceOpeners& open) {
@@ -447,16 +428,13 @@ std::unique_ptr<Stage> guarded(const StationFile& station, const DeviceOpeners& 
 
 // ---- resuming
 
-void require_unfinished(const RecordedRun& recorded) {
-    if (is_verdict(recorded.result.outcome))
-        throw ConfigError({recorded.result.folder.string()},
+void require_resumable(const QualifyResult& result) {
+    if (is_verdict(result.outcome))
+        throw ConfigError({result.folder.string()},
                           fmt::format("came to its end with {}; `etalon report` analyses it again",
-                                      name(recorded.result.outcome)));
-}
-
-// The plan is the record's. Nothing has moved yet: a target where the axes may not go is refused
-// now rather than on the way.
-void require_allowed_plan(const QualifyResult& result) {
+                                      name(result.outcome)));
+    // The plan is the record's. Nothing has moved yet: a target where the axes may not go is
+    // refused now rather than on the way.
     const StationStage& stage = result.station.stage;
     for (const PlannedPose& pose : result.plan.poses)
         require_allowed(
@@ -590,16 +568,13 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     result.started_utc = session.started_utc;
     record.log(run_event(result));
     const Run run{result, record, clock, progress, stop, clock.now(), open};
-    begin_session(run, session);
-    carry_out(run, std::move(camera), std::move(stage));
-    close_record(run);
+    carry_out_session(run, session, std::move(camera), std::move(stage));
     return result;
 }
 
 QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& open, Clock& clock,
                                    Progress& progress, std::stop_token stop) {
-    require_unfinished(recorded);
-    require_allowed_plan(recorded.result);
+    require_resumable(recorded.result);
     QualifyResult result = recorded.result;
     std::unique_ptr<Camera> camera;
     std::unique_ptr<Stage> stage;
@@ -612,11 +587,7 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
     const RunSession session = new_session(open);
     const Instant start = resumed_start(recorded, session, clock.now());
     const Run run{result, record, clock, progress, stop, start, open};
-    begin_session(run, session);
-    for (const std::string& dropped : recorded.dropped)
-        run.log("dropped", dropped);
-    carry_out(run, std::move(camera), std::move(stage));
-    close_record(run);
+    carry_out_session(run, session, std::move(camera), std::move(stage), recorded.dropped);
     return result;
 }
 

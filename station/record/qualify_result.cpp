@@ -6,7 +6,6 @@
 #include <fstream>
 
 #include "core/file/sha256.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 

@@ -1,4 +1,4 @@
-// The lines of a record's log, events.jsonl: one JSON object each, written here and read back by
+// The lines of a record's log, events.jsonl: one JSON object each, read back by
 // capture/frame/frame_log.h and station/qualify/recorded_run.h. The log, the frames and the copies
 // of the inputs are the record; every other file follows from them.
 //
@@ -12,8 +12,8 @@
 //     camera released    its counters at the end of a session
 //     PASS, FAIL, ...    how a session ended; missing where the program was killed
 //
-// and others, for people, that reading back passes over. Times are seconds since the run began;
-// numbers read back as the same double; what is not known is null.
+// and others for people, which reading back passes over. Times are seconds since the run began;
+// numbers read back as the same double; null is not known.
 #pragma once
 
 #include "station/record/qualify_result.h"

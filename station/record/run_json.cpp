@@ -31,21 +31,15 @@ Json camera_json(const QualifyResult& result) {
     return camera;
 }
 
-// In the axis' unit.
-Json optional_size(const std::optional<double>& size, double unit) {
-    return size ? Json(*size * unit) : Json();
-}
-
-Json error_map_json(const std::optional<ErrorMap>& map, double unit) {
-    const auto point_json = [unit](const ErrorMapPoint& point) -> Json {
-        return {point.position * unit, point.error * unit, point.uncertainty * unit};
-    };
-    return map ? json_list(map->points(), point_json) : Json();
-}
-
 Json axis_json(const Axis& axis) {
     const double unit = unit_of(axis);
     const bool rotary = axis.kind == Axis::Kind::rotary;
+    const auto size = [&](const std::optional<double>& value) {  // in the axis' unit
+        return value ? Json(*value * unit) : Json();
+    };
+    const auto point_json = [&](const ErrorMapPoint& point) -> Json {
+        return {point.position * unit, point.error * unit, point.uncertainty * unit};
+    };
     return {{"name", axis.name},
             {"kind", rotary ? "rotary" : "linear"},
             {"unit", rotary ? "deg" : "mm"},
@@ -54,17 +48,17 @@ Json axis_json(const Axis& axis) {
             {"travel", {axis.low * unit, axis.high * unit}},
             {"speed", axis.speed * unit},
             {"scale_uncertainty", optional_number(axis.scale_uncertainty)},
-            {"repeatability", optional_size(axis.repeatability, unit)},
+            {"repeatability", size(axis.repeatability)},
             {"previous_from_mount", pose_numbers(axis.previous_from_mount)},
             {"zero", axis.zero * unit},
             {"approach", axis.approach},
             {"overrun", axis.overrun * unit},
             {"backlash", axis.backlash * unit},
-            {"backlash_uncertainty", optional_size(axis.backlash_uncertainty, unit)},
-            {"read_noise", optional_size(axis.read_noise, unit)},
+            {"backlash_uncertainty", size(axis.backlash_uncertainty)},
+            {"read_noise", size(axis.read_noise)},
             {"direction_uncertainty_rad", optional_number(axis.direction_uncertainty)},
             {"point_uncertainty_mm", optional_number(axis.point_uncertainty)},
-            {"error_map", error_map_json(axis.errors, unit)}};
+            {"error_map", axis.errors ? json_list(axis.errors->points(), point_json) : Json()}};
 }
 
 Json forbidden_json(const StationStage& stage) {
@@ -134,32 +128,27 @@ Json environment_json(const QualifyResult& result) {
             {"lost", result.environment.lost}};
 }
 
-const ColumnsOf<TracedReference>& reference_columns() {
-    static const ColumnsOf<TracedReference> columns = {
-        {"name", &TracedReference::name},
-        {"value", &TracedReference::value},
-        {"expanded_uncertainty", &TracedReference::expanded_uncertainty},
-        {"unit", &TracedReference::unit},
-        {"certificate", &TracedReference::certificate},
-        {"laboratory", &TracedReference::laboratory},
-        {"date", &TracedReference::date},
-        {"due", &TracedReference::due}};
-    return columns;
+ColumnsOf<TracedReference> reference_columns() {
+    return {{"name", &TracedReference::name},
+            {"value", &TracedReference::value},
+            {"expanded_uncertainty", &TracedReference::expanded_uncertainty},
+            {"unit", &TracedReference::unit},
+            {"certificate", &TracedReference::certificate},
+            {"laboratory", &TracedReference::laboratory},
+            {"date", &TracedReference::date},
+            {"due", &TracedReference::due}};
 }
 
-const ColumnsOf<RunSession>& session_columns() {
-    static const ColumnsOf<RunSession> columns = {{"started_utc", &RunSession::started_utc},
-                                                  {"start_s", &RunSession::start_s},
-                                                  {"version", &RunSession::version},
-                                                  {"operator", &RunSession::operator_name},
-                                                  {"poses_visited", &RunSession::poses}};
-    return columns;
+ColumnsOf<RunSession> session_columns() {
+    return {{"started_utc", &RunSession::started_utc},
+            {"start_s", &RunSession::start_s},
+            {"version", &RunSession::version},
+            {"operator", &RunSession::operator_name},
+            {"poses_visited", &RunSession::poses}};
 }
 
-const ColumnsOf<Attachment>& attachment_columns() {
-    static const ColumnsOf<Attachment> columns = {{"path", &Attachment::path},
-                                                  {"sha256", &Attachment::sha256}};
-    return columns;
+ColumnsOf<Attachment> attachment_columns() {
+    return {{"path", &Attachment::path}, {"sha256", &Attachment::sha256}};
 }
 
 // ---- poses.csv
@@ -186,41 +175,40 @@ void add_axis_columns(PoseColumns& columns, const std::vector<Axis>& axes, const
 
 // Before the analysis their cells are empty.
 void add_analysis_columns(PoseColumns& columns, bool is_analysed) {
-    const auto six = [&](const std::string& prefix, std::initializer_list<const char*> names,
-                         const std::function<std::optional<Vector6d>(const PoseBias&)>& numbers) {
-        for (int i = 0; const char* column : names) {
-            columns.push_back({prefix + column, [=](const AnalysedPose& pose) -> TableCell {
-                                   const auto all = is_analysed ? numbers(pose.bias) : std::nullopt;
-                                   return all ? TableCell((*all)[i]) : TableCell();
-                               }});
-            ++i;
-        }
-    };
-    const auto pose_of = [](std::optional<PoseEstimate> PoseBias::*estimate) {
-        return [estimate](const PoseBias& bias) {
-            const auto& found = bias.*estimate;
-            return found ? std::optional(vector_from_rigid(found->camera_from_marker))
-                         : std::nullopt;
-        };
-    };
-    columns.push_back({"used", [is_analysed](const AnalysedPose& pose) {
+    columns.push_back({"used", [=](const AnalysedPose& pose) {
                            return is_analysed ? TableCell(pose.used) : TableCell();
                        }});
-    const auto of_pose = {"rx", "ry", "rz", "tx", "ty", "tz"};
-    six("photo_", of_pose, pose_of(&PoseBias::photo));
-    six("render_", of_pose, pose_of(&PoseBias::render));
-    six("predicted_", of_pose,
-        [](const PoseBias& bias) { return std::optional(vector_from_rigid(bias.predicted)); });
+    for (const auto& [prefix, part] :
+         {std::pair("photo_", &PoseBias::photo), std::pair("render_", &PoseBias::render)})
+        add_columns(
+            columns, columns_of_pose(),
+            [=, part = part](const AnalysedPose& pose) -> const Rigid* {
+                const auto& estimate = pose.bias.*part;
+                return is_analysed && estimate ? &estimate->camera_from_marker : nullptr;
+            },
+            prefix);
+    add_columns(
+        columns, columns_of_pose(),
+        [=](const AnalysedPose& pose) { return is_analysed ? &pose.bias.predicted : nullptr; },
+        "predicted_");
+    ColumnsOf<PoseError> six;
+    for (int i = 0; const char* key : {"x_mm", "y_mm", "z_mm", "rx_mrad", "ry_mrad", "rz_mrad"}) {
+        six.push_back({key, [i](const PoseError& error) {
+                           return i < 3 ? error.translation_mm[i]
+                                        : error.rotation_rad[i - 3] * 1000.0;
+                       }});
+        ++i;
+    }
     for (const auto& [prefix, part] :
          {std::pair("b1_", &PoseBias::b1), std::pair("b2_", &PoseBias::b2),
           std::pair("b3_", &PoseBias::b3), std::pair("b4_", &PoseBias::b4)})
-        six(prefix, {"x_mm", "y_mm", "z_mm", "rx_mrad", "ry_mrad", "rz_mrad"},
-            [part = part](const PoseBias& bias) -> std::optional<Vector6d> {
-                if (const auto& error = bias.*part)
-                    return (Vector6d() << error->translation_mm, error->rotation_rad * 1000.0)
-                        .finished();
-                return std::nullopt;
-            });
+        add_columns(
+            columns, six,
+            [=, part = part](const AnalysedPose& pose) -> const PoseError* {
+                const auto& error = pose.bias.*part;
+                return is_analysed && error ? &*error : nullptr;
+            },
+            prefix);
 }
 
 PoseColumns pose_columns(const std::vector<Axis>& axes, bool is_analysed) {
@@ -281,21 +269,18 @@ Json measurement_json(const JudgedQuantity& q, bool judged) {
             {"risk", decision_risk_json(q.risk)}};
 }
 
-// Deviations as `etalon register` gives them: the corners' noise is that of the residuals.
-Json weak_json(const Registration& registration) {
-    return json_list(registration.weak, [&](const PoorlyConstrainedDirection& weak) -> Json {
+Json registration_json(const BiasCorrectedRegistration& corrected) {
+    const Registration& registration = corrected.registration;
+    const auto freedom_json = [](const GaugeFreedom& freedom) -> Json {
+        return {{"name", freedom.name}, {"direction", numbers_json(freedom.direction)}};
+    };
+    // Deviations as `etalon register` gives them: the corners' noise is that of the residuals.
+    const auto weak_json = [&](const PoorlyConstrainedDirection& weak) -> Json {
         return {{"name", weak.name},
                 {"direction", numbers_json(weak.direction)},
                 {"deviation", std::sqrt(registration.reduced_squares) * weak.deviation},
                 {"unit", weak.is_shift() ? "mm" : "rad"},
                 {"worth_photographs", weak.worth_poses}};
-    });
-}
-
-Json registration_json(const BiasCorrectedRegistration& corrected) {
-    const Registration& registration = corrected.registration;
-    const auto freedom_json = [](const GaugeFreedom& freedom) -> Json {
-        return {{"name", freedom.name}, {"direction", numbers_json(freedom.direction)}};
     };
     return {{"motion", registration.motion},
             {"camera_from_base", pose_numbers(registration.camera_from_base)},
@@ -308,7 +293,7 @@ Json registration_json(const BiasCorrectedRegistration& corrected) {
             {"rank", registration.rank},
             {"condition_number", registration.condition_number},
             {"freedoms", json_list(registration.freedoms, freedom_json)},
-            {"badly_determined", weak_json(registration)}};
+            {"badly_determined", json_list(registration.weak, weak_json)}};
 }
 
 Json field_json(const BiasField& field, const FieldSummary& summary) {
@@ -474,6 +459,71 @@ void add_analysis(Json& run, const Qualification& analysis) {
     run["gauge_report"] = json_list(analysis.signatures, signature_json);
 }
 
+// ---- junit.xml
+
+struct TestCase {
+    std::string name, text;  // text: what was found, in one sentence
+    std::string element;     // "failure", "error", "skipped"; empty: passed
+    std::string outcome;     // "INCONCLUSIVE"
+};
+
+// XML 1.0 has no place for control characters, escaped or not; bytes that are not ASCII are
+// replaced, as nothing says that they are UTF-8.
+std::string xml_text(const std::string& text) {
+    std::string plain = text;
+    for (char& c : plain)
+        if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) > 0x7e)
+            c = c == '\n' ? ' ' : '?';
+    return escape_html(plain);
+}
+
+constexpr const char* element_of_outcome[] = {"", "failure", "error", "skipped", "skipped"};
+
+std::string measured_text(const JudgedQuantity& quantity) {
+    if (quantity.outcome == Outcome::skipped)
+        return quantity.reason;
+    const std::string text =
+        fmt::format("{:.4g} {} with U = {:.3g} {} (k = {:.3g}) against a limit of {:.4g} {}",
+                    quantity.value, quantity.unit, quantity.expanded_uncertainty, quantity.unit,
+                    quantity.coverage_factor, quantity.limit, quantity.unit);
+    return quantity.reason.empty() ? text : text + ": " + quantity.reason;
+}
+
+TestCase verdict_case(const QualifyResult& result) {
+    TestCase verdict{"verdict", result.reason, "error", name(result.outcome)};
+    if (result.outcome == RunOutcome::pass)
+        verdict.element = "";
+    if (result.outcome == RunOutcome::fail)
+        verdict.element = "failure";
+    if (verdict.text.empty() && result.analysis)
+        verdict.text = fmt::format("{}", fmt::join(result.analysis->reasons, " "));
+    return verdict;
+}
+
+std::vector<TestCase> cases_of(const QualifyResult& result) {
+    std::vector<TestCase> cases;
+    if (result.analysis)
+        for (const JudgedQuantity& quantity : result.analysis->quantities)
+            cases.push_back({quantity.name, measured_text(quantity),
+                             element_of_outcome[static_cast<std::size_t>(quantity.outcome)],
+                             name(quantity.outcome)});
+    cases.push_back(verdict_case(result));
+    return cases;
+}
+
+std::string xml_of(const TestCase& test, const std::string& class_name) {
+    std::string xml = fmt::format("    <testcase classname=\"{}\" name=\"{}\" time=\"0\">",
+                                  xml_text(class_name), xml_text(test.name));
+    if (test.element == "skipped")
+        xml += fmt::format("<skipped message=\"{}: {}\"/>", test.outcome, xml_text(test.text));
+    else if (!test.element.empty())
+        xml += fmt::format("<{0} type=\"{1}\" message=\"{2}\">{2}</{0}>", test.element,
+                           test.outcome, xml_text(test.text));
+    else
+        xml += fmt::format("<system-out>{}</system-out>", xml_text(test.text));
+    return xml + "</testcase>\n";
+}
+
 }  // namespace
 
 std::string run_json(const QualifyResult& result) {
@@ -528,6 +578,25 @@ std::string convergence_csv(const QualifyResult& result) {
     for (const double change : result.analysis->registration->changes_px)
         csv += fmt::format("{},{}\n", ++round, exact(change));
     return csv;
+}
+
+std::string junit_xml(const QualifyResult& result) {
+    const std::vector<TestCase> cases = cases_of(result);
+    const auto count = [&](const char* element) {
+        return std::count_if(cases.begin(), cases.end(),
+                             [&](const TestCase& test) { return test.element == element; });
+    };
+    const std::string counts = fmt::format(
+        "tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"{}\" time=\"{:.3f}\"", cases.size(),
+        count("failure"), count("error"), count("skipped"), result.duration_s);
+    const std::string camera =
+        result.camera.serial.empty() ? result.camera.uri : result.camera.serial;
+    std::string xml = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
+    xml += fmt::format("<testsuites {}>\n  <testsuite name=\"{}\" {} timestamp=\"{}\">\n", counts,
+                       xml_text("camera " + camera), counts, xml_text(result.started_utc));
+    for (const TestCase& test : cases)
+        xml += xml_of(test, "etalon." + result.station.id);
+    return xml + "  </testsuite>\n</testsuites>\n";
 }
 
 }  // namespace etalon

@@ -8,10 +8,8 @@
 
 #include <ctime>
 
-#include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "station/record/run_events.h"
 #include "station/record/run_json.h"
 
@@ -68,59 +66,19 @@ std::string found_fingerprint() {
 
 }  // namespace
 
-ImageWriter::ImageWriter(std::size_t capacity)
-    : capacity_(std::max<std::size_t>(capacity, 1)), thread_([this] { work(); }) {}
-
-ImageWriter::~ImageWriter() {
-    {
-        const std::scoped_lock lock(mutex_);
-        ending_ = true;
-    }
-    changed_.notify_all();
-    thread_.join();
-}
-
 void ImageWriter::write(const std::filesystem::path& path, const CodeImage& image) {
-    {
-        std::unique_lock lock(mutex_);
-        changed_.wait(lock, [&] { return jobs_.size() < capacity_; });
-        rethrow_failure();
-        jobs_.push_back({path, image});
+    if (jobs_.size() == most) {
+        std::future<void> first = std::move(jobs_.front());
+        jobs_.pop_front();
+        first.get();
     }
-    changed_.notify_all();
+    jobs_.push_back(std::async(std::launch::async, write_image, path, image));
 }
 
 void ImageWriter::flush() {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return jobs_.empty(); });
-    rethrow_failure();
-}
-
-void ImageWriter::rethrow_failure() {
-    if (failure_)
-        std::rethrow_exception(std::exchange(failure_, nullptr));
-}
-
-void ImageWriter::work() {
-    std::unique_lock lock(mutex_);
-    while (true) {
-        changed_.wait(lock, [&] { return ending_ || !jobs_.empty(); });
-        if (jobs_.empty())
-            return;
-        const Job job = jobs_.front();
-        lock.unlock();
-        std::exception_ptr failure;
-        try {
-            write_image(job.path, job.image);
-        } catch (const std::exception&) {
-            failure = std::current_exception();
-        }
-        lock.lock();
-        if (failure && !failure_)
-            failure_ = failure;
-        jobs_.pop_front();
-        changed_.notify_all();
-    }
+    std::deque<std::future<void>> jobs;
+    for (jobs.swap(jobs_); std::future<void> & job : jobs)
+        job.get();
 }
 
 void require_new_folder(const std::filesystem::path& folder) {

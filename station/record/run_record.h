@@ -12,55 +12,36 @@
 //     convergence.csv  one row per round of the registration
 //     junit.xml        one test case per judged quantity, for CI
 //     renders/         hold-out poses as the calibration says they should look: NNNN.png
-//     report.html      (station/qualify/qualify_report.h)
+//     report.html      (station/qualify/run_analysis.h)
 //
 // A crash at any moment, of the program or of the machine, loses at most the pose in flight: its
 // frames are on the disk before the log tells of it, and the log is before the next pose begins.
-// run.json is there from the start with the outcome ERROR and is replaced at the end; what follows
-// from the log may be torn by a power cut, and `etalon report` writes it anew.
+// run.json has the outcome ERROR from the start and is replaced at the end. `etalon report` writes
+// anew what a power cut tore.
 #pragma once
 
 #include <deque>
-#include <exception>
-#include <thread>
+#include <future>
 
 #include "core/file/file_writing.h"
-#include "core/image/image.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {
 
-// Writes images on a thread of its own, so that a device is not kept waiting for a disk.
-// The queue is bounded: write() waits when the disk cannot follow. Used from one thread.
+// Writes images on other threads, so that a device is not kept waiting for a disk. At most `most`
+// are on their way: write() waits when the disk cannot follow. Used from one thread.
+// Its end writes what is on its way.
 class ImageWriter {
 public:
-    explicit ImageWriter(std::size_t capacity = 8);
-    ~ImageWriter();  // writes what is queued
-    ImageWriter(const ImageWriter&) = delete;
-    ImageWriter& operator=(const ImageWriter&) = delete;
-
-    // Queues the image; its pixels must not change afterwards. Throws what writing an earlier one
-    // threw.
+    // The image's pixels must not change afterwards. Throws what writing an earlier one threw.
     void write(const std::filesystem::path& path, const CodeImage& image);
 
-    // Returns when everything queued is written. Throws what writing threw.
+    // Returns when all are written. Throws what writing threw.
     void flush();
 
 private:
-    struct Job {
-        std::filesystem::path path;
-        CodeImage image;
-    };
-    void work();
-    void rethrow_failure();
-
-    const std::size_t capacity_;
-    std::mutex mutex_;
-    std::condition_variable changed_;
-    std::deque<Job> jobs_;  // the first one stays while it is being written
-    bool ending_ = false;
-    std::exception_ptr failure_;
-    std::thread thread_;
+    static constexpr std::size_t most = 8;
+    std::deque<std::future<void>> jobs_;
 };
 
 // Throws ConfigError unless a record could go there: nothing is there, or an empty folder.
@@ -69,7 +50,7 @@ void require_new_folder(const std::filesystem::path& folder);
 // Now, "2026-03-07T14:05:09Z".
 std::string utc_now();
 
-// Such a time in seconds since 1970; nothing for what is none.
+// In seconds since 1970; nothing for what is no such time.
 std::optional<double> utc_seconds(const std::string& utc);
 
 // Makes these parts of a folder, with its parents, unless they are there. Throws ConfigError when
@@ -107,9 +88,8 @@ private:
 };
 
 // Which program this is, to the bit: its own file, the libraries that it was loaded with and what
-// the processor can do, as code is chosen by it. Two processes with the same fingerprint compute
-// the same from the same input; a version number does not promise that.
-// 64 lower-case hexadecimal digits. Some 15 ms the first time, then none. Throws ConfigError where
+// the processor can do, as code is chosen by it. The same fingerprint computes the same from the
+// same input. 64 hexadecimal digits. Some 15 ms the first time, then none. Throws ConfigError where
 // the program's own file cannot be read. Safe from every thread.
 const std::string& program_fingerprint();
 

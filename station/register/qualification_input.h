@@ -2,11 +2,8 @@
 // analyses its record again and by studies that simulate it.
 #pragma once
 
-#include <vector>
 
-#include "compare/qualification/qualification.h"
 #include "station/setup/stage_terms.h"
-#include "station/setup/station_file.h"
 
 namespace etalon {
 

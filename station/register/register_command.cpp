@@ -2,7 +2,6 @@
 // what the motions cannot tell.
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
@@ -11,7 +10,6 @@
 #include "report/number_text.h"
 #include "station/register/stage_registration.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {
@@ -78,18 +76,6 @@ void print_text(const StationFile& station, const StageRegistration& result) {
     print_residuals(result, station.marker.points_mm.size());
 }
 
-ordered_json json_of(const GaugeFreedom& freedom) {
-    return {{"name", freedom.name}, {"direction", numbers_of(freedom.direction)}};
-}
-
-ordered_json json_of(const PoorlyConstrainedDirection& weak, double scale) {
-    return {{"name", weak.name},
-            {"direction", numbers_of(weak.direction)},
-            {"deviation", scale * weak.deviation},
-            {"unit", weak.is_shift() ? "mm" : "rad"},
-            {"worth_photographs", weak.worth_poses}};
-}
-
 ordered_json json_of(const RegisteredPhoto& photo) {
     if (!photo.failure.empty())
         return {{"photo", photo.photo.string()}, {"failure", photo.failure}};
@@ -119,9 +105,19 @@ void print_json(const StationFile& station, const StageRegistration& result) {
         {"rank", registration.rank},
         {"condition_number", registration.condition_number},
         {"freedoms",
-         json_list(registration.freedoms, [](const auto& one) { return json_of(one); })},
-        {"badly_determined",
-         json_list(registration.weak, [&](const auto& one) { return json_of(one, result.scale); })},
+         json_list(
+             registration.freedoms,
+             [](const GaugeFreedom& freedom) -> ordered_json {
+                 return {{"name", freedom.name}, {"direction", numbers_of(freedom.direction)}};
+             })},
+        {"badly_determined", json_list(registration.weak,
+                                       [&](const PoorlyConstrainedDirection& weak) -> ordered_json {
+                                           return {{"name", weak.name},
+                                                   {"direction", numbers_of(weak.direction)},
+                                                   {"deviation", result.scale * weak.deviation},
+                                                   {"unit", weak.is_shift() ? "mm" : "rad"},
+                                                   {"worth_photographs", weak.worth_poses}};
+                                       })},
         {"residual_rms_px",
          result.rounds > 0 ? ordered_json(registration.residual_rms_px) : ordered_json()},
         {"reduced_squares", registration.reduced_squares},

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "calib/registration/stage_motion.h"
@@ -13,7 +12,6 @@
 #include "core/config/csv_file.h"
 #include "core/file/sha256.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "stage/axes/kinematics.h"
 #include "station/setup/stage_terms.h"
@@ -95,11 +93,11 @@ std::vector<Sighting> sightings(const StationFile& station, const std::vector<St
 }
 
 void require_full_motion(const std::vector<Sighting>& seen, const std::vector<Axis>& axes) {
+    if (seen.empty())
+        throw NumericalError("registration: the marker is seen in no photograph");
     std::vector<Rigid> plan;
     for (const Sighting& one : seen)
         plan.push_back(one.base_from_carriage);
-    if (plan.empty())
-        throw NumericalError("registration: the marker is seen in no photograph");
     require_full_motion(plan, stage_reach(axes));
 }
 
@@ -127,15 +125,16 @@ void register_photometric(const StationFile& station, std::vector<Sighting>& see
     std::vector<MeasuredPose> poses;
     std::vector<Sighting> kept;
     for (Sighting& one : seen) {
-        try {
-            const PhotometricPose pose = photometric.find(
-                one.image, one.found.estimate->camera_from_marker, detector_error_px);
-            one.found.estimate->camera_from_marker = pose.camera_from_marker;
-            poses.push_back({one.base_from_carriage, pose.camera_from_marker, pose.covariance});
-            kept.push_back(one);
-        } catch (const NumericalError& refusal) {
-            result.photos[one.index].failure = refusal.what();
-        }
+        auto pose = attempted([&] {
+            return photometric.find(one.image, one.found.estimate->camera_from_marker,
+                                    detector_error_px);
+        });
+        result.photos[one.index].failure = pose.cause;
+        if (!pose)
+            continue;
+        one.found.estimate->camera_from_marker = pose->camera_from_marker;
+        poses.push_back({one.base_from_carriage, pose->camera_from_marker, pose->covariance});
+        kept.push_back(one);
     }
     seen = kept;
     require_full_motion(seen, station.stage.axes);
@@ -144,20 +143,18 @@ void register_photometric(const StationFile& station, std::vector<Sighting>& see
     result.scale = std::sqrt(std::max(1.0, result.registration.reduced_squares));
 }
 
-// Empty where it is missing or no text.
-std::string text_at(const nlohmann::ordered_json& object, const char* key) {
-    const auto found = object.find(key);
-    return found != object.end() && found->is_string() ? found->get<std::string>() : "";
-}
-
 }  // namespace
 
 std::filesystem::path station_of_record(const std::filesystem::path& record) {
     const std::filesystem::path file = record / "run.json";
     const nlohmann::ordered_json run = read_json(file);
-    if (run.is_object() && run.contains("inputs") && run["inputs"].is_array())
+    const auto text_at = [](const nlohmann::ordered_json& object, const char* key) {
+        const bool is_text = object.is_object() && object.contains(key) && object[key].is_string();
+        return is_text ? object[key].get<std::string>() : "";
+    };
+    if (run.is_object() && run.contains("inputs"))
         for (const auto& input : run["inputs"]) {
-            if (!input.is_object() || text_at(input, "role") != "station")
+            if (text_at(input, "role") != "station")
                 continue;
             const std::string copy = text_at(input, "copy");
             const std::filesystem::path path =

@@ -5,14 +5,7 @@
 // Not for a verdict: all poses take part, nothing is held out.
 #pragma once
 
-#include <filesystem>
-#include <span>
-#include <string>
-#include <vector>
 
-#include "calib/registration/registration.h"
-#include "compare/pose/pose_bias.h"
-#include "stage/axes/axes.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {

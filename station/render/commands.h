@@ -41,14 +41,6 @@ struct RenderArguments {
     bool json = false;
 };
 int run_render(const RenderArguments& arguments);
-int run_render_set(const RenderArguments& arguments);  // with a pose file
-
-struct RenderMergeArguments {
-    std::vector<std::filesystem::path> shards;
-    std::filesystem::path out;  // of the whole set
-    bool json = false;
-};
-int run_render_merge(const RenderMergeArguments& arguments);
 
 void declare_marker(Command& program);
 void declare_render(Command& program);

@@ -4,12 +4,18 @@
 
 #include <nlohmann/json.hpp>
 
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
+#include "calib/camera/camera_model.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
+#include "core/program/version.h"
 #include "report/json_text.h"
+#include "report/number_text.h"
 #include "report/result_rows.h"
 #include "sim/scene/pose_file.h"
+#include "station/render/render_view.h"
 
 namespace etalon {
 namespace {
@@ -30,19 +36,20 @@ std::string image_file(std::size_t index, const std::string& extension) {
     throw ConfigError({"--out"}, fmt::format("'{}' {}", folder.string(), why));
 }
 
-void make_set_folder(const std::filesystem::path& folder) {
-    make_folder(folder);
-    std::error_code error;
-    if (!std::filesystem::is_empty(folder, error))
-        refuse(folder, "is not empty and holds no image set");
-}
-
 bool is_set(const ordered_json& json) {
     return json.is_object() && json.value("etalon", ordered_json()) == kind &&
            json.contains("settings") && json["settings"].is_object();
 }
 
-void check_same(const std::filesystem::path& folder, const ordered_json& settings) {
+// Makes the folder, or looks whether the set in it has these settings. Whether it was there.
+bool open_folder(const std::filesystem::path& folder, const ordered_json& settings) {
+    std::error_code error;
+    if (!std::filesystem::exists(folder / settings_file, error)) {
+        make_folder(folder);
+        if (!std::filesystem::is_empty(folder, error))
+            refuse(folder, "is not empty and holds no image set");
+        return false;
+    }
     const ordered_json there = read_json(folder / settings_file);
     if (!is_set(there))
         refuse(folder, fmt::format("holds a {} that is not of {}", settings_file, kind));
@@ -50,6 +57,7 @@ void check_same(const std::filesystem::path& folder, const ordered_json& setting
     if (!key.empty())
         refuse(folder, fmt::format("belongs to another image set: its '{}' differs (see {})", key,
                                    settings_file));
+    return true;
 }
 
 // --------------------------------------------------------------------------------------- merging
@@ -132,12 +140,8 @@ void take(const std::string& line, std::size_t pose, const std::filesystem::path
     ++merged.images;
 }
 
-// How many there are; they must be those of the set.
-std::size_t count_poses_of_set(const std::filesystem::path& poses, const ordered_json& settings) {
-    const ordered_json hash = settings.value("poses", ordered_json::object());
-    if (hash != ordered_json{{"sha256", sha256_of_file(poses)}})
-        throw ConfigError({poses.string()}, "is not the poses that the set was made from");
-    PoseReader reader(poses);
+std::size_t count_poses(const std::filesystem::path& path) {
+    PoseReader reader(path);
     std::size_t count = 0;
     while (reader.next())
         ++count;
@@ -149,19 +153,12 @@ std::size_t count_poses_of_set(const std::filesystem::path& poses, const ordered
 ImageSet::ImageSet(const std::filesystem::path& folder, const std::string& settings,
                    const std::string& made_from, const std::string& extension, std::size_t poses)
     : folder_(folder), extension_(extension), had_(poses) {
-    open_settings(settings, made_from);
-    open_manifest();
-}
-
-void ImageSet::open_settings(const std::string& settings, const std::string& made_from) {
-    std::error_code ignored;
-    if (std::filesystem::exists(folder_ / settings_file, ignored))
-        return check_same(folder_, ordered_json::parse(settings));
-    make_set_folder(folder_);
     const ordered_json set{{"etalon", kind},
                            {"settings", ordered_json::parse(settings)},
                            {"made_from", ordered_json::parse(made_from)}};
-    write_text(folder_ / settings_file, text_of(set) + "\n");
+    if (!open_folder(folder, set["settings"]))
+        write_text(folder / settings_file, text_of(set) + "\n");
+    open_manifest();
 }
 
 std::string ImageSet::file_name(std::size_t index) const {
@@ -211,16 +208,15 @@ MergedImages merge_image_sets(const std::vector<std::filesystem::path>& shards,
     ordered_json set = read_set(in_order[0]);
     set["settings"].erase("shard");
     const std::filesystem::path poses_path = in_order[0] / poses_file;
-    const std::size_t poses = count_poses_of_set(poses_path, set["settings"]);
+    const ordered_json hash = set["settings"].value("poses", ordered_json::object());
+    if (hash != ordered_json{{"sha256", sha256_of_file(poses_path)}})
+        throw ConfigError({poses_path.string()}, "is not the poses that the set was made from");
+    const std::size_t poses = count_poses(poses_path);
     const std::string extension = set["settings"].value("linear", false) ? ".tiff" : ".png";
     std::vector<ShardManifest> manifests;
     for (std::size_t i = 0; i < in_order.size(); ++i)
         manifests.emplace_back(in_order[i], poses, Shard{i + 1, in_order.size()});
-    std::error_code ignored;
-    if (std::filesystem::exists(out / settings_file, ignored))
-        check_same(out, set["settings"]);
-    else
-        make_set_folder(out);
+    open_folder(out, set["settings"]);
     write_text(out / settings_file, text_of(set) + "\n");
 
     MergedImages merged;
@@ -234,6 +230,186 @@ MergedImages merge_image_sets(const std::vector<std::filesystem::path>& shards,
     link_or_copy(poses_path, out / poses_file);
     manifest.commit();
     return merged;
+}
+
+// ------------------------------------------------------------------------------------- rendering
+
+namespace {
+
+std::vector<Rigid> scene_from_markers(const RenderArguments& arguments) {
+    if (arguments.poses.empty() && arguments.markers.size() == 1)
+        return {Rigid{}};
+    if (arguments.poses.size() != arguments.markers.size())
+        throw ConfigError({"--pose"},
+                          fmt::format("{} for {} markers: with --poses each of several markers "
+                                      "needs one, where it is in the scene",
+                                      arguments.poses.size(), arguments.markers.size()));
+    return parse_poses(arguments.poses);
+}
+
+// Content only: the same picture under another name is the same.
+ordered_json marker_settings(const Marker& marker, const Rigid& scene_from_marker) {
+    const CellGrid& grid = marker.grid;
+    const cv::Mat cells = grid.cells.clone();  // without gaps between rows
+    const std::string_view bytes(reinterpret_cast<const char*>(cells.data),
+                                 cells.total() * cells.elemSize());
+    return {{"cells", {grid.columns(), grid.rows()}},
+            {"corner_mm", {grid.corner_mm.x(), grid.corner_mm.y()}},
+            {"cell_mm", {grid.cell_mm.x(), grid.cell_mm.y()}},
+            {"sha256", sha256(bytes)},
+            {"scene_from_marker", pose_numbers(scene_from_marker)}};
+}
+
+// The set's own copy of the poses stands for the file: a CSV as it is, JSON in the same form.
+class PosesCopy {
+public:
+    explicit PosesCopy(const std::filesystem::path& path) : path_(path) {
+        if (path.extension() == ".csv")
+            return;
+        text_ = "rx,ry,rz,tx,ty,tz\n";
+        for (const Rigid& pose : read_poses(path))
+            text_ += fmt::format("{}\n", fmt::join(pose_numbers(pose), ","));
+    }
+
+    std::string hash() const { return text_.empty() ? sha256_of_file(path_) : sha256(text_); }
+
+    void write(const std::filesystem::path& to) const {
+        if (!text_.empty())
+            return write_text(to, text_);
+        const std::string part = to.string() + ".part";
+        std::error_code error;
+        std::filesystem::copy_file(path_, part, std::filesystem::copy_options::overwrite_existing,
+                                   error);
+        if (!error)
+            std::filesystem::rename(part, to, error);
+        if (error)
+            fail_writing(to, error);
+    }
+
+private:
+    std::filesystem::path path_;
+    std::string text_;  // of JSON
+};
+
+std::string settings_of(const RenderArguments& arguments, const ViewRenderer& renderer,
+                        const std::vector<Rigid>& placed, const PosesCopy& poses,
+                        const Shard& shard) {
+    ordered_json markers = ordered_json::array();
+    for (std::size_t i = 0; i < placed.size(); ++i)
+        markers.push_back(marker_settings(renderer.markers()[i], placed[i]));
+    ordered_json background;
+    if (const auto radiance = parse_number(arguments.background))
+        background = *radiance;
+    else
+        background = {{"sha256", sha256_of_file(arguments.background)}};
+    ordered_json settings{
+        {"version", version},
+        {"camera", {{"sha256", camera_sha256(arguments.camera, renderer.camera())}}},
+        {"markers", markers},
+        {"background", background},
+        {"poses", {{"sha256", poses.hash()}}},
+        {"method", arguments.method},
+        {"tolerance_gray", arguments.tolerance_gray},
+        {"exposure", arguments.exposure},
+        {"velocity", arguments.velocity},
+        {"shutter_ms", arguments.shutter_ms},
+        {"linear", arguments.linear},
+        {"noise_seed", nullptr}};
+    if (arguments.noise_seed)
+        settings["noise_seed"] = *arguments.noise_seed;
+    if (!shard.is_all())
+        settings["shard"] = {shard.index, shard.count};
+    return settings.dump();
+}
+
+// Puts the image of a pose into its place. Its line of images.jsonl, and why it cannot be rendered;
+// empty if it was.
+using MadeImage = std::pair<std::string, std::string>;
+
+MadeImage make_image(std::size_t i, const Rigid& camera_from_scene,
+                     const std::vector<Rigid>& scene_from_markers, const ViewRenderer& renderer,
+                     const ImageSet& set) {
+    ordered_json line{{"image", i}, {"camera_from_scene", pose_numbers(camera_from_scene)}};
+    std::vector<Rigid> camera_from_markers;
+    for (const Rigid& scene_from_marker : scene_from_markers)
+        camera_from_markers.push_back(camera_from_scene * scene_from_marker);
+    try {
+        const View view = renderer.render(renderer.scene(camera_from_markers));
+        const std::string file = set.file_name(i);
+        renderer.write(set.folder() / file, view, static_cast<std::uint32_t>(i));
+        line["file"] = file;
+        line["sha256"] = sha256_of_file(set.folder() / file);
+        add_method(view, line);
+        return {line.dump(), ""};
+    } catch (const NumericalError& error) {
+        line["refused"] = error.what();
+        return {line.dump(), fmt::format("pose {}: {}", i, error.what())};
+    }
+}
+
+}  // namespace
+
+SetResult render_set(const RenderArguments& arguments, std::stop_token stop, Progress& progress) {
+    const std::vector<Rigid> placed = scene_from_markers(arguments);
+    const Shard shard = parse_shard(arguments.shard);
+    // What is wrong with the file is said before anything is rendered.
+    const std::size_t count = count_poses(arguments.pose_file);
+    PoseReader poses(arguments.pose_file);
+    const PosesCopy copy(arguments.pose_file);
+    const ViewRenderer renderer(arguments);
+    const ordered_json names{{"camera", arguments.camera.string()},
+                             {"markers", arguments.markers},
+                             {"background", arguments.background},
+                             {"poses", arguments.pose_file.string()}};
+    ImageSet set(arguments.out, settings_of(arguments, renderer, placed, copy, shard),
+                 text_of(names, -1), arguments.linear ? ".tiff" : ".png", count);
+    copy.write(set.folder() / "poses.csv");
+    SetResult result{.already_there = set.had_images()};
+    const std::size_t missing = shard.units(count) - set.had_images();
+    if (missing == 0)
+        return result;
+
+    std::size_t index = 0;  // of the pose that `poses` gives next
+    using SetPose = std::pair<std::size_t, Rigid>;
+    const auto next_missing = [&](tbb::flow_control& control) -> SetPose {
+        result.complete = false;
+        while (!stop.stop_requested()) {
+            const auto pose = poses.next();
+            result.complete = !pose;
+            if (!pose)
+                break;
+            const std::size_t i = index++;
+            if (i < count && shard.holds(i) && !set.had(i))
+                return {i, *pose};
+        }
+        control.stop();
+        return {};
+    };
+    // Isolated: while a render waits for its own tasks, its thread must not begin another image.
+    const auto make = [&](const SetPose& pose) {
+        return tbb::this_task_arena::isolate(
+            [&] { return make_image(pose.first, pose.second, placed, renderer, set); });
+    };
+    const auto record = [&](const MadeImage& made) {
+        const auto& [line, refusal] = made;
+        set.add(line);
+        ++(refusal.empty() ? result.rendered : result.refused);
+        if (result.first_refusal.empty())
+            result.first_refusal = refusal;
+        progress.step();
+    };
+    // A tenth of a second an image, until the first ones have shown it.
+    progress.begin("render", static_cast<int>(missing), std::chrono::milliseconds(100) * missing);
+    // Poses go in and lines come out in their order, so that an interrupted set is a whole
+    // beginning of the full one.
+    const auto in_order = tbb::filter_mode::serial_in_order;
+    tbb::parallel_pipeline(
+        2 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()),
+        tbb::make_filter<void, SetPose>(in_order, next_missing) &
+            tbb::make_filter<SetPose, MadeImage>(tbb::filter_mode::parallel, make) &
+            tbb::make_filter<MadeImage, void>(in_order, record));
+    progress.end();
+    return result;
 }
 
 }  // namespace etalon

@@ -10,22 +10,23 @@
 // file and its line are. Layout of the files: docs/files.md.
 #pragma once
 
-#include <filesystem>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
 #include "core/file/file_writing.h"
+#include "core/time/progress.h"
+#include "station/render/commands.h"
 
 namespace etalon {
 
 class ImageSet {
 public:
     // Makes the folder, or continues the one that was made with the same settings. `settings` and
-    // `made_from` are JSON objects as text; the latter only tells people, it is not compared.
-    // `poses`: how many the set has; a bit of each is kept.
-    // Throws ConfigError (place --out) when the folder holds something else, or a set with other
-    // settings: the first one that differs is named.
+    // `made_from` are JSON objects as text; the latter is for people and not compared. A bit of
+    // each of `poses` is kept. Throws ConfigError (place --out) when the folder holds something
+    // else, or a set with other settings: the first one that differs is named.
     ImageSet(const std::filesystem::path& folder, const std::string& settings,
              const std::string& made_from, const std::string& extension, std::size_t poses);
 
@@ -41,7 +42,6 @@ public:
     void add(const std::string& line);
 
 private:
-    void open_settings(const std::string& settings, const std::string& made_from);
     void open_manifest();
     bool keeps(const std::string& line);
 
@@ -51,6 +51,19 @@ private:
     std::size_t had_images_ = 0;
     std::optional<AppendFile> manifest_;
 };
+
+struct SetResult {
+    std::size_t rendered = 0, already_there = 0, refused = 0;
+    std::string first_refusal;  // in words; empty if none was
+    bool complete = true;       // false: stopped before the last pose
+};
+
+// Renders what the folder arguments.out does not hold yet of arguments.shard. A row of the pose
+// file is camera_from_scene; arguments.poses say where each marker is in the scene (one marker
+// without a pose is the scene's origin). The images' bytes depend neither on threads nor on order;
+// as many are in memory as there are threads, and a bit for each pose. A stop request lets those in
+// work be finished. Throws ConfigError for arguments, files and folders that cannot be used.
+SetResult render_set(const RenderArguments& arguments, std::stop_token stop, Progress& progress);
 
 struct MergedImages {
     std::size_t images = 0, refused = 0;

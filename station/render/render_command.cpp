@@ -2,16 +2,12 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include <chrono>
-#include <cstdio>
-
 #include "core/program/errors.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
 #include "sim/marker/marker_print.h"
 #include "station/render/commands.h"
 #include "station/render/image_set.h"
-#include "station/render/render_set.h"
 #include "station/render/render_view.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
@@ -32,14 +28,6 @@ void check_output(const RenderArguments& arguments) {
                           "'" + arguments.out.string() + "' must end in .png, .tif or .tiff");
 }
 
-std::vector<Rigid> read_placement(const RenderArguments& arguments) {
-    if (arguments.poses.size() != arguments.markers.size())
-        throw ConfigError({"--pose"},
-                          fmt::format("{} for {} markers: each needs one, or --poses a file",
-                                      arguments.poses.size(), arguments.markers.size()));
-    return parse_poses(arguments.poses);
-}
-
 // Here a marker that cannot be seen is a slip in what was typed.
 Scene place_markers(const ViewRenderer& renderer, const RenderArguments& arguments,
                     const std::vector<Rigid>& camera_from_marker) {
@@ -51,22 +39,17 @@ Scene place_markers(const ViewRenderer& renderer, const RenderArguments& argumen
     }
 }
 
-ordered_json markers_json(const RenderArguments& arguments,
-                          const std::vector<Rigid>& camera_from_marker) {
+void print_json(const RenderArguments& arguments, const CameraModel& camera,
+                const std::vector<Rigid>& camera_from_marker, const View& view) {
     ordered_json markers = ordered_json::array();
     for (std::size_t i = 0; i < camera_from_marker.size(); ++i)
         markers.push_back({{"marker", arguments.markers[i]},
                            {"camera_from_marker", pose_numbers(camera_from_marker[i])}});
-    return markers;
-}
-
-void print_json(const RenderArguments& arguments, const CameraModel& camera,
-                const std::vector<Rigid>& camera_from_marker, const View& view) {
     ordered_json json = {
         {"etalon", "render/1"},
         {"file", arguments.out.string()},
         {"camera", arguments.camera.string()},
-        {"markers", markers_json(arguments, camera_from_marker)},
+        {"markers", markers},
         {"background", arguments.background},
         {"width", camera.width},
         {"height", camera.height},
@@ -95,7 +78,11 @@ void print_summary(const RenderArguments& arguments, const View& view, double se
 
 int render_one(const RenderArguments& arguments) {
     check_output(arguments);
-    const std::vector<Rigid> camera_from_marker = read_placement(arguments);
+    if (arguments.poses.size() != arguments.markers.size())
+        throw ConfigError({"--pose"},
+                          fmt::format("{} for {} markers: each needs one, or --poses a file",
+                                      arguments.poses.size(), arguments.markers.size()));
+    const std::vector<Rigid> camera_from_marker = parse_poses(arguments.poses);
     const ViewRenderer renderer(arguments);
     const Scene scene = place_markers(renderer, arguments, camera_from_marker);
     const auto began = std::chrono::steady_clock::now();
@@ -129,22 +116,53 @@ ordered_json marker_json(const Marker& marker, const PrintPage& page,
     return json;
 }
 
-// `etalon render --poses`: an image set.
+struct RenderMergeArguments {
+    std::vector<std::filesystem::path> shards;
+    std::filesystem::path out;  // of the whole set
+    bool json = false;
+};
 
-void print_summary(const RenderArguments& arguments, const SetResult& result, double seconds) {
+int run_render_merge(const RenderMergeArguments& arguments) {
+    const MergedImages merged = merge_image_sets(arguments.shards, arguments.out);
+    fmt::print(stderr, "{}: {} images merged, {} poses refused\n", arguments.out.string(),
+               merged.images, merged.refused);
+    if (arguments.json)
+        fmt::print("{}\n", text_of(ordered_json{{"etalon", "render-merge/1"},
+                                                {"folder", arguments.out.string()},
+                                                {"images", merged.images},
+                                                {"refused", merged.refused}}));
+    return 0;
+}
+
+int run_render_set(const RenderArguments& arguments) {
+    std::stop_source stop;
+    const StopOnSignals signals(stop);
+    if (arguments.explain)
+        throw ConfigError({"--explain"},
+                          "with --poses every image's plan is in the folder's images.jsonl");
+    StderrProgress progress;
+    const auto began = std::chrono::steady_clock::now();
+    const SetResult result = render_set(arguments, stop.get_token(), progress);
+    const double seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     fmt::print(stderr, "{}: {} images rendered, {} were there, {} poses refused ({:.1f} s)\n",
                arguments.out.string(), result.rendered, result.already_there, result.refused,
                seconds);
     if (result.refused > 0)
         fmt::print(stderr, "{}\nthe reasons are in {}\n", result.first_refusal,
                    (arguments.out / "images.jsonl").string());
-}
-
-void print_json(const RenderArguments& arguments, const SetResult& result, double seconds) {
-    const ordered_json json{{"etalon", "render-set/1"},    {"folder", arguments.out.string()},
-                            {"rendered", result.rendered}, {"already_there", result.already_there},
-                            {"refused", result.refused},   {"seconds", seconds}};
-    fmt::print("{}\n", text_of(json));
+    if (!result.complete)
+        throw Interrupted();
+    if (result.rendered + result.already_there == 0)
+        throw ConfigError({arguments.pose_file.string()}, "none of its poses can be rendered");
+    if (arguments.json)
+        fmt::print("{}\n", text_of({{"etalon", "render-set/1"},
+                                    {"folder", arguments.out.string()},
+                                    {"rendered", result.rendered},
+                                    {"already_there", result.already_there},
+                                    {"refused", result.refused},
+                                    {"seconds", seconds}}));
+    return 0;
 }
 
 }  // namespace
@@ -240,39 +258,6 @@ void declare_marker(Command& program) {
     command.required("--out", asked->out, "file to write: .svg, .pdf or .png", "FILE");
     command.option("--dots-per-mm", asked->dots_per_mm, "resolution of a PNG (default 40)", "N")
         .positive();
-}
-
-int run_render_merge(const RenderMergeArguments& arguments) {
-    const MergedImages merged = merge_image_sets(arguments.shards, arguments.out);
-    fmt::print(stderr, "{}: {} images merged, {} poses refused\n", arguments.out.string(),
-               merged.images, merged.refused);
-    if (arguments.json)
-        fmt::print("{}\n", text_of(ordered_json{{"etalon", "render-merge/1"},
-                                                {"folder", arguments.out.string()},
-                                                {"images", merged.images},
-                                                {"refused", merged.refused}}));
-    return 0;
-}
-
-int run_render_set(const RenderArguments& arguments) {
-    std::stop_source stop;
-    const StopOnSignals signals(stop);
-    if (arguments.explain)
-        throw ConfigError({"--explain"},
-                          "with --poses every image's plan is in the folder's images.jsonl");
-    StderrProgress progress;
-    const auto began = std::chrono::steady_clock::now();
-    const SetResult result = render_set(arguments, stop.get_token(), progress);
-    const double seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-    print_summary(arguments, result, seconds);
-    if (!result.complete)
-        throw Interrupted();
-    if (result.rendered + result.already_there == 0)
-        throw ConfigError({arguments.pose_file.string()}, "none of its poses can be rendered");
-    if (arguments.json)
-        print_json(arguments, result, seconds);
-    return 0;
 }
 
 }  // namespace etalon

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
@@ -10,7 +9,6 @@
 #include "core/program/errors.h"
 #include "report/json_text.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/render/renderer.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {
@@ -19,8 +17,18 @@ using nlohmann::ordered_json;
 
 namespace {
 
+// What --method may name, and behind these four what only a plan tells.
+constexpr std::pair<const char*, RenderMethod> method_words[] = {
+    {"auto", RenderMethod::automatic},
+    {"E", RenderMethod::exact_lens},
+    {"C", RenderMethod::exact_area},
+    {"reference", RenderMethod::reference},
+    {"wedge table", RenderMethod::wedge_table},
+    {"edge table", RenderMethod::edge_table},
+    {"wave", RenderMethod::wave}};
+
 RenderMethod method_of(const std::string& word) {
-    for (const auto& [name, method] : method_words)
+    for (const auto& [name, method] : std::span(method_words).first<4>())
         if (word == name)
             return method;
     throw ConfigError({"--method"}, "'" + word + "' is not one of auto, E, C, reference");
@@ -39,21 +47,6 @@ std::optional<MotionDuringExposure> motion_of(const RenderArguments& arguments) 
         return std::nullopt;
     const std::vector<double> numbers = parse_numbers(arguments.velocity, 6, "--velocity");
     return MotionDuringExposure{Vector6d(numbers.data()), arguments.shutter_ms / 1000.0};
-}
-
-RenderOptions options_of(const RenderArguments& arguments) {
-    RenderOptions options;
-    options.method = method_of(arguments.method);
-    options.tolerance_gray =
-        positive_number(arguments.tolerance_gray, "--tolerance", "a tolerance");
-    return options;
-}
-
-std::vector<Marker> read_markers(const std::vector<std::string>& names) {
-    std::vector<Marker> markers;
-    for (const std::string& name : names)
-        markers.push_back(parse_marker(name, "--marker"));
-    return markers;
 }
 
 // What makes a marker one that could not be seen at all; empty if nothing does.
@@ -104,26 +97,11 @@ CodeImage with_bits_of(const CodeImage& file, const SensorModel& sensor) {
     return image;
 }
 
-CodeImage read_background_file(const std::string& path) {
-    try {
-        return read_image(path);
-    } catch (const ConfigError& error) {
-        throw ConfigError(
-            {"--background"},
-            fmt::format("'{}' is no radiance from 0 to 1, and as a file: {}", path, error.what()));
-    }
-}
-
 // ---- what was done, in words and as JSON
 
 const char* short_name(RenderMethod method) {
-    const auto at =
-        std::ranges::find(method_words, method, &std::pair<const char*, RenderMethod>::second);
-    if (at != method_words.end())
-        return at->first;
-    if (method == RenderMethod::wedge_table)
-        return "wedge table";
-    return method == RenderMethod::edge_table ? "edge table" : "wave";
+    using Word = std::pair<const char*, RenderMethod>;
+    return std::ranges::find(method_words, method, &Word::second)->first;
 }
 
 // A row of the table: its name, and text broken into as many lines as it needs.
@@ -131,16 +109,12 @@ std::string row(const std::string& name, const std::string& text) {
     return wrapped_text(fmt::format("  {:<14}", name), text, 80);
 }
 
-std::string row(const std::string& name, std::size_t count, const std::string& text) {
-    return wrapped_text(fmt::format("  {:<14}{:>8} ", name, count), text, 80);
-}
-
 // Of several markers: the tiles that were sampled alike together, of each omission the one that
 // counts most.
 std::vector<TileUse> added_up(const std::vector<TileUse>& used) {
     std::vector<TileUse> sums;
     for (const TileUse& use : used) {
-        const auto alike = std::find_if(sums.begin(), sums.end(), [&](const TileUse& sum) {
+        const auto alike = std::ranges::find_if(sums, [&](const TileUse& sum) {
             return sum.method == use.method && sum.lens_points == use.lens_points &&
                    sum.points_per_pixel_side == use.points_per_pixel_side;
         });
@@ -169,10 +143,11 @@ std::string words(const TileUse& use) {
         return "by the table of edges";
     if (use.method == RenderMethod::wedge_table)
         return "by the table of edges and corners";
-    const std::string lens = use.method == RenderMethod::exact_area
-                                 ? fmt::format(", lens points {}", use.lens_points)
-                                 : "";
-    return fmt::format("by {}, k = {}{}", short_name(use.method), use.points_per_pixel_side, lens);
+    std::string text =
+        fmt::format("by {}, k = {}", short_name(use.method), use.points_per_pixel_side);
+    if (use.method == RenderMethod::exact_area)
+        text += fmt::format(", lens points {}", use.lens_points);
+    return text;
 }
 
 ordered_json plan_json(const RenderPlan& plan) {
@@ -214,13 +189,16 @@ std::string View::describe() const {
 }
 
 ViewRenderer::ViewRenderer(const RenderArguments& arguments)
-    : options_(options_of(arguments)),
-      exposure_(positive_number(arguments.exposure, "--exposure", "a factor above 0")),
+    : exposure_(positive_number(arguments.exposure, "--exposure", "a factor above 0")),
       motion_(motion_of(arguments)),
       noise_seed_(arguments.noise_seed) {
+    options_.method = method_of(arguments.method);
+    options_.tolerance_gray =
+        positive_number(arguments.tolerance_gray, "--tolerance", "a tolerance");
     camera_ = read_any_camera(arguments.camera);
     check_noise(arguments);
-    markers_ = read_markers(arguments.markers);
+    for (const std::string& marker : arguments.markers)
+        markers_.push_back(parse_marker(marker, "--marker"));
     read_background(arguments.background);
     if (motion_ && (!background_image_.empty() || options_.method == RenderMethod::reference))
         throw ConfigError({"--velocity"}, "not with a background image or the reference method");
@@ -247,7 +225,14 @@ void ViewRenderer::read_background(const std::string& text) {
         background_ = *number;
         return;
     }
-    const CodeImage file = read_background_file(text);
+    CodeImage file;
+    try {
+        file = read_image(text);
+    } catch (const ConfigError& error) {
+        throw ConfigError(
+            {"--background"},
+            fmt::format("'{}' is no radiance from 0 to 1, and as a file: {}", text, error.what()));
+    }
     const cv::Size size = file.pixels.size();
     if (size != cv::Size(camera_.width, camera_.height))
         throw ConfigError({"--background"},
@@ -274,15 +259,11 @@ View ViewRenderer::render(const Scene& scene) const {
     return view;
 }
 
-RenderedImage ViewRenderer::image_of(const Scene& scene) const {
-    if (motion_)
-        return render_moving(*renderer_, scene, *motion_, options_).image;
-    return background_image_.empty() ? renderer_->render(scene, options_)
-                                     : render_over(*renderer_, scene, background_image_, options_);
-}
-
 View ViewRenderer::render_closed_form(const Scene& scene) const {
-    const RenderedImage image = image_of(scene);
+    const RenderedImage image = motion_ ? render_moving(*renderer_, scene, *motion_, options_).image
+                                : background_image_.empty()
+                                    ? renderer_->render(scene, options_)
+                                    : render_over(*renderer_, scene, background_image_, options_);
     return {image.radiance, image.plan,
             static_cast<int>(image.valid.total()) - cv::countNonZero(image.valid), 0.0};
 }
@@ -337,9 +318,13 @@ std::string plan_table(const RenderPlan& plan) {
         row("diffraction",
             plan.tail_reach_px > 0.0 ? fmt::format("to {:.0f} px", plan.tail_reach_px) : "no tail");
     std::string name = "tiles";
+    const auto counted = [&](std::size_t count, const std::string& what) {
+        return wrapped_text(fmt::format("  {:<14}{:>8} ", std::exchange(name, ""), count), what,
+                            80);
+    };
     for (const TileUse& use : added_up(plan.used))
-        text += row(std::exchange(name, ""), use.tiles, words(use));
-    text += row(name, plan.uniform_tiles, "uniform: one number each");
+        text += counted(use.tiles, words(use));
+    text += counted(plan.uniform_tiles, "uniform: one number each");
     name = "left out";
     for (const LeftOut& left : largest_of_each(plan.left_out))
         if (left.what != NeglectedEffect::uniform_tiles)  // told above

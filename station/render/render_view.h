@@ -1,29 +1,13 @@
 // One view as `etalon render` was asked for it: what a single image and an image set share.
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
-#include <optional>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "sim/marker/marker.h"
 #include "sim/render/motion_blur.h"
-#include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
 #include "station/render/commands.h"
 
 namespace etalon {
-
-// What --method may name. The wave method is a point spread's, not asked for by name.
-inline constexpr std::array<std::pair<const char*, RenderMethod>, 4> method_words{
-    {{"auto", RenderMethod::automatic},
-     {"E", RenderMethod::exact_lens},
-     {"C", RenderMethod::exact_area},
-     {"reference", RenderMethod::reference}}};
 
 // An image and how it was made.
 struct View {
@@ -64,7 +48,6 @@ private:
     void read_background(const std::string& text);
     void check_noise(const RenderArguments& arguments) const;
     View integrate(const Scene& scene) const;
-    RenderedImage image_of(const Scene& scene) const;
     View render_closed_form(const Scene& scene) const;
 
     CameraModel camera_;

@@ -3,7 +3,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/make_detector.h"
-#include "core/program/errors.h"
 #include "station/serve/run_monitor.h"
 
 namespace etalon {
@@ -76,15 +75,6 @@ void LiveCamera::look() {
     looked_at_ = SteadyClock().now();
 }
 
-bool LiveCamera::is_watched(Instant now) const {
-    return now - looked_at_.load() < lonely_time;
-}
-
-std::optional<LiveCamera::Adjustment> LiveCamera::taken_adjustment() {
-    const std::lock_guard lock(mutex_);
-    return std::exchange(adjustment_, std::nullopt);
-}
-
 void LiveCamera::watch(const std::stop_token& stop) {
     SteadyClock clock;
     try {
@@ -106,8 +96,12 @@ void LiveCamera::take_pictures(Camera& camera, CaptureSettings settings, Clock& 
                                const std::stop_token& stop) {
     LiveView view;
     Outline outline(station_);
-    for (Instant next = clock.now(); is_watched(next); next = std::max(next, clock.now())) {
-        if (const auto adjustment = taken_adjustment()) {
+    for (Instant next = clock.now(); next - looked_at_.load() < lonely_time;
+         next = std::max(next, clock.now())) {
+        std::unique_lock lock(mutex_);
+        const auto adjustment = std::exchange(adjustment_, std::nullopt);
+        lock.unlock();
+        if (adjustment) {
             CaptureSettings wanted = station_.camera.settings;
             wanted.exposure = std::chrono::microseconds(std::llround(adjustment->exposure_us));
             wanted.gain_db = adjustment->gain_db;

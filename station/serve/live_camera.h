@@ -11,8 +11,8 @@
 
 namespace etalon {
 
-// The newest of something that changes while many look on: whoever is slow misses what lay between
-// and holds nobody up. One value is kept, however many readers there are.
+// The newest of values that change while many threads read: a slow reader misses what lay between
+// and delays no other.
 template <class Value>
 class LatestValue {
 public:
@@ -81,8 +81,6 @@ private:
     void watch(const std::stop_token& stop);
     void take_pictures(Camera& camera, CaptureSettings settings, Clock& clock,
                        const std::stop_token& stop);
-    std::optional<Adjustment> taken_adjustment();
-    bool is_watched(Instant now) const;
 
     StationFile station_;
     LatestValue<LivePicture> pictures_;

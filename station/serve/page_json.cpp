@@ -1,4 +1,4 @@
-#include "station/serve/page_json.h"
+#include "station/serve/page_server.h"
 
 #include <nlohmann/json.hpp>
 
@@ -39,8 +39,7 @@ Json station_of(const StationSession& served) {
             {"axes", json_list(station.stage.axes, axis_of)}};
 }
 
-template <class Key>
-Json value_at(const Json& json, const Key& key) {
+Json value_at(const Json& json, const char* key) {
     return json.is_object() && json.contains(key) ? json.at(key) : Json();
 }
 
@@ -98,23 +97,24 @@ Json shown_run_json(const ShownRun& run, const RunMonitor* watch) {
                  {"phase", "preparing"}};
     if (!watch)
         return json;
+    const RunState& seen = watch->state();
     std::string marks;  // a letter a pose: planned, seen, not seen
-    for (const WatchedPose& pose : watch->poses())
+    for (const WatchedPose& pose : seen.poses)
         marks += !pose.visited ? '.' : pose.seen ? 'o' : 'x';
     if (run.serial.empty())
-        json["serial"] = watch->camera_serial();
-    json["phase"] = name(watch->phase());
-    json["outcome"] = watch->outcome();
-    json["reason"] = watch->reason();
-    json["poses"] = watch->poses().size();
+        json["serial"] = seen.camera_serial;
+    json["phase"] = name(seen.phase);
+    json["outcome"] = seen.outcome;
+    json["reason"] = seen.reason;
+    json["poses"] = seen.poses.size();
     json["marks"] = marks;
-    json["latest_pose"] = watch->latest_pose();
-    json["visited"] = watch->figures().visited;
-    json["seen"] = watch->figures().seen;
+    json["latest_pose"] = seen.latest_pose;
+    json["visited"] = seen.visited;
+    json["seen"] = seen.seen;
     json["seconds_left"] = optional_number(watch->seconds_left());
-    json["corner_noise_px"] = optional_number(watch->figures().corner_noise_px);
-    json["rejected_frames"] = watch->figures().rejected_frames;
-    json["remarks"] = watch->remarks();
+    json["corner_noise_px"] = optional_number(seen.corner_noise_px);
+    json["rejected_frames"] = seen.rejected_frames;
+    json["remarks"] = seen.remarks;
     return json;
 }
 
@@ -154,7 +154,7 @@ Json runs_json(const std::vector<HistoricRun>& runs) {
 
 Json plan_positions_json(const RunMonitor& watch, const std::vector<Axis>& axes) {
     Json poses = Json::array();
-    for (const WatchedPose& pose : watch.poses()) {
+    for (const WatchedPose& pose : watch.state().poses) {
         Json target = Json::array();
         for (std::size_t i = 0; i < std::min(axes.size(), pose.target.size()); ++i)
             target.push_back(pose.target[i] * unit_factor(axes[i]));

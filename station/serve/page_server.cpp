@@ -3,11 +3,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "capture/frame/frame_log.h"
 #include "core/file/text.h"
 #include "report/json_text.h"
 #include "station/record/run_record.h"
-#include "station/serve/page_json.h"
 #include "station/shell/command.h"
 
 namespace etalon {
@@ -284,11 +282,12 @@ std::shared_ptr<const PosePictures> PageServer::pictures(const WebRequest& reque
     std::shared_ptr<PosePictureMaker> maker;
     {
         const std::lock_guard lock(run_mutex_);
-        if (!run_ || index >= run_->poses().size() || !run_->poses()[index].visited)
+        if (!run_ || index >= run_->state().poses.size() || !run_->state().poses[index].visited)
             throw ConfigError({"pose"}, "was not visited");
         if (!picture_maker_)
-            picture_maker_ = std::make_shared<PosePictureMaker>(run_->record(), run_->inputs());
-        pose = run_->poses()[index];
+            picture_maker_ =
+                std::make_shared<PosePictureMaker>(run_->record(), run_->state().inputs);
+        pose = run_->state().poses[index];
         maker = picture_maker_;
     }
     return maker->of(static_cast<int>(index), pose);

@@ -4,10 +4,7 @@
 
 #include <fstream>
 
-#include "capture/frame/frame_log.h"
-#include "compare/detect/detector.h"
 #include "core/image/picture_codec.h"
-#include "core/program/errors.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {
@@ -101,42 +98,42 @@ void RunMonitor::take(const JsonEntry& line) {
     if (event == "run") {
         take_plan(line);
     } else if (event == "session") {
-        phase_ = RunPhase::preparing;
-        outcome_.clear();
-        reason_.clear();
+        state_.phase = RunPhase::preparing;
+        state_.outcome.clear();
+        state_.reason.clear();
         visited_in_session_ = 0;
         frame_corners_.clear();  // of a pose that the one before did not finish
         first_photo_.clear();
-        camera_serial_ = line.at("camera").at("serial").text();
+        state_.camera_serial = line.at("camera").at("serial").text();
     } else if (event == "stage homed") {
-        phase_ = RunPhase::measuring;
+        state_.phase = RunPhase::measuring;
         measuring_since_s_ = time_s;
     } else if (event == "frame") {
         take_frame(line);
     } else if (event == "pose") {
         take_pose(line, time_s);
     } else if (event == "analysis") {
-        phase_ = RunPhase::analysing;
+        state_.phase = RunPhase::analysing;
     } else if (event == "remark") {
-        remarks_.push_back(line.at("detail").text());
+        state_.remarks.push_back(line.at("detail").text());
     } else if (run_outcome_named(event)) {
-        phase_ = RunPhase::ended;
-        outcome_ = event;
-        reason_ = line.at("detail").text();
+        state_.phase = RunPhase::ended;
+        state_.outcome = event;
+        state_.reason = line.at("detail").text();
     }
 }
 
 void RunMonitor::take_plan(const JsonEntry& line) {
     for (const JsonEntry& item : line.at("inputs").items())
-        inputs_.push_back({item.at("role").text(), item.at("path").text(), item.at("sha256").text(),
-                           item.at("copy").text()});
+        state_.inputs.push_back({item.at("role").text(), item.at("path").text(),
+                                 item.at("sha256").text(), item.at("copy").text()});
     expected_s_ = line.at("plan").at("expected_duration_s").number();
     for (const JsonEntry& item : line.at("plan").at("poses").items()) {
         WatchedPose pose;
         for (const JsonEntry& position : item.at("target").items())
             pose.target.push_back(position.number());
         pose.hold_out = item.at("hold_out").flag();
-        poses_.push_back(std::move(pose));
+        state_.poses.push_back(std::move(pose));
     }
 }
 
@@ -149,18 +146,18 @@ void RunMonitor::take_frame(const JsonEntry& line) {
 }
 
 void RunMonitor::take_pose(const JsonEntry& line, double time_s) {
-    const auto last = static_cast<long long>(poses_.size()) - 1;
-    latest_pose_ = static_cast<int>(line.at("pose").integer(0, last));
-    WatchedPose& pose = poses_[static_cast<std::size_t>(latest_pose_)];
+    const auto last = static_cast<long long>(state_.poses.size()) - 1;
+    state_.latest_pose = static_cast<int>(line.at("pose").integer(0, last));
+    WatchedPose& pose = state_.poses[static_cast<std::size_t>(state_.latest_pose)];
     pose.visited = true;
     pose.corners = corners_of(line.at("corners"));
     pose.seen = !pose.corners.empty();
     pose.photo = std::exchange(first_photo_, {});
     pool_corner_noise(pose.corners);
-    ++figures_.visited;
-    figures_.seen += pose.seen ? 1 : 0;
+    ++state_.visited;
+    state_.seen += pose.seen ? 1 : 0;
     ++visited_in_session_;
-    figures_.rejected_frames =
+    state_.rejected_frames =
         static_cast<long>(line.at("camera").at("frames_rejected").integer(0, 1LL << 62));
     latest_s_ = time_s;
 }
@@ -173,16 +170,16 @@ void RunMonitor::pool_corner_noise(const std::vector<Eigen::Vector2d>& means) {
     if (frame_corners_.size() > 1)
         freedoms_ += 2 * static_cast<long>((frame_corners_.size() - 1) * means.size());
     if (freedoms_ > 0)
-        figures_.corner_noise_px = std::sqrt(square_sum_px2_ / static_cast<double>(freedoms_));
+        state_.corner_noise_px = std::sqrt(square_sum_px2_ / static_cast<double>(freedoms_));
     frame_corners_.clear();
 }
 
 std::optional<double> RunMonitor::seconds_left() const {
-    if (poses_.empty())
+    if (state_.poses.empty())
         return std::nullopt;
-    const double left = static_cast<double>(poses_.size()) - figures_.visited;
+    const double left = static_cast<double>(state_.poses.size()) - state_.visited;
     if (visited_in_session_ < trusted_poses)
-        return expected_s_ * left / static_cast<double>(poses_.size());
+        return expected_s_ * left / static_cast<double>(state_.poses.size());
     return (latest_s_ - measuring_since_s_) * left / visited_in_session_;
 }
 

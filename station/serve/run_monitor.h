@@ -1,11 +1,9 @@
 // How far a run is, from its record alone: what the log (station/record/run_events.h) has told
-// since it was looked at last. So whoever looks on costs the run nothing, and a server that was
-// started anew sees what the one before saw.
+// since the last look. Watching costs the run nothing, and a server that was started again sees
+// what the one before saw.
 #pragma once
 
-#include "calib/camera/projector.h"
 #include "compare/expect/expected_view.h"
-#include "core/config/json_entry.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {
@@ -21,12 +19,19 @@ struct WatchedPose {
     std::vector<Eigen::Vector2d> corners;  // means of its frames; empty: not seen
 };
 
-// What is known before the analysis.
-struct FirstFigures {
-    int visited = 0, seen = 0;
+// What a log has told so far.
+struct RunState {
+    RunPhase phase = RunPhase::preparing;
+    std::string outcome, reason;  // with RunPhase::ended
+    std::string camera_serial;
+    std::vector<InputFile> inputs;   // what the run was made from; empty before the first line
+    std::vector<WatchedPose> poses;  // of the plan
+    int latest_pose = -1;            // none yet
+    int visited = 0, seen = 0;       // poses
     // Of one frame, pooled over the poses; nothing before a pose with two frames of the marker.
     std::optional<double> corner_noise_px;
     long rejected_frames = 0;  // that arrived broken and were taken again
+    std::vector<std::string> remarks;
 };
 
 class RunMonitor {
@@ -38,18 +43,9 @@ public:
     bool look();
 
     const std::filesystem::path& record() const { return record_; }
-    RunPhase phase() const { return phase_; }
-    const std::string& outcome() const { return outcome_; }  // with RunPhase::ended
-    const std::string& reason() const { return reason_; }
-    const std::vector<WatchedPose>& poses() const { return poses_; }  // of the plan
-    int latest_pose() const { return latest_pose_; }                  // -1: none yet
-    const FirstFigures& figures() const { return figures_; }
-    const std::vector<std::string>& remarks() const { return remarks_; }
-    const std::string& camera_serial() const { return camera_serial_; }
+    const RunState& state() const { return state_; }
     // Of motion and photographs; nothing before the plan is known.
     std::optional<double> seconds_left() const;
-    // What the run was made from; empty before the first line.
-    const std::vector<InputFile>& inputs() const { return inputs_; }
 
 private:
     void take(const JsonEntry& line);
@@ -61,19 +57,13 @@ private:
     std::filesystem::path record_;
     std::uintmax_t read_bytes_ = 0;
     int line_ = 0;
-    RunPhase phase_ = RunPhase::preparing;
-    std::string outcome_, reason_, camera_serial_;
-    std::vector<InputFile> inputs_;
-    std::vector<WatchedPose> poses_;
-    double expected_s_ = 0.0;
-    int latest_pose_ = -1, visited_in_session_ = 0;
-    double measuring_since_s_ = 0.0, latest_s_ = 0.0;
-    FirstFigures figures_;
+    RunState state_;
+    double expected_s_ = 0.0, measuring_since_s_ = 0.0, latest_s_ = 0.0;
+    int visited_in_session_ = 0;
     std::vector<std::vector<Eigen::Vector2d>> frame_corners_;  // of the pose in flight
     std::string first_photo_;
     double square_sum_px2_ = 0.0;
     long freedoms_ = 0;
-    std::vector<std::string> remarks_;
 };
 
 // A pose's photograph beside what the calibration says it should look like: JPEG, at most 640 px

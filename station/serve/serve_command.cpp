@@ -8,7 +8,6 @@
 #include "station/serve/http_server.h"
 #include "station/serve/page_server.h"
 #include "station/shell/command.h"
-#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {
@@ -24,20 +23,15 @@ struct ServeArguments {
 
 constexpr const char* loopback = "127.0.0.1";
 
-std::vector<std::string> own_names(bool is_loopback) {
-    if (is_loopback)
-        return {"localhost"};
-    std::array<char, 256> name{};
-    return gethostname(name.data(), name.size() - 1) == 0 ? std::vector<std::string>{name.data()}
-                                                          : std::vector<std::string>{};
-}
-
 AccessRules access_rules(const ServeArguments& arguments) {
-    AccessRules rules;
-    rules.action_token = random_token();
-    rules.host_names = own_names(arguments.listen.empty());
-    if (!arguments.listen.empty())
-        rules.token = random_token();
+    AccessRules rules{.token = {}, .action_token = random_token(), .host_names = {"localhost"}};
+    if (arguments.listen.empty())
+        return rules;
+    rules.token = random_token();
+    std::array<char, 256> name{};
+    rules.host_names.clear();
+    if (gethostname(name.data(), name.size() - 1) == 0)
+        rules.host_names.emplace_back(name.data());
     return rules;
 }
 
@@ -97,7 +91,7 @@ void declare_serve(Command& program) {
         "Prints `page http://...` and serves it until Ctrl-C. A run that is started on\n"
         "the page is `etalon qualify`, with its record in --records; it goes on when the\n"
         "page is closed, is stopped when the server ends, however it ends, and is then\n"
-        "gone on with from the page. Only this machine reaches the page, unless --listen\n"
+        "resumed from the page. Only this machine reaches the page, unless --listen\n"
         "names another of its addresses: then the link that is printed holds a token,\n"
         "and whoever has the link may move the stage. docs/serve.md.\n");
     command.required("STATION", asked->stations, "station.yaml: one or more");

@@ -9,7 +9,6 @@
 #include <set>
 
 #include "calib/files/camera_file.h"
-#include "capture/frame/frame_log.h"
 #include "core/file/text.h"
 #include "station/record/run_record.h"
 
@@ -34,15 +33,6 @@ std::vector<Path> camera_files(const Path& folder) {
     return files;
 }
 
-// Empty for what is no camera's file: a station's may lie beside it.
-std::string serial_in(const Path& file) {
-    try {
-        return read_any_camera(file).serial;
-    } catch (const ConfigError&) {
-        return {};
-    }
-}
-
 using namespace std::chrono_literals;
 
 // In the order of Work.
@@ -55,16 +45,11 @@ void require_name(const std::string& who) {
 }
 
 // Of the letters that a file name may have everywhere.
-std::string file_name_of(const std::string& text) {
-    std::string name;
-    for (const char c : text)
-        name += std::isalnum(static_cast<unsigned char>(c)) || c == '-' ? c : '_';
-    return name.substr(0, 40);
-}
-
 std::string new_record_name(const std::string& serial) {
-    return fmt::format("{}-{:%Y%m%dT%H%M%SZ}", file_name_of(serial),
-                       fmt::gmtime(std::time(nullptr)));
+    std::string name;
+    for (const char c : serial)
+        name += std::isalnum(static_cast<unsigned char>(c)) || c == '-' ? c : '_';
+    return fmt::format("{}-{:%Y%m%dT%H%M%SZ}", name.substr(0, 40), fmt::gmtime(std::time(nullptr)));
 }
 
 // The line that a person needs: the program's own, without its name.
@@ -86,11 +71,17 @@ Path calibration_of(const Path& folder, const std::string& serial) {
     constexpr std::size_t most_named = 8;
     std::vector<Path> found;
     std::vector<std::string> others;
-    for (const Path& file : camera_files(folder))
-        if (const std::string there = serial_in(file); !there.empty() && there == serial)
+    for (const Path& file : camera_files(folder)) {
+        std::string there;
+        try {
+            there = read_any_camera(file).serial;
+        } catch (const ConfigError&) {  // a station's file, for instance
+        }
+        if (!there.empty() && there == serial)
             found.push_back(file);
         else if (!there.empty())
             others.push_back(there);
+    }
     if (found.size() == 1)
         return found.front();
     if (found.size() > 1)
@@ -171,11 +162,12 @@ void StationControl::has_ended(Work work, const SubprocessResult& ended) {
         const std::lock_guard lock(mutex_);
         if (state_.holder.work == work)
             state_.holder = {};
-        const bool went_wrong = ended.exit_code < 0 || ended.exit_code == 3 || ended.exit_code == 4;
+        const bool went_wrong = ended.exit_code < 0 || ended.exit_code == ExitCode::usage_error ||
+                                ended.exit_code == ExitCode::run_error;
         if (work == Work::run && state_.run) {
             state_.run->is_going = false;
             state_.run->failure = went_wrong ? reason_of(ended) : "";
-        } else if (ended.exit_code != 0 && ended.exit_code != 130) {
+        } else if (ended.exit_code != 0 && ended.exit_code != ExitCode::interrupted) {
             state_.failure = reason_of(ended);
         }
     }
@@ -217,9 +209,9 @@ void StationControl::resume_run(const std::string& record, const std::string& wh
     const Path folder = record_named(record);
     RunMonitor watch(folder);
     watch.look();
-    if (watch.inputs().empty())
-        throw ConfigError({record}, "has no log that could be gone on with");
-    const std::size_t station = station_of(folder / watch.inputs().front().copy);
+    if (watch.state().inputs.empty())
+        throw ConfigError({record}, "has no log that could be resumed");
+    const std::size_t station = station_of(folder / watch.state().inputs.front().copy);
     begin_run({record, station, "", who},
               {"qualify", "--resume", folder.string(), "--operator", who});
 }
@@ -378,7 +370,7 @@ Path StationControl::record_named(const std::string& name) const {
     if (!is_plain || !is_own(record, std::filesystem::file_type::directory) ||
         !is_own(record / log_file, std::filesystem::file_type::regular))
         throw ConfigError({name}, "is no record of this page");
-    return workplace_.records / name;
+    return record;
 }
 
 }  // namespace etalon

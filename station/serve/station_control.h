@@ -3,14 +3,13 @@
 //
 // Every run and motion is a command of `etalon` in a process of its own
 // (core/process/subprocess.h), so the page and the command line drive the same runner, a run that
-// hangs can be stopped all the same, and one that the server's death ends is gone on with from its
+// hangs can be stopped all the same, and one that the server's death ends is resumed from its
 // record. Besides these, the server itself holds at most a camera, for its live picture.
 //
 // Safe from every thread.
 #pragma once
 
 #include "core/process/subprocess.h"
-#include "core/program/errors.h"
 #include "station/serve/live_camera.h"
 #include "station/serve/run_monitor.h"
 
@@ -54,7 +53,7 @@ struct ShownRun {
     std::size_t station = 0;
     std::string serial, operator_name;
     bool is_going = false;
-    bool is_pausing = false;  // asked to end so that it can be gone on with
+    bool is_pausing = false;  // asked to end so that it can be resumed
     std::string said;         // the program's last line
     std::string failure;      // why it ended without an outcome
 };

@@ -98,12 +98,11 @@ std::optional<ClimateSummary> room_temperature(const StationFile& station,
                                                const RunEnvironment& environment) {
     if (!station.environment)
         return std::nullopt;
-    if (!station.environment->sensor)
-        return summary_of(station.environment->temperature_c);
     std::vector<double> readings;
     for (const ClimateReading& reading : environment.readings)
         readings.push_back(reading.temperature_c);
-    return summary_of(readings);
+    return station.environment->sensor ? summary_of(readings)
+                                       : summary_of(station.environment->temperature_c);
 }
 
 std::optional<ClimateSummary> room_humidity(const StationFile& station,

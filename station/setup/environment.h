@@ -1,20 +1,8 @@
-// `environment` in station.yaml: temperature and humidity of the air beside marker and stage during
-// a run, given by hand
-//
-//     environment: {temperature_c: [20.1, 20.6], humidity_percent: [40, 50]}    # lowest, highest
-//
-// or read from a sensor on Modbus with every pose:
-//
-//     environment:
-//       link: {host: 10.0.0.7, port: 502, unit: 3, response_timeout_ms: 300}     # or a serial line
-//       temperature: {input_register: 0, type: int16, scale: 0.01, offset: 0}    # in degrees C
-//       humidity: {input_register: 1, type: uint16, scale: 0.1}                  # in percent
-//
-// (`register` for a holding register; types of 32 bits take word_order; scale 1, offset 0, humidity
-// may be left out.) What it makes of the uncertainty: docs/metrology.md, Temperature.
+// `environment` in station.yaml: temperature and humidity of the air at marker and stage during a
+// run, given by hand or read from a Modbus sensor with every pose. Keys: docs/certificate.md; what
+// it makes of the uncertainty: docs/metrology.md, Temperature.
 #pragma once
 
-#include "core/config/strict_reader.h"
 #include "stage/link/register_numbers.h"
 #include "stage/link/stage_link.h"
 
@@ -23,7 +11,7 @@ namespace etalon {
 struct StationFile;
 struct DeclaredTemperature;
 
-// What a sensor in a room can say; anything else is a fault.
+// Anything else from a sensor is a fault.
 inline constexpr Range possible_temperature_c{-40.0, 85.0, false, "degrees C"};
 inline constexpr Range possible_humidity_percent{0.0, 100.0, false, "%"};
 

@@ -2,8 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <numeric>
+
 #include "compare/expect/expected_view.h"
-#include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 #include "sim/scene/pose_sampling.h"
 #include "stage/axes/kinematics.h"
@@ -19,9 +20,8 @@ constexpr long max_points_per_pose = 100;
 
 // Axes whose interval is a point take no dimension of the sequence.
 int dimensions_of(const PlanRequest& request) {
-    return static_cast<int>(
-        std::count_if(request.volume.begin(), request.volume.end(),
-                      [](const PlanRequest::Interval& i) { return i.low < i.high; }));
+    return static_cast<int>(std::ranges::count_if(
+        request.volume, [](const PlanRequest::Interval& i) { return i.low < i.high; }));
 }
 
 std::vector<double> target_of(const PlanRequest& request, const std::vector<double>& unit_point) {
@@ -72,88 +72,69 @@ SourcePlace place_of(const PlanRequest& request, std::size_t pose) {
     return place;
 }
 
-void require_all_within_limits(const PlanRequest& request, std::span<const Axis> axes,
-                               const std::vector<PlannedPose>& poses) {
-    for (std::size_t i = 0; i < poses.size(); ++i)
-        require_within_limits(axes, poses[i].target, place_of(request, i));
-}
-
-double seconds(Duration duration) {
-    return std::chrono::duration<double>(duration).count();
-}
-
-// Travel times between all poses; row n is the way from where homing is expected to end.
-class TravelTable {
+// The order of the poses in which the way from where homing ends is short: nearest neighbours, then
+// 2-opt (Croes 1958), which walks a stretch backwards where that saves time.
+class ShortPath {
 public:
-    TravelTable(std::span<const Axis> axes, const std::vector<PlannedPose>& poses)
-        : count_(poses.size()), seconds_((count_ + 1) * count_) {
+    ShortPath(std::span<const Axis> axes, const std::vector<PlannedPose>& poses)
+        : home_(poses.size()), seconds_((home_ + 1) * home_) {
         const std::vector<double> home = home_position(axes);
-        for (std::size_t from = 0; from <= count_; ++from)
-            for (std::size_t to = 0; to < count_; ++to)
-                seconds_[from * count_ + to] = seconds(travel_time(
-                    axes, from == count_ ? home : poses[from].target, poses[to].target));
+        for (std::size_t from = 0; from <= home_; ++from)
+            for (std::size_t to = 0; to < home_; ++to)
+                seconds_[from * home_ + to] =
+                    std::chrono::duration<double>(
+                        travel_time(axes, from == home_ ? home : poses[from].target,
+                                    poses[to].target))
+                        .count();
     }
-    double operator()(std::size_t from, std::size_t to) const {
-        return seconds_[from * count_ + to];
+
+    std::vector<std::size_t> find() {
+        constexpr int max_sweeps = 30;  // a handful is enough in practice
+        visit_nearest();
+        for (int sweep = 0; sweep < max_sweeps && shorten(); ++sweep) {
+        }
+        return path_;
     }
-    std::size_t home() const { return count_; }
-    std::size_t count() const { return count_; }
 
 private:
-    std::size_t count_;
-    std::vector<double> seconds_;
-};
+    double seconds(std::size_t from, std::size_t to) const { return seconds_[from * home_ + to]; }
 
-std::vector<std::size_t> nearest_neighbour_path(const TravelTable& travel) {
-    std::vector<std::size_t> rest(travel.count()), path;
-    for (std::size_t i = 0; i < rest.size(); ++i)
-        rest[i] = i;
-    for (std::size_t at = travel.home(); !rest.empty(); at = path.back()) {
-        const auto nearest = std::min_element(
-            rest.begin(), rest.end(),
-            [&](std::size_t a, std::size_t b) { return travel(at, a) < travel(at, b); });
-        path.push_back(*nearest);
-        rest.erase(nearest);
-    }
-    return path;
-}
-
-// One sweep of 2-opt (Croes 1958): a stretch is walked backwards where that saves time. True if
-// anything changed.
-bool shorten(std::vector<std::size_t>& path, const TravelTable& travel) {
-    bool changed = false;
-    for (std::size_t i = 0; i + 1 < path.size(); ++i) {
-        const std::size_t before = i == 0 ? travel.home() : path[i - 1];
-        for (std::size_t j = i + 1; j < path.size(); ++j) {
-            const bool is_end = j + 1 == path.size();
-            const double now =
-                travel(before, path[i]) + (is_end ? 0.0 : travel(path[j], path[j + 1]));
-            const double then =
-                travel(before, path[j]) + (is_end ? 0.0 : travel(path[i], path[j + 1]));
-            if (then < now - 1e-9) {
-                std::reverse(path.begin() + static_cast<std::ptrdiff_t>(i),
-                             path.begin() + static_cast<std::ptrdiff_t>(j) + 1);
-                changed = true;
-            }
+    void visit_nearest() {
+        std::vector<std::size_t> rest(home_);
+        std::iota(rest.begin(), rest.end(), 0);
+        for (std::size_t at = home_; !rest.empty(); at = path_.back()) {
+            const auto nearest = std::ranges::min_element(
+                rest, {}, [&](std::size_t next) { return seconds(at, next); });
+            path_.push_back(*nearest);
+            rest.erase(nearest);
         }
     }
-    return changed;
-}
 
-std::vector<std::size_t> short_path(const TravelTable& travel) {
-    constexpr int max_sweeps = 30;  // a handful is enough in practice
-    std::vector<std::size_t> path = nearest_neighbour_path(travel);
-    for (int sweep = 0; sweep < max_sweeps && shorten(path, travel); ++sweep) {
+    // One sweep; true if anything changed.
+    bool shorten() {
+        bool changed = false;
+        for (std::size_t i = 0; i + 1 < path_.size(); ++i) {
+            const std::size_t before = i == 0 ? home_ : path_[i - 1];
+            for (std::size_t j = i + 1; j < path_.size(); ++j) {
+                const auto onwards = [&](std::size_t from) {
+                    return j + 1 == path_.size() ? 0.0 : seconds(from, path_[j + 1]);
+                };
+                const double now = seconds(before, path_[i]) + onwards(path_[j]);
+                const double then = seconds(before, path_[j]) + onwards(path_[i]);
+                if (then < now - 1e-9) {
+                    std::reverse(path_.begin() + static_cast<std::ptrdiff_t>(i),
+                                 path_.begin() + static_cast<std::ptrdiff_t>(j) + 1);
+                    changed = true;
+                }
+            }
+        }
+        return changed;
     }
-    return path;
-}
 
-// A plan that nobody would wait for comes of a speed or a time that is meant in another unit.
-void require_believable(Duration duration, const SourcePlace& place) {
-    constexpr std::chrono::hours year(365 * 24);
-    if (duration > year)
-        throw ConfigError(place, "the poses would take more than a year");
-}
+    std::size_t home_;  // as a row of the table: behind the poses
+    std::vector<double> seconds_;
+    std::vector<std::size_t> path_;
+};
 
 // Of the hold-out poses, evenly along the path, in reverse.
 void add_repeats(const PlanRequest& request, std::vector<PlannedPose>& path) {
@@ -185,12 +166,14 @@ Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
         throw ConfigError(request.place, fmt::format("{} intervals for {} axes",
                                                      request.volume.size(), axes.size()));
     const std::vector<PlannedPose> poses = sampled_poses(request, axes, rules, is_useful);
-    require_all_within_limits(request, axes, poses);
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        require_within_limits(axes, poses[i].target, place_of(request, i));
     Plan plan;
-    for (const std::size_t next : short_path(TravelTable(axes, poses)))
+    for (const std::size_t next : ShortPath(axes, poses).find())
         plan.poses.push_back(poses[next]);
     add_repeats(request, plan.poses);
     number_poses(plan.poses);
+    constexpr std::chrono::hours year(365 * 24);
     std::vector<double> at = home_position(axes);
     const Duration per_pose = request.settle + request.frames * (exposure + frame_overhead);
     for (std::size_t i = 0; i < plan.poses.size(); ++i) {
@@ -199,7 +182,8 @@ Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
         for (const MotionSegment& segment : plan.legs.back())
             plan.expected_duration += segment.time;
         plan.expected_duration += per_pose;
-        require_believable(plan.expected_duration, request.place);
+        if (plan.expected_duration > year)  // a speed or a time that is meant in another unit
+            throw ConfigError(request.place, "the poses would take more than a year");
         at = target;
     }
     return plan;

@@ -2,15 +2,11 @@
 // anything is measured, in an order that keeps the travel short.
 //
 // Training and hold-out are two consecutive blocks of one digit-scrambled Halton sequence
-// (sim/scene/pose_sampling.h): each block by itself fills the volume evenly, so both are
-// stratified. (Taking every second point of one block instead would leave all hold-out poses in one
-// half of the first axis, because base 2 alternates between the halves.) The path then visits both
-// kinds mixed, and comes to the positions of each axis from both sides. At its end some hold-out
-// poses are visited again, last first: most axes then come from the other side than before.
+// (sim/scene/pose_sampling.h): each block fills the volume evenly. (Every second point would not:
+// base 2 alternates between the halves of the first axis.) The path visits both kinds mixed. At its
+// end some hold-out poses are visited again, last first: most axes then come from the other side.
 #pragma once
 
-#include "compare/pose/pose.h"
-#include "core/time/clock.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {

@@ -1,6 +1,5 @@
 #include "station/setup/stage_terms.h"
 
-#include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
 
 namespace etalon {
@@ -25,27 +24,23 @@ std::vector<Rigid> transforms(std::span<const Axis> axes, const std::vector<Visi
 
 DeclaredStageTerm scale_term(std::span<const Axis> axes, std::size_t axis,
                              const std::vector<VisitedPose>& poses) {
-    DeclaredStageTerm term;
-    term.error = {"stage scale " + axes[axis].name, "1", relative_size,
-                  transforms(axes, poses, axis, [axis](Axis& wrong, const VisitedPose& pose) {
-                      wrong.zero -= relative_size * (pose.read_back.at(axis) - wrong.zero);
-                  })};
-    term.is_linear_scale = axes[axis].kind == Axis::Kind::linear;
-    term.in_budget = true;
-    term.standard_uncertainty = axes[axis].scale_uncertainty;
-    return term;
+    const auto longer = [axis](Axis& wrong, const VisitedPose& pose) {
+        wrong.zero -= relative_size * (pose.read_back.at(axis) - wrong.zero);
+    };
+    return {.error = {"stage scale " + axes[axis].name, "1", relative_size,
+                      transforms(axes, poses, axis, longer), axes[axis].kind == Axis::Kind::linear},
+            .in_budget = true,
+            .standard_uncertainty = axes[axis].scale_uncertainty};
 }
 
 // The second axis leans towards the first one.
 DeclaredStageTerm squareness_term(std::span<const Axis> axes, std::size_t first, std::size_t second,
                                   const std::vector<VisitedPose>& poses) {
-    const Eigen::Vector3d towards = axes[first].direction;
-    DeclaredStageTerm term;
-    term.error = {"stage squareness " + axes[first].name + axes[second].name, "rad", lean_rad,
-                  transforms(axes, poses, second, [&](Axis& wrong, const VisitedPose&) {
-                      wrong.direction = (wrong.direction + lean_rad * towards).normalized();
-                  })};
-    return term;
+    const auto lean = [&](Axis& wrong, const VisitedPose&) {
+        wrong.direction = (wrong.direction + lean_rad * axes[first].direction).normalized();
+    };
+    return {.error = {"stage squareness " + axes[first].name + axes[second].name, "rad", lean_rad,
+                      transforms(axes, poses, second, lean)}};
 }
 
 std::array<Eigen::Vector3d, 2> ways_across(const Axis& axis) {
@@ -58,17 +53,14 @@ void add_both_ways(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> 
                    std::size_t axis, const std::vector<VisitedPose>& poses, const StageError& kind,
                    double uncertainty,
                    const std::function<void(Axis&, const Eigen::Vector3d&)>& change) {
-    const std::array<const char*, 2> names = {", 1st way", ", 2nd way"};
+    constexpr std::array names = {", 1st way", ", 2nd way"};
     const auto ways = ways_across(axes[axis]);
     for (std::size_t i = 0; i < 2; ++i) {
-        DeclaredStageTerm term;
-        term.error = kind;
+        DeclaredStageTerm& term = terms.emplace_back(DeclaredStageTerm{
+            .error = kind, .in_budget = true, .standard_uncertainty = uncertainty});
         term.error.name += " " + axes[axis].name + names[i];
         term.error.base_from_carriage = transforms(
             axes, poses, axis, [&](Axis& wrong, const VisitedPose&) { change(wrong, ways[i]); });
-        term.in_budget = true;
-        term.standard_uncertainty = uncertainty;
-        terms.push_back(term);
     }
 }
 

@@ -5,14 +5,10 @@
 #include "calib/files/camera_file.h"
 #include "compare/expect/expected_view.h"
 #include "compare/make_detector.h"
-#include "compare/qualification/limits_file.h"
-#include "core/config/strict_reader.h"
 #include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
-#include "core/time/clock.h"
 #include "stage/profile/profile.h"
 
 namespace etalon {
@@ -35,14 +31,14 @@ std::string text_or(const Value& parent, const char* key, const std::string& fal
     return value ? value->text() : fallback;
 }
 
-std::string non_empty_text(const Value& value) {
-    if (value.text().empty())
+std::string non_blank(const Value& value) {
+    if (trimmed(value.text()).empty())
         value.fail("must not be empty");
     return value.text();
 }
 
 Path existing_file(const StrictFile& file, const Value& value) {
-    const Path path = file.resolve(non_empty_text(value)).lexically_normal();
+    const Path path = file.resolve(non_blank(value)).lexically_normal();
     std::error_code ignored;
     if (!std::filesystem::is_regular_file(path, ignored))
         value.fail(fmt::format("no such file: {}", path.string()));
@@ -70,7 +66,7 @@ CaptureSettings read_settings(const Value& camera, const CameraModel& model) {
 
 StationCamera read_camera_section(const Value& section, const Path& calibration) {
     StationCamera camera;
-    camera.uri = non_empty_text(section.at("uri"));
+    camera.uri = non_blank(section.at("uri"));
     camera.model = read_any_camera(calibration);
     if (camera.model.projection.kind == Projection::telecentric)
         section.at("calibration")
@@ -88,15 +84,11 @@ StationCamera read_camera_section(const Value& section, const Path& calibration)
     return camera;
 }
 
-// A profile that is a file is meant relative to this one.
-std::string read_profile_name(const StrictFile& file, const Value& section) {
-    const std::string name = text_or(section, "profile", "generic");
-    return name.ends_with(".yaml") ? existing_file(file, section.at("profile")).string() : name;
-}
-
 StationStage read_stage_section(const StrictFile& file, const Value& section) {
     StationStage stage;
-    stage.profile = read_profile_name(file, section);
+    stage.profile = text_or(section, "profile", "generic");
+    if (stage.profile.ends_with(".yaml"))
+        stage.profile = existing_file(file, section.at("profile")).string();
     stage.link = read_stage_link(section.at("link"), named_stage_profile(stage.profile).link);
     stage.axes = read_axes(section.at("axes"));
     stage.rules = read_motion_rules(section, stage.axes);
@@ -124,18 +116,11 @@ PlanRequest::Interval read_interval(const Value& value, const Axis& axis) {
     return {low, high};
 }
 
-// Every axis must be named: one that stays where it is says so with equal bounds.
-std::vector<PlanRequest::Interval> read_volume(const Value& volume, const std::vector<Axis>& axes) {
-    std::vector<PlanRequest::Interval> intervals;
-    for (const Axis& axis : axes)
-        intervals.push_back(read_interval(volume.at(axis.name), axis));
-    return intervals;
-}
-
 PlanRequest read_plan(const Value& section, const std::vector<Axis>& axes) {
     PlanRequest plan;
     const Value volume = section.at("volume").with_names();
-    plan.volume = read_volume(volume, axes);
+    for (const Axis& axis : axes)  // one that stays where it is says so with equal bounds
+        plan.volume.push_back(read_interval(volume.at(axis.name), axis));
     plan.place = volume.place();
     plan.poses = section.at("poses").integer(2, 2000);
     plan.hold_out = section.at("hold_out").number({0.0, 0.9, true});
@@ -168,63 +153,49 @@ DeclaredTemperature read_temperature(const Value& section) {
     return temperature;
 }
 
-Marker read_marker(const Value& spec, const std::string& detector, const std::string& place) {
-    Marker marker = parse_marker(spec.text(), place_text(spec));
-    make_detector(detector, marker, place);  // thrown away: only whether there is one
-    return marker;
-}
-
 std::string read_day(const Value& value) {
     if (!days_of_date(value.text()))
         value.fail(fmt::format("'{}' is no day as 2026-03-07", value.text()));
     return value.text();
 }
 
-std::string non_blank(const Value& value) {
-    if (trimmed(value.text()).empty())
-        value.fail("must not be empty");
-    return value.text();
-}
-
-// What a certificate must not leave more than: the standard uncertainty that the station declares,
-// in the reference's unit, and the key that declares it.
-struct DeclaredUncertainty {
-    std::optional<double> uncertainty;
-    const char* key;
+// A certificate must not leave more than the standard uncertainty that the station declares under
+// `declared_key`, in the certificate's unit.
+struct ReferenceKind {
+    std::string name;
+    Unit unit;
+    const char* unit_in_keys;
+    const char* declared_key;
+    std::optional<double> declared;
 };
 
-void require_covered(const Value& section, const TracedReference& reference,
-                     const DeclaredUncertainty& declared) {
-    if (!declared.uncertainty)
-        section.fail(fmt::format("is a certificate of what '{}' does not declare", declared.key));
-    constexpr double rounding = 1e-9;
-    if (reference.standard_uncertainty() > *declared.uncertainty * (1.0 + rounding))
-        section.fail(fmt::format(
-            "leaves a standard uncertainty of {:.4g} {} (of value and U/2), and '{}' "
-            "declares {:.4g}",
-            reference.standard_uncertainty(), reference.unit, declared.key, *declared.uncertainty));
-}
-
-// Nothing without its section. `in_keys`: the unit as it stands in keys.
+// Nothing without its section.
 void add_reference(std::vector<TracedReference>& references, const std::optional<Value>& section,
-                   const std::string& name, const Unit& unit, const std::string& in_keys,
-                   const std::optional<DeclaredUncertainty>& declared = {}) {
+                   const ReferenceKind& kind) {
+    constexpr double rounding = 1e-9;
     if (!section)
         return;
-    TracedReference reference;
-    reference.name = name;
-    reference.unit = unit.name;
-    reference.value = section->at("value_" + in_keys).number(unit.either_sign());
-    reference.expanded_uncertainty = section->at("U_" + in_keys).number(unit.positive());
-    reference.certificate = non_blank(section->at("certificate"));
-    reference.laboratory = non_blank(section->at("laboratory"));
-    reference.date = read_day(section->at("date"));
-    reference.due = read_day(section->at("due"));
-    if (reference.due <= reference.date)
-        section->at("due").fail(fmt::format("must be after its date {}", reference.date));
-    if (declared)
-        require_covered(*section, reference, *declared);
-    references.push_back(reference);
+    const auto key = [&](const char* start) { return std::string(start) + kind.unit_in_keys; };
+    TracedReference one;
+    one.name = kind.name;
+    one.unit = kind.unit.name;
+    one.value = section->at(key("value_")).number(kind.unit.either_sign());
+    one.expanded_uncertainty = section->at(key("U_")).number(kind.unit.positive());
+    one.certificate = non_blank(section->at("certificate"));
+    one.laboratory = non_blank(section->at("laboratory"));
+    one.date = read_day(section->at("date"));
+    one.due = read_day(section->at("due"));
+    if (one.due <= one.date)
+        section->at("due").fail(fmt::format("must be after its date {}", one.date));
+    if (!kind.declared)
+        section->fail(
+            fmt::format("is a certificate of what '{}' does not declare", kind.declared_key));
+    if (one.standard_uncertainty() > *kind.declared * (1.0 + rounding))
+        section->fail(
+            fmt::format("leaves a standard uncertainty of {:.4g} {} (of value and U/2), and '{}' "
+                        "declares {:.4g}",
+                        one.standard_uncertainty(), one.unit, kind.declared_key, *kind.declared));
+    references.push_back(one);
 }
 
 std::optional<double> times(const std::optional<double>& value, double factor) {
@@ -237,17 +208,19 @@ std::vector<TracedReference> read_references(const Value& section, const Station
     if (const auto scales = section.find("stage_scale")) {
         const Value named = scales->with_names();
         for (const Axis& axis : station.stage.axes)
-            add_reference(
-                references, named.find(axis.name), "stage scale " + axis.name, units::ppm, "ppm",
-                DeclaredUncertainty{times(axis.scale_uncertainty, 1e6), "scale_uncertainty_ppm"});
+            add_reference(references, named.find(axis.name),
+                          {"stage scale " + axis.name, units::ppm, "ppm", "scale_uncertainty_ppm",
+                           times(axis.scale_uncertainty, 1e6)});
     }
-    add_reference(references, section.find("marker_size"), "marker print size", units::ppm, "ppm",
-                  DeclaredUncertainty{times(station.marker_size_uncertainty, 1e6),
-                                      "marker_size_uncertainty_ppm"});
-    add_reference(
-        references, section.find("marker_flatness"), "marker flatness", units::um, "um",
-        DeclaredUncertainty{times(station.marker_flatness_mm, 1e3), "marker_flatness_um"});
-    add_reference(references, section.find("thermometer"), "thermometer", units::kelvin, "k");
+    add_reference(references, section.find("marker_size"),
+                  {"marker print size", units::ppm, "ppm", "marker_size_uncertainty_ppm",
+                   times(station.marker_size_uncertainty, 1e6)});
+    add_reference(references, section.find("marker_flatness"),
+                  {"marker flatness", units::um, "um", "marker_flatness_um",
+                   times(station.marker_flatness_mm, 1e3)});
+    constexpr double any = std::numeric_limits<double>::infinity();
+    add_reference(references, section.find("thermometer"),
+                  {"thermometer", units::kelvin, "k", "", any});
     return references;
 }
 
@@ -345,7 +318,7 @@ StationFile read_station(const Path& path, const Path& given_calibration) {
     const StrictFile file(path, "station/1");
     const Value root = file.root();
     StationFile station;
-    station.id = non_empty_text(root.at("id"));
+    station.id = non_blank(root.at("id"));
     const Value camera = root.at("camera");
     const Value named = camera.at("calibration");
     const Path calibration =
@@ -376,7 +349,9 @@ StationFile read_station(const Path& path, const Path& given_calibration) {
     const Path limits_path = existing_file(file, limits);
     file.finish();
 
-    station.marker = read_marker(marker, station.detector, place_text(detector.value_or(marker)));
+    station.marker = parse_marker(marker.text(), place_text(marker));
+    make_detector(station.detector, station.marker,  // thrown away: only whether there is one
+                  place_text(detector.value_or(marker)));
     station.limits = read_limits(limits_path);
     station.inputs = station_inputs(path, calibration, limits_path, station.stage.profile);
     return station;

@@ -1,48 +1,10 @@
-// station.yaml (`etalon: station/1`): everything that a qualification run is told. Strictly read;
-// relative paths are relative to the file.
-//
-//     etalon: station/1
-//     id: demo                                  # names the station in records
-//     camera: {uri: "genicam:127.0.0.1", calibration: camera.yml, exposure_us: 2000, gain_db: 0,
-//              packet_size: 1400, frame_timeout_ms: 1000, retries: 5}
-//     stage: {link: {host: 127.0.0.1, port: 1502, unit: 1, response_timeout_ms: 300},
-//             profile: generic, axes: [...]}    # axes: stage/axes/axes.h
-//     (a serial line: link: {device: /dev/ttyUSB0, baud: 38400, parity: none, data_bits: 8,
-//      stop_bits: 1, unit: 1, response_timeout_ms: 300, quiet_ms: 250}, stage/link/stage_link.h)
-//     (in stage, optional: forbidden boxes and slow zones, stage/motion/motion_guard.h)
-//     marker: "apriltag:36h11:5@50mm"
-//     marker_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 0]}    # carriage_from_marker
-//     camera_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 480]}  # camera_from_base
-//     marker_size_uncertainty_ppm: 100          # standard uncertainty
-//     marker_flatness_um: 10                    # the same, of its edge out of its plane
-//     temperature: {uncertainty_k: 0.5, marker_expansion_ppm_per_k: 9,
-//                   stage_expansion_ppm_per_k: 11, reference_c: 20}
-//     environment: {...}                        # station/setup/environment.h
-//     references: {...}                         # TracedReference, below
-//     background: 0.6                           # radiance around the marker; its white is 1
-//     white_level: 0.8                          # the marker's white in the photographs
-//     plan: {volume: {x: [-20, 20], rz: [-5, 5]}, poses: 60, hold_out: 0.4, frames: 3, seed: 7,
-//            settle_ms: 50}                     # mm, and degrees for rotary axes
-//     detector: auto
-//     limits: limits.yaml
-//
-// Optional, with these values when left out: exposure_us and gain_db (the device's own, not
-// touched), packet_size 1400, frame_timeout_ms 1000, retries 5, of the link all but the address
-// (the values above), profile generic, marker_mount identity, camera_mount unknown,
-// marker_size_uncertainty_ppm, marker_flatness_um, temperature and environment unknown, no
-// references, reference_c 20 (ISO 1), background 1, white_level 1, detector auto. All else is
-// required.
+// station.yaml (`etalon: station/1`): everything that a qualification run is told. Keys, units and
+// values when left out: docs/files.md. Strictly read; relative paths are relative to the file.
 #pragma once
 
-#include "calib/camera/camera_model.h"
 #include "capture/frame/camera.h"
-#include "compare/qualification/limits_file.h"
 #include "compare/qualification/qualification.h"
-#include "core/geometry/rigid.h"
-#include "sim/marker/marker.h"
-#include "stage/axes/axes.h"
 #include "stage/motion/motion_guard.h"
-#include "stage/motion/stage.h"
 #include "station/setup/environment.h"
 
 namespace etalon {
@@ -86,20 +48,8 @@ struct PlanRequest {
     SourcePlace place;                    // of `plan.volume`, for errors
 };
 
-// `references` in station.yaml: the certificates of what a station measures with. A run can be
-// certified only when each of them is there and was in force on its day (docs/certificate.md).
-//
-//     references:
-//       stage_scale:                       # of every axis, about its zero
-//         x: {value_ppm: 3, U_ppm: 20, certificate: "4711 2026-01", laboratory: "A, Braunschweig",
-//             date: "2026-01-12", due: "2027-01-12"}
-//       marker_size: {value_ppm: 12, U_ppm: 60, ...}      # relative, of the printed marker
-//       marker_flatness: {value_um: 2, U_um: 6, ...}      # of its edge out of its plane
-//       thermometer: {value_k: 0.02, U_k: 0.1, ...}
-//
-// The value is the deviation that the certificate found, which nothing corrects for; U is its
-// expanded uncertainty at k = 2. A certificate that leaves more than the station declares,
-// sqrt(value^2 + (U/2)^2), is refused: the budget would claim too little.
+// The certificate of something that a station measures with: `references` in station.yaml,
+// docs/certificate.md. Nothing corrects for the deviation that it found; U is at k = 2.
 struct TracedReference {
     std::string name;  // "stage scale x", "marker print size", "marker flatness", "thermometer"
     double value = 0.0, expanded_uncertainty = 0.0;  // in `unit`
@@ -107,7 +57,7 @@ struct TracedReference {
     std::string certificate, laboratory;             // its number, and who issued it
     std::string date, due;                           // "2026-01-12"; in force on both
 
-    double standard_uncertainty() const;  // with the deviation that is not corrected for
+    double standard_uncertainty() const;  // sqrt(value^2 + (U/2)^2)
     bool in_force_on(const std::string& day) const { return date <= day && day <= due; }
 };
 
@@ -153,13 +103,10 @@ ExpectedScene expected_scene(const StationFile& station);
 // a calibration. Unknown keys are not looked for.
 StationStage read_station_stage(const std::filesystem::path& path);
 
-// The files that a station was read from, by content, and their copies in a record: a record must
-// tell years later what was measured with what, wherever the originals have gone.
-//
-// Copies lie under inputs/ as the originals lay under their nearest common folder, so that relative
-// paths from one to another still lead to the copy. A file other than the calibration that is named
-// with its absolute path is copied too, but it is the original that reading back opens: it must
-// still be the same.
+// The files that a station was read from, and their copies in a record. Copies lie under inputs/ as
+// the originals lay under their nearest common folder, so that relative paths lead to the copy. Of
+// a file that is named with its absolute path, but the calibration, reading back opens the
+// original: it must still be the same.
 
 // Copies the inputs into `record`/inputs and sets their `copy`. Throws ConfigError when one cannot
 // be copied or is not any more what was read.

@@ -15,7 +15,6 @@
 #include <set>
 
 #include "core/file/sha256.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -39,15 +38,6 @@ std::string numeric(const std::string& host) {
     return host;
 }
 
-bool is_loopback(const std::string& number) {
-    return number.starts_with("127.") || number == "::1";
-}
-
-std::string network_namespace() {
-    std::error_code ignored;
-    return std::filesystem::read_symlink("/proc/self/ns/net", ignored).string();
-}
-
 // By its number: links and other nodes of the same device are the same.
 std::string name_of(const SerialPort& serial) {
     struct stat status {};
@@ -62,17 +52,15 @@ std::set<std::string> controllers_of(const StationStage& stage) {
         return {name_of(*serial)};
     const auto& tcp = std::get<TcpAddress>(stage.link.address);
     const std::string host = numeric(tcp.host);
-    const std::string network = is_loopback(host) ? network_namespace() : "";
+    const bool is_loopback = host.starts_with("127.") || host == "::1";
+    std::error_code ignored;
+    const std::string network =
+        is_loopback ? std::filesystem::read_symlink("/proc/self/ns/net", ignored).string() : "";
     std::set<std::string> names;
     for (const Axis& axis : stage.axes)
         names.insert(fmt::format("tcp {} {} unit {} {}", host, tcp.port,
                                  axis.unit.value_or(stage.link.unit), network));
     return names;
-}
-
-bool may_everybody_write(const char* folder) {
-    struct stat status {};
-    return stat(folder, &status) == 0 && (status.st_mode & S_IWOTH) != 0;
 }
 
 // The same for all users of a machine, whatever their rights.
@@ -81,7 +69,9 @@ std::filesystem::path lock_folder() {
     const char* chosen = std::getenv("ETALON_LOCK_FOLDER");
     if (chosen && *chosen != '\0')
         return chosen;
-    return may_everybody_write(usual) ? usual : "/tmp";
+    struct stat status {};
+    const bool may_write = stat(usual, &status) == 0 && (status.st_mode & S_IWOTH) != 0;
+    return may_write ? usual : "/tmp";
 }
 
 // Everybody can lock it: who can only read it, too.

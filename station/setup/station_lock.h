@@ -2,11 +2,10 @@
 // the name of who holds it. The kernel releases it when its holder dies, however it dies. Reading
 // and stopping need none.
 //
-// It is a file for each controller: the address, port and Modbus unit, or the serial device. All
-// users, and all network namespaces, see the same one; an address of the loopback interface is
-// another place in each namespace. The folder is $ETALON_LOCK_FOLDER, else /run/lock where
-// everybody may write, else /tmp. Programs that see different folders do not see each other, and
-// nobody is kept off who does not ask: docs/stage.md says what protects then.
+// It is a file for each controller: address, port and Modbus unit, or the serial device. A loopback
+// address is another place in each network namespace. The folder is $ETALON_LOCK_FOLDER, else
+// /run/lock where everybody may write, else /tmp. Programs that see different folders, and those
+// that do not ask, are not kept off: docs/stage.md says what protects then.
 #pragma once
 
 #include "station/setup/station_file.h"

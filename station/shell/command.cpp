@@ -197,7 +197,7 @@ DescribedCommand describe_program(const std::function<void(Command&)>& declare) 
     return described(app);
 }
 
-const std::string homed_help = "your word that axes which do not tell are homed";
+const std::string homed_help = "confirms that axes which do not tell are homed";
 
 const std::string marker_help =
     "Markers:\n"

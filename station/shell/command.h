@@ -114,6 +114,19 @@ struct DescribedCommand {
 // The whole program; nothing of it is run.
 DescribedCommand describe_program(const std::function<void(Command&)>& declare);
 
+// Commands that declare themselves and have nothing else to share; the others are declared in
+// commands.h of their module.
+void declare_certify(Command& program);
+void declare_demo(Command& program);
+void declare_expect(Command& program);
+void declare_history(Command& program);
+void declare_oc(Command& program);
+void declare_plan(Command& program);
+void declare_qualify(Command& program);
+void declare_register(Command& program);
+void declare_report(Command& program);
+void declare_serve(Command& program);
+
 // One line on stderr, whatever the message that was thrown; returns `exit_code`.
 int fail(int exit_code, const std::string& message);
 

@@ -1,6 +1,5 @@
 // Ctrl-C, Ctrl-\, kill and a terminal that is closed, turned into a stop request. One thread takes
-// the signals; nobody else is ever interrupted, so files and devices are left in order by the
-// normal unwinding, axes standing still.
+// the signals: files and devices are left in order by the normal unwinding, axes standing still.
 #pragma once
 
 #include <atomic>
@@ -10,12 +9,11 @@
 
 namespace etalon {
 
-// From construction to destruction, SIGINT, SIGTERM, SIGQUIT and SIGHUP request a stop of `source`
-// instead of ending the process; further ones change nothing, so that an impatient second Ctrl-C
-// cannot skip stopping the axes. SIGHUP is left alone where the parent ignores it (nohup). SIGPIPE
-// is blocked as well: a reader of stdout that goes away is a write error, not the end of a program
-// whose axes move. Construct it before any other thread is started: threads inherit the blocked
-// signals. They stay blocked afterwards, for the short rest of the program. One per process.
+// While it lives, SIGINT, SIGTERM, SIGQUIT and SIGHUP request a stop of `source` instead of ending
+// the process; a second Ctrl-C cannot skip stopping the axes. SIGHUP is left alone where the parent
+// ignores it (nohup). SIGPIPE is blocked, too: a reader of stdout that goes away is a write error.
+// Construct it before any other thread is started: threads inherit the blocked signals, which stay
+// blocked afterwards. One per process.
 class StopOnSignals {
 public:
     explicit StopOnSignals(std::stop_source source);

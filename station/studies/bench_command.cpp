@@ -59,7 +59,7 @@ BenchResult measure(const BenchArguments& arguments, const std::vector<Benchmark
             measure_throughput(webcam, study_poses(webcam.camera, grid, frames, throughput_seed));
         say("throughput from near focus to far");
         result.wide_throughput =
-            measure_throughput(webcam, spread_poses(webcam.camera, grid, frames, throughput_seed));
+            measure_throughput(webcam, volume_poses(webcam.camera, grid, frames, throughput_seed));
     }
     for (const BenchmarkScene& scene : scenes) {
         say(scene.name);

@@ -51,12 +51,6 @@ nlohmann::ordered_json json_of(const Row& row) {
             {"seconds", row.seconds}};
 }
 
-void print_json(const std::vector<Row>& rows, std::size_t failed) {
-    const nlohmann::ordered_json result = {
-        {"cases", json_list(rows, json_of)}, {"count", rows.size()}, {"failed", failed}};
-    std::puts(result.dump(1).c_str());
-}
-
 int run_stability(const StabilityArguments& arguments) {
     std::vector<Row> rows;
     std::size_t failed = 0;
@@ -69,7 +63,10 @@ int run_stability(const StabilityArguments& arguments) {
             print_row(rows.back());
     }
     if (arguments.json)
-        print_json(rows, failed);
+        std::puts(nlohmann::ordered_json{
+            {"cases", json_list(rows, json_of)}, {"count", rows.size()}, {"failed", failed}}
+                      .dump(1)
+                      .c_str());
     else
         fmt::print("{} cases, {} failed\n", rows.size(), failed);
     return failed == 0 ? 0 : 1;

@@ -12,6 +12,7 @@
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
 #include "station/studies/commands.h"
+#include "station/studies/study_help.txt.h"
 #include "study/study_report.h"
 #include "study/study_run.h"
 
@@ -80,10 +81,6 @@ void finish(const std::filesystem::path& folder, bool json) {
     fmt::print("{}", json ? summary_json(results, summary) : summary_text(results, summary));
 }
 
-std::vector<std::string> ablations_of(const std::string& text) {
-    return text.empty() ? std::vector<std::string>{} : split(text, ',');
-}
-
 int run_study_command(const StudyArguments& arguments) {
     // `merge` needs neither, so that the command line cannot require them.
     for (const auto& [name, value] :
@@ -94,7 +91,9 @@ int run_study_command(const StudyArguments& arguments) {
     const StopOnSignals signals(stop);
     const StudyFile study = read_study(arguments.study);
     const Shard shard = parse_shard(arguments.shard);
-    const StudyOptics optics(study, study_variants(study, ablations_of(arguments.ablate)));
+    const auto ablations =
+        arguments.ablate.empty() ? std::vector<std::string>() : split(arguments.ablate, ',');
+    const StudyOptics optics(study, study_variants(study, ablations));
     StudyRecord record(arguments.out, describe(study, arguments.study, optics.variants(), shard));
     StderrProgress progress;
     const StudyRun run = run_study(optics, shard, record, stop.get_token(), progress);
@@ -127,19 +126,8 @@ int run_study_merge(const StudyMergeArguments& arguments) {
 }  // namespace
 
 void declare_study(Command& program) {
-    auto [command, asked] = program.add(
-        run_study_command, "study", "compare detectors on rendered poses",
-        "Renders markers at poses all over a volume as a camera would see them, lets\n"
-        "detectors find them, and compares their poses with the truth: detection rate,\n"
-        "bias, scatter, flips, each error against each degree of freedom. Stopped or\n"
-        "killed, the same command goes on. Explained in docs/study.md.\n\n"
-        "Detectors: aruco, apriltag, charuco, chessboard, stag, topotag, photometric,\n"
-        "external\n"
-        "Ablations: tone, half-pixel, noise, blur, undistortion\n\n"
-        "Examples:\n"
-        "  etalon study examples/study/published.yaml --out compared\n"
-        "  etalon study study.yaml --ablate tone,half-pixel --out explained\n"
-        "  etalon study study.yaml --shard 2/5 --out part-2\n");
+    auto [command, asked] = program.add(run_study_command, "study",
+                                        "compare detectors on rendered poses", study_help_txt);
     command.option("STUDY", asked->study, "study.yaml: camera, poses, detectors");
     command.option("--out", asked->out, "folder for results and report", "DIR");
     command.option("--ablate", asked->ablate, "also with each of these switched", "NAME,...");

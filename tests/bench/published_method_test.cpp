@@ -6,11 +6,11 @@
 #include <opencv2/calib3d.hpp>
 #include <set>
 
-#include "bench/published_kernels.h"
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/scene/pose_sampling.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon {
 namespace {
@@ -20,35 +20,30 @@ using Undistortion = PublishedMethod::Undistortion;
 // Wide and strongly distorted, so that a fixed-point step more or less shows; blurred by some 2 px;
 // infrared, so that the Airy pattern is as wide as a pixel.
 CameraModel small_camera() {
-    CameraModel camera;
-    camera.width = 61;
-    camera.height = 47;
-    camera.intrinsics = {60.0, 68.0, 29.0, 25.5};
-    camera.distortion = {.k1 = -0.35,
-                         .k2 = 0.09,
-                         .p1 = 0.003,
-                         .p2 = -0.002,
-                         .k3 = 0.1,
-                         .k4 = 0.01,
-                         .k5 = 0.02,
-                         .k6 = 0.03,
-                         .s1 = 0.002,
-                         .s2 = 0.004,
-                         .s3 = 0.006,
-                         .s4 = -0.01};
+    CameraModel camera = test::camera_with(61, 47, {60.0, 68.0, 29.0, 25.5},
+                                           {.k1 = -0.35,
+                                            .k2 = 0.09,
+                                            .p1 = 0.003,
+                                            .p2 = -0.002,
+                                            .k3 = 0.1,
+                                            .k4 = 0.01,
+                                            .k5 = 0.02,
+                                            .k6 = 0.03,
+                                            .s1 = 0.002,
+                                            .s2 = 0.004,
+                                            .s3 = 0.006,
+                                            .s4 = -0.01});
     camera.sensor = Sensor{.pixel_pitch_um = 40.0};
     camera.lens = Lens{0.5, 60.0, 20000.0, {}};
     return camera;
 }
 
 PlacedMarker marker(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {
-    PlacedMarker result;
-    result.grid.cells = (cv::Mat_<float>(2, 3) << 0.1f, 0.9f, 0.3f, 0.7f, 0.0f, 0.6f);
-    result.grid.corner_mm = {-42.0, -33.0};
-    result.grid.cell_mm = {27.0, 33.0};
-    result.camera_from_marker = {
-        Eigen::Quaterniond(Eigen::AngleAxisd(rotation.norm(), rotation.normalized())), translation};
-    return result;
+    return {{(cv::Mat_<float>(2, 3) << 0.1f, 0.9f, 0.3f, 0.7f, 0.0f, 0.6f),
+             {-42.0, -33.0},
+             {27.0, 33.0}},
+            {Eigen::Quaterniond(Eigen::AngleAxisd(rotation.norm(), rotation.normalized())),
+             translation}};
 }
 
 // The first hides a part of the second.
@@ -192,23 +187,17 @@ private:
 };
 
 // OpenCV stops after five steps too, far from converged in this image's corners.
-TEST(PublishedKernels, UndistortAsOpenCvDoes) {
+TEST(PublishedMethod, UndistortsAsOpenCvDoes) {
     const CameraModel camera = small_camera();
     const Intrinsics& in = camera.intrinsics;
-    published::KernelCamera kernel{static_cast<float>(1 / in.fx),
-                                   static_cast<float>(1 / in.fy),
-                                   static_cast<float>(in.cx),
-                                   static_cast<float>(in.cy),
-                                   {}};
+    const PublishedMethod method(camera, 64, Undistortion::per_ray);
     const auto k = camera.distortion.in_opencv_order();
-    std::copy_n(k.begin(), 12, kernel.k);
     const std::vector<double> coefficients(k.begin(), k.begin() + 12);
     const cv::Matx33d matrix(in.fx, 0, in.cx, 0, in.fy, in.cy, 0, 0, 1);
-    std::vector<float> columns(61 + published::slack), x(columns.size()), y(columns.size());
-    for (std::size_t i = 0; i < 61; ++i)
-        columns[i] = static_cast<float>(i);
+    std::vector<float> columns(61);
+    std::iota(columns.begin(), columns.end(), 0.0f);
     for (const float row : {0.0f, 11.5f, 46.0f}) {
-        published::undistort(kernel, columns.data(), row, 61, x.data(), y.data());
+        const auto [x, y] = method.undistorted(columns, row);
         std::vector<cv::Point2d> pixels, expected;
         for (int i = 0; i < 61; ++i)
             pixels.emplace_back(i, row);

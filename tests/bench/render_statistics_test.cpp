@@ -11,11 +11,15 @@ namespace {
 // noise of known standard errors s_i. Mean square of the noise: mean(s^2), with the variance
 // (2 + 4/15) / n * mean(s^4): s^2 is itself estimated from 16 scrambles and varies by 2/15 of its
 // square, twice. Five such standard deviations are allowed.
-void expect_within_tolerance(const RenderComparison& c, const std::string& name) {
+void expect_within_tolerance(const BenchmarkScene& scene, const std::string& name) {
+    const RenderedImage image = Renderer(scene.camera).render(scene.scene);
+    const RenderTruth truth =
+        integrate_truth(scene.camera, scene.scene, 5, {.samples_per_scramble = 1024});
+    const RenderComparison c = compare_with_truth(values_at(image.radiance, truth.pixels), truth);
     const double noise = c.reference_rms_gray * c.reference_rms_gray;
     const double spread = std::sqrt((2.0 + 4.0 / 15.0) / c.pixels * c.reference_fourth);
     EXPECT_LT(c.rms_gray * c.rms_gray, 0.1 * 0.1 + noise + 5.0 * spread)
-        << name << ": " << c.plan.describe();
+        << name << ": " << image.plan.describe();
     // Student's t with 15 degrees of freedom exceeds 8 once in 10^6.
     EXPECT_LT(c.max_sigmas, 8.0) << name;
     EXPECT_LT(c.reference_rms_gray, 0.6) << name << ": the reference is too noisy to tell";
@@ -24,15 +28,13 @@ void expect_within_tolerance(const RenderComparison& c, const std::string& name)
 class RenderAccuracy : public testing::TestWithParam<std::string> {};
 
 TEST_P(RenderAccuracy, IsATenthOfAGrayAgainstTheReference) {
-    ReferenceOptions reference;
-    reference.samples_per_scramble = 1024;
-    expect_within_tolerance(compare_with_reference(benchmark_scene(GetParam()), 5, reference),
-                            GetParam());
+    expect_within_tolerance(benchmark_scene(GetParam()), GetParam());
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, RenderAccuracy,
                          testing::Values("webcam-500", "webcam-1000", "webcam-1500", "sharp-500",
-                                         "sharp-1000", "sharp-1500", "focus-152", "canon-500", "canon-900"));
+                                         "sharp-1000", "sharp-1500", "focus-152", "canon-500",
+                                         "canon-900"));
 
 // Scenes that leave the common path, as changes of sharp-1000 or webcam-500.
 BenchmarkScene odd_scene(const std::string& name) {
@@ -68,10 +70,7 @@ BenchmarkScene odd_scene(const std::string& name) {
 class OddScenes : public testing::TestWithParam<std::string> {};
 
 TEST_P(OddScenes, AreATenthOfAGrayFromTheReference) {
-    ReferenceOptions reference;
-    reference.samples_per_scramble = 1024;
-    expect_within_tolerance(compare_with_reference(odd_scene(GetParam()), 5, reference),
-                            GetParam());
+    expect_within_tolerance(odd_scene(GetParam()), GetParam());
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, OddScenes,

@@ -1,9 +1,37 @@
-// Projections with tables that several tests use.
+// Projections with tables that several tests use, and rays by their angle to the axis and about it.
 #pragma once
+
+#include <cmath>
+#include <complex>
+#include <numbers>
 
 #include "calib/camera/lens_projection.h"
 
 namespace etalon::test {
+
+inline constexpr double pi = std::numbers::pi;
+using Complex = std::complex<double>;
+using ComplexRay = Eigen::Matrix<Complex, 3, 1>;
+using ComplexPoint = Eigen::Matrix<Complex, 2, 1>;
+
+// The imaginary part of f(x + i h) / h is the derivative to rounding.
+template <class Function, class Point>
+Eigen::MatrixXd complex_step(const Function& f, const Point& at) {
+    constexpr double h = 1e-30;
+    using ComplexArgument = Eigen::Matrix<Complex, Point::RowsAtCompileTime, 1>;
+    Eigen::MatrixXd derivatives(f(ComplexArgument(at.template cast<Complex>())).size(), at.size());
+    for (Eigen::Index i = 0; i < at.size(); ++i) {
+        ComplexArgument moved = at.template cast<Complex>();
+        moved[i] += Complex(0.0, h);
+        derivatives.col(i) = f(moved).imag() / h;
+    }
+    return derivatives;
+}
+
+inline Eigen::Vector3d ray_at(double angle, double azimuth, double length = 1.0) {
+    return length * Eigen::Vector3d(std::sin(angle) * std::cos(azimuth),
+                                    std::sin(angle) * std::sin(azimuth), std::cos(angle));
+}
 
 // With and without an end before 180 degrees, and with a stretch matrix's lower half.
 inline std::vector<LensProjection> polynomials() {

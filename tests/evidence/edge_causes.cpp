@@ -70,7 +70,7 @@ struct Set {
 std::vector<EdgeShift> edges_in(const cv::Mat& gray, const PhotometricCamera& camera,
                                 const PhotoFit& fit) {
     std::vector<EdgeShift> edges =
-        edge_shifts({gray, board().grid, fit.use, pixel_fitted}, camera, fit.state).edges;
+        edge_shifts({gray, board().grid, fit.use, pixel_fitted}, camera, fit.state);
     std::erase_if(edges, [](const EdgeShift& edge) { return edge.is_beyond_range; });
     return edges;
 }

@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "calib/intrinsics/calibration_covariance.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 
 namespace etalon {
 namespace {
@@ -26,7 +26,7 @@ struct Sums {
 
 Eigen::VectorXd deviations(std::span<const CalibrationView> observed, const CameraFit& fit,
                            const CalibrationModel& model) {
-    return inverse_information(view_equations(observed, fit, model), model).diagonal().cwiseSqrt();
+    return inverse_information(view_equations(observed, fit), model).diagonal().cwiseSqrt();
 }
 
 std::vector<CalibrationView> with_noise(std::vector<CalibrationView> views, double noise_px,
@@ -61,7 +61,7 @@ void print_intervals(double noise_px, int runs) {
         unconverged += !fit.converged;
         const Eigen::VectorXd u = std::sqrt(fit.variance) * deviations(observed, fit, model);
         const Eigen::VectorXd error = parameters_of(fit.camera, model) - values;
-        const auto profiles = profile_intervals(observed, test::image_size, model, fit, u);
+        const auto profiles = profile_intervals(observed, fit, u);
         for (Eigen::Index i = 0; i < error.size(); ++i) {
             Sums& sum = sums[static_cast<std::size_t>(i)];
             const auto& profile = profiles[static_cast<std::size_t>(i)];

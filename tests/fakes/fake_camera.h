@@ -4,7 +4,6 @@
 #pragma once
 
 #include <deque>
-#include <functional>
 
 #include "capture/frame/device_camera.h"
 
@@ -21,7 +20,15 @@ public:
         identity_ = {"fake:", "Etalon", "FakeCamera", "FAKE-7"};
     }
 
-    void reconnect(Instant deadline, std::stop_token stop) override;
+    void reconnect(Instant deadline, std::stop_token stop) override {
+        if (unplugged || triggers_left == 0) {
+            if (!clock_.wait_until(deadline, stop))
+                throw Interrupted();
+            fail("reconnect", "the camera is lost");
+        }
+        lost_ = false;
+        ++statistics_.reconnects;
+    }
     CaptureStatistics statistics() const override {
         CaptureStatistics now = statistics_;
         now.missing_packets = missing_packets;
@@ -46,9 +53,41 @@ public:
     int triggers = 0;
 
 private:
-    void require_alive(const std::string& request) const override;
-    CaptureSettings apply(const CaptureSettings& wanted) override;
-    Frame next_frame(Instant t, std::stop_token stop) override;
+    void require_alive(const std::string& request) const override {
+        lost_ = lost_ || unplugged || triggers_left == 0;
+        if (lost_)
+            fail(request, "the camera is lost");
+    }
+    CaptureSettings apply(const CaptureSettings& wanted) override {
+        CaptureSettings settings = wanted;
+        if (settings.format.empty())
+            settings.format = wanted.bits <= 8 ? "Mono8" : "Mono16";
+        if (alter_settings)
+            alter_settings(settings);
+        refuse_if(first_difference(wanted, settings, 0.5));
+        return settings;
+    }
+    Frame next_frame(Instant t, std::stop_token stop) override {
+        if (stop.stop_requested())
+            throw Interrupted();
+        if (clock_.now() <= t)
+            clock_.wait_until(t + Duration(1), {});
+        if (triggers_left > 0)
+            --triggers_left;
+        Frame frame;
+        frame.id = static_cast<std::uint64_t>(++triggers);
+        frame.exposure_start = clock_.now();
+        frame.settings = *settings_;
+        frame.status = FrameStatus::complete;
+        if (!script.empty()) {
+            frame.status = script.front();
+            script.pop_front();
+        }
+        frame.status_detail = name(frame.status);
+        if (frame.status == FrameStatus::complete)
+            frame.image = picture_(*settings_);
+        return frame;
+    }
 
     Picture picture_;
     mutable bool lost_ = false;

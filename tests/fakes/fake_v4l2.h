@@ -7,10 +7,6 @@
 #include <atomic>
 #include <deque>
 #include <functional>
-#include <map>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "capture/v4l2/v4l2_device.h"
 #include "core/time/clock.h"

@@ -1,11 +1,9 @@
 // `etalon capture` as its user sees it, with a GigE Vision camera on loopback.
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/loopback/powered_camera.h"
 #include "tests/temporary_folder.h"
 

@@ -118,7 +118,8 @@ TEST_F(Clocks, AProgramThatWasFrozenInMidMotionEndsWithTheWatchdogsAlarm) {
     write_text(folder_ / "station.yaml", slow);
     const auto program = begin(record_);
     wait_for(record_, "stage homed", 1);
-    for (int time = 0; time < 2; ++time) {  // on a busy machine the first may come before the motion
+    for (int time = 0; time < 2;
+         ++time) {  // on a busy machine the first may come before the motion
         SteadyClock().wait_for(300ms, {});
         freeze(*program, 2s);
     }

@@ -2,7 +2,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "capture/frame/camera.h"
 #include "mocks/camera/gige_camera.h"
 #include "station/devices/commands.h"
 

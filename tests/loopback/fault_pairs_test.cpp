@@ -4,18 +4,7 @@
 //
 // Each pair is tried once, with one of three thirds (nothing, disk, SIGTERM) and with a camera
 // whose calibration is true or false by turns; all three: --gtest_random_seed=0, 1, 2.
-#include <fmt/format.h>
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <array>
-#include <csignal>
-#include <functional>
-#include <map>
-#include <thread>
-
-#include "core/program/errors.h"
-#include "core/time/clock.h"
 #include "mocks/twin/twin.h"
 #include "tests/loopback/program.h"
 #include "tests/loopback/quick_station.h"

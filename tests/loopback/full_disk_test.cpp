@@ -5,10 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"
-#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -1,12 +1,9 @@
 // Chunks and PTP over GigE Vision on loopback: what a frame says of itself against what was asked,
 // and what becomes of frames whose chunks cannot be true.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "core/program/errors.h"
-#include "mocks/camera/gige_camera.h"
 #include "mocks/camera/gige_description.h"
 #include "tests/loopback/gige_rig.h"
 

@@ -52,16 +52,20 @@ public:
     }
     std::vector<Refusal> refusals() const override {
         CaptureSettings wide = settings(), long_exposure = wide, loud = wide, unknown = wide,
-                        dark = wide, nameless = wide;
+                        dark = wide, nameless = wide, between_steps = wide, deep = wide;
+        between_steps.gain_db = 2.5;
+        deep.format = "";
+        deep.bits = 17;
         wide.width = 151;
         long_exposure.exposure = 11s;
         loud.gain_db = 11.0;
         unknown.format = "Mono14";
         dark.black_level = 256.0;
         nameless.controls["Sharpness"] = 1.0;
-        return {{wide, "151x80"},    {long_exposure, "11000000 us"},
-                {loud, "11 dB"},     {unknown, "Mono14"},
-                {dark, "level 256"}, {nameless, "Sharpness"}};
+        return {{wide, "151x80"},          {long_exposure, "11000000 us"},
+                {loud, "11 dB"},           {unknown, "Mono14"},
+                {dark, "level 256"},       {nameless, "Sharpness"},
+                {between_steps, "2.5 dB"}, {deep, "17"}};
     }
     bool show(const CodeImage& scene) override {
         rig_.show(scene);

@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "capture/camera_recovery.h"
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"

@@ -2,7 +2,6 @@
 // test knows what the camera showed at each.
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <cstring>
 
 #include "capture/genicam/genicam_device.h"

@@ -5,9 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <mutex>
 
-#include "core/program/errors.h"
 #include "mocks/ending_signals.h"
 #include "tests/loopback/gige_rig.h"
 

@@ -1,9 +1,6 @@
 // A GigE Vision camera on 127.0.0.1 for the loopback tests, and pictures that can be told apart.
 #pragma once
 
-#include <memory>
-#include <mutex>
-
 #include "capture/frame/camera.h"
 #include "core/statistics/random.h"
 #include "mocks/camera/gige_camera.h"

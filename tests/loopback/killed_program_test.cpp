@@ -1,17 +1,13 @@
 // What becomes of a motion when the program that commanded it is killed or told to end: the real
 // `etalon stage move` against a controller behind a real server.
 #include <fcntl.h>
-#include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include <atomic>
-#include <fstream>
 #include <future>
 
 #include "core/file/text.h"
 #include "tests/loopback/program.h"
 #include "tests/loopback/stage_rig.h"
-#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

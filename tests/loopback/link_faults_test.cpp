@@ -83,8 +83,7 @@ INSTANTIATE_TEST_SUITE_P(Every, LinkFault,
                          testing::Combine(testing::ValuesIn(cases()),
                                           testing::Values(Wire::tcp, Wire::rtu)),
                          [](const auto& one) {
-                             return std::string(std::get<0>(one.param).name) +
-                                    (std::get<1>(one.param) == Wire::tcp ? "OverTcp" : "OverRtu");
+                             return std::get<0>(one.param).name + name_of(std::get<1>(one.param));
                          });
 
 }  // namespace

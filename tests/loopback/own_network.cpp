@@ -1,6 +1,6 @@
-// Gives a test program a network of its own, loopback only: GigE Vision's control port is fixed, and
-// two tests with a camera, or a test and a demo, would meet there. Where the kernel does not allow
-// it, tests wait for each other instead. Programs that a test starts are in its network.
+// Gives a test program a network of its own, loopback only: GigE Vision's control port is fixed,
+// and two tests with a camera, or a test and a demo, would meet there. Where the kernel does not
+// allow it, tests wait for each other instead. Programs that a test starts are in its network.
 #include <fcntl.h>
 #include <net/if.h>
 #include <sched.h>

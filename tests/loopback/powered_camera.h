@@ -4,9 +4,6 @@
 
 #include <fmt/format.h>
 
-#include <memory>
-#include <string>
-
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"
 

@@ -2,13 +2,9 @@
 // killed in mid-stream, so that nothing of it is left that could say goodbye.
 #include "tests/loopback/powered_camera.h"
 
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
 #include <future>
 
 #include "capture/frame/frame_checks.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

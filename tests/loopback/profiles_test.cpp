@@ -3,9 +3,6 @@
 // them as two units on one bus.
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <numbers>
-
 #include "tests/error_text.h"
 #include "tests/loopback/stage_rig.h"
 
@@ -43,10 +40,6 @@ void expect_at(StageRig& rig, Stage& stage, const std::vector<double>& target) {
         EXPECT_NEAR(truth[i], target[i], half_count(rig, i));
         EXPECT_NEAR(read[i], target[i], half_count(rig, i));
     }
-}
-
-std::string failure_of_move(Stage& stage, const std::vector<double>& target) {
-    return device_error_of([&] { stage.move(target, {}); });
 }
 
 // Whether a request gives the command that starts a move.
@@ -114,7 +107,7 @@ TEST_P(ProfileOnAWire, AnAlarmStopsAllAxesAndIsResetWhenEnabledAgain) {
         }
         return ModbusReaction{};
     });
-    const std::string error = failure_of_move(*stage, {690.0, 1.0});
+    const std::string error = device_error_of([&] { stage->move(std::vector{690.0, 1.0}, {}); });
     EXPECT_NE(error.find(profile.alarm_code ? "axis x: alarm 17" : "axis x: alarm without a"),
               std::string::npos)
         << error;
@@ -151,8 +144,7 @@ INSTANTIATE_TEST_SUITE_P(Every, ProfileOnAWire,
                          [](const auto& one) {
                              std::string name = std::get<0>(one.param);
                              std::erase(name, '-');
-                             return name +
-                                    (std::get<1>(one.param) == Wire::tcp ? "OverTcp" : "OverRtu");
+                             return name + name_of(std::get<1>(one.param));
                          });
 
 }  // namespace

@@ -1,15 +1,9 @@
 // The program `etalon qualify` against the twin over the real protocols, when something ends the
 // run early: it stops in time, with its exit code, and keeps what was measured.
-#include <gtest/gtest.h>
-
-#include <csignal>
-#include <filesystem>
-#include <string>
 
 #include "core/file/text.h"
 #include "core/time/clock.h"
 #include "tests/loopback/program.h"
-#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

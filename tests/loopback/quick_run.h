@@ -3,10 +3,7 @@
 // its own network (own_network.cpp).
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
-#include <csignal>
 #include <functional>
 #include <nlohmann/json.hpp>
 

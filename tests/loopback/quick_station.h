@@ -4,10 +4,6 @@
 
 #include <fmt/format.h>
 
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "tests/station/stations.h"
 
 namespace etalon {

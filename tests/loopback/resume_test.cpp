@@ -1,9 +1,5 @@
 // The program `etalon qualify` against the twin, killed with SIGKILL at random moments: what it had
 // measured is kept, `--resume` goes on, and the end is the verdict of a run that nobody disturbed.
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include <csignal>
 
 #include "core/file/sha256.h"
 #include "core/statistics/random.h"

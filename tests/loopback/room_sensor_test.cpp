@@ -2,10 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include <cmath>
-#include <numbers>
-
-#include "core/program/errors.h"
 #include "mocks/stage/room_sensor_server.h"
 #include "tests/error_text.h"
 

@@ -1,5 +1,4 @@
 // Modbus RTU through libmodbus and a pseudo-terminal: what a serial line adds to TCP.
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <time.h>
 
@@ -26,34 +25,6 @@ std::vector<std::uint16_t> contents(int first, int count) {
     for (int i = 0; i < count; ++i)
         values.push_back(content_of(first + i));
     return values;
-}
-
-TEST(Rtu, EnablesHomesMovesAndReadsBack) {
-    StageRig rig(2s, Wire::rtu);
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{7.1234, -0.25}, {});
-    EXPECT_NEAR(stage->position()[0], 7.1234, 0.5e-4);  // half a count
-    EXPECT_NEAR(rig.simulation.true_positions()[1], -0.25, 1e-6);
-    EXPECT_EQ(rig.count_writes(start_bit), 1);
-    EXPECT_NE(stage->trace().find("unit 1: write register"), std::string::npos);
-}
-
-TEST(Rtu, StopsTheAxesWhenTheLineGoesSilentForAWhile) {
-    StageRig rig(100ms, Wire::rtu);
-    auto stage = rig.connect_and_home();
-    int lost = 0;
-    rig.server->set_script([&](const ModbusRequest&) {
-        if (lost == 4 || (lost == 0 && !rig.is_beyond(10.0)))
-            return ModbusReaction{};
-        ++lost;
-        return ModbusReaction{.carry_out = false, .reply = false};
-    });
-    EXPECT_THAT(device_error_of([&] {
-                    stage->move(std::vector{690.0, 1.0}, {});
-                }),
-                testing::HasSubstr("the axes were stopped"));
-    EXPECT_FALSE(rig.simulation.is_moving());
-    EXPECT_LT(rig.simulation.true_positions()[0], 600.0);
 }
 
 TEST(Rtu, OnlyTheUnitThatIsAskedAnswers) {

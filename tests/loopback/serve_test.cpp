@@ -2,7 +2,6 @@
 // started, looked at, stopped and gone on with over HTTP as the page does it.
 #include <gmock/gmock.h>
 
-#include <filesystem>
 #include <regex>
 
 #include "core/statistics/random.h"

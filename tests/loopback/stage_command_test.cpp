@@ -1,10 +1,7 @@
 // `etalon stage` on a simulated stage behind a real server.
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "station/devices/commands.h"
 #include "tests/loopback/stage_rig.h"
 #include "tests/temporary_folder.h"

@@ -4,9 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <future>
-#include <optional>
 #include <thread>
-#include <utility>
 
 #include "tests/loopback/stage_rig.h"
 
@@ -93,10 +91,6 @@ public:
 private:
     ModbusScript faults_;  // of the server's thread
 };
-
-std::string name_of(Wire wire) {
-    return wire == Wire::tcp ? "OverTcp" : "OverRtu";
-}
 
 // ---- faults of the link
 

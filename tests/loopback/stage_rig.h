@@ -2,12 +2,7 @@
 // of the stage.
 #pragma once
 
-#include <memory>
-#include <utility>
-#include <vector>
-
 #include "mocks/stage/modbus_controller.h"
-#include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
 
 namespace etalon {
@@ -28,6 +23,9 @@ inline bool gives(const ModbusRequest& request, std::uint16_t bit) {
 }
 
 enum class Wire { tcp, rtu };
+inline std::string name_of(Wire wire) {
+    return wire == Wire::tcp ? "OverTcp" : "OverRtu";
+}
 
 class StageRig {
 public:

@@ -1,11 +1,6 @@
 // The program etalon-twin: its exit codes, its one line, and that a signal ends it in order.
-#include <gtest/gtest.h>
-
-#include <csignal>
-#include <string>
 
 #include "core/file/text.h"
-#include "core/time/clock.h"
 #include "mocks/camera/gige_camera.h"
 #include "tests/loopback/program.h"
 #include "tests/mocks/twin/twin_folder.h"

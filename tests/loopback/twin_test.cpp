@@ -2,16 +2,8 @@
 // in-process rendering says the stage's position must show.
 #include "mocks/twin/twin.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-
 #include "capture/frame/camera.h"
-#include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
-#include "stage/motion/stage.h"
-#include "stage/profile/profile.h"
 #include "tests/mocks/twin/twin_folder.h"
 
 namespace etalon {

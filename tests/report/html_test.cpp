@@ -7,41 +7,36 @@
 namespace etalon {
 namespace {
 
+using testing::HasSubstr;
+using testing::Not;
+
 TEST(HtmlPage, EscapesWhateverTextItIsGiven) {
     HtmlPage page("<b>title", "sub & title");
     page.add_paragraph("<script>alert(1)</script>");
     page.add_table({"<th>"}, {{"<td>"}});
-    const std::string html = page.finish();
-    EXPECT_EQ(html.find("<script>"), std::string::npos);
-    EXPECT_EQ(html.find("<b>title"), std::string::npos);
-    EXPECT_NE(html.find("&lt;td&gt;"), std::string::npos);
+    EXPECT_THAT(page.finish(), testing::AllOf(Not(HasSubstr("<script>")),
+                                              Not(HasSubstr("<b>title")), HasSubstr("&lt;td&gt;")));
 }
 
 TEST(HtmlPage, NeedsNothingFromOutside) {
     HtmlPage page("title", "subtitle");
     page.add_figures({{embedded_png(cv::Mat::eye(3, 5, CV_8U) * 255, "eye"), "an eye"}});
-    const std::string html = page.finish();
-    EXPECT_EQ(html.find("http:"), std::string::npos);
-    EXPECT_EQ(html.find("https:"), std::string::npos);
-    EXPECT_NE(html.find("src=\"data:image/png;base64,"), std::string::npos);
+    EXPECT_THAT(page.finish(), testing::AllOf(Not(HasSubstr("http:")), Not(HasSubstr("https:")),
+                                              HasSubstr("src=\"data:image/png;base64,")));
 }
 
 // The PNG signature 89 50 4E 47 0D 0A 1A 0A and the IHDR length 00 00 00 0D in base64, by hand.
-TEST(HtmlPage, EmbedsPicturesAsBase64) {
-    EXPECT_NE(embedded_png(cv::Mat::zeros(2, 3, CV_8U), "dark").find("base64,iVBORw0KGgoAAAAN"),
-              std::string::npos);
+TEST(HtmlPage, EmbedsPicturesAsBase64AndLoadsThemWhenTheyComeIntoView) {
+    EXPECT_THAT(
+        embedded_png(cv::Mat::zeros(2, 3, CV_8U), "dark"),
+        testing::AllOf(HasSubstr("base64,iVBORw0KGgoAAAAN"), HasSubstr("loading=\"lazy\"")));
 }
 
 TEST(HtmlPage, AlignsOnlyColumnsOfNumbersToTheRight) {
-    HtmlPage page("t", "s");
-    page.add_table({"name", "value"}, {{"rms", "0.5"}, {"max", "-7"}});
-    const std::string html = page.finish();
-    EXPECT_NE(html.find("<td>rms</td><td class=\"n\">0.5</td>"), std::string::npos);
-}
-
-TEST(HtmlPage, AlignsValuesThatAreBelowSomethingWithNumbers) {
+    EXPECT_THAT(table_html({"name", "value"}, {{"rms", "0.5"}, {"max", "-7"}}),
+                HasSubstr("<td>rms</td><td class=\"n\">0.5</td>"));
     EXPECT_THAT(table_html({"name", "value"}, {{"rms", "below 0.037"}, {"max", "7"}}),
-                testing::HasSubstr("<td class=\"n\">below 0.037</td>"));
+                HasSubstr("<td class=\"n\">below 0.037</td>"));
 }
 
 TEST(HtmlPage, FoldsWhatIsLong) {
@@ -50,22 +45,17 @@ TEST(HtmlPage, FoldsWhatIsLong) {
     EXPECT_EQ(page.finish().find("<details>"), std::string::npos);
     page.add_table({"pose"}, TableRows(101, {"7"}));
     page.add_notes(std::vector<std::string>(21, "note"));
-    EXPECT_THAT(page.finish(), testing::HasSubstr("<details><summary>101 rows</summary>"));
-    EXPECT_THAT(page.finish(), testing::HasSubstr("<details><summary>21 notes</summary>"));
-}
-
-TEST(HtmlPage, LoadsPicturesWhenTheyComeIntoView) {
-    EXPECT_THAT(embedded_png(cv::Mat::zeros(2, 3, CV_8U), "dark"),
-                testing::HasSubstr("loading=\"lazy\""));
+    EXPECT_THAT(page.finish(), HasSubstr("<details><summary>101 rows</summary>"));
+    EXPECT_THAT(page.finish(), HasSubstr("<details><summary>21 notes</summary>"));
 }
 
 // Rows become paragraphs on narrow screens: each value then says what it is.
 TEST(HtmlPage, LabelsTheCellsOfWideTables) {
     const std::string html =
         table_html({"name", "outcome", "value", "<unit>"}, {{"rms", "NOT_OBSERVABLE", "7", "mm"}});
-    EXPECT_THAT(html, testing::HasSubstr("class=\"stack\""));
-    EXPECT_THAT(html, testing::HasSubstr(
-                          "<td class=\"tone unsure\" data-label=\"outcome\">NOT_OBSERVABLE</td>"
+    EXPECT_THAT(html, HasSubstr("class=\"stack\""));
+    EXPECT_THAT(html,
+                HasSubstr("<td class=\"tone unsure\" data-label=\"outcome\">NOT_OBSERVABLE</td>"
                           "<td class=\"n\" data-label=\"value\">7</td>"
                           "<td data-label=\"&lt;unit&gt;\">mm</td>"));
 }
@@ -76,10 +66,9 @@ TEST(HtmlPage, AnswersBehindTheVerdictAreParagraphsOrLists) {
                      {{"Cause", {"k1 & k4"}}, {"Do", {"one", "two"}}, {"No", {}}});
     EXPECT_THAT(
         page.finish(),
-        testing::HasSubstr(
-            "<section class=\"verdict bad\"><div><strong>FAIL</strong><p>too large</p></div>"
-            "<div class=\"answers\"><div><h2>Cause</h2><p>k1 &amp; k4</p></div>"
-            "<div><h2>Do</h2><ul><li>one</li><li>two</li></ul>\n</div></div></section>"));
+        HasSubstr("<section class=\"verdict bad\"><div><strong>FAIL</strong><p>too large</p></div>"
+                  "<div class=\"answers\"><div><h2>Cause</h2><p>k1 &amp; k4</p></div>"
+                  "<div><h2>Do</h2><ul><li>one</li><li>two</li></ul>\n</div></div></section>"));
 }
 
 }  // namespace

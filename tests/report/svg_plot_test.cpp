@@ -20,12 +20,21 @@ std::vector<double> attribute(const std::string& svg, const std::string& element
     return values;
 }
 
+// Where the points of the plot, or the tails of its arrows, are in the picture.
+struct Drawn {
+    std::string svg;
+    std::vector<double> cx, cy;
+    explicit Drawn(const SvgPlot& plot)
+        : svg(plot.svg()), cx(attribute(svg, "circle", "cx")), cy(attribute(svg, "circle", "cy")) {}
+};
+
+Drawn points(SvgPlot plot, const Series& series) {
+    plot.add_points(series, Color::blue, "points");
+    return Drawn(plot);
+}
+
 TEST(SvgPlot, KeepsOrderAndProportionOfThePoints) {
-    SvgPlot plot("x / mm", "y / mm");
-    const std::vector<double> xs{0, 7, 14}, ys{5, 0, 10};
-    plot.add_points({xs, ys}, Color::blue, "points");
-    const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
-    const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
+    const auto [svg, cx, cy] = points(SvgPlot("x / mm", "y / mm"), {{0, 7, 14}, {5, 0, 10}});
     ASSERT_EQ(cx.size(), 3u);
     EXPECT_NEAR(cx[1] - cx[0], cx[2] - cx[1], 0.11);  // one decimal in the picture
     EXPECT_NEAR(cy[1] - cy[0], cy[0] - cy[2], 0.11);  // larger y is higher up
@@ -35,10 +44,7 @@ TEST(SvgPlot, KeepsOrderAndProportionOfThePoints) {
 TEST(SvgPlot, ImageAxesHaveOneScaleAndYDown) {
     SvgPlot plot("x / px", "y / px");
     plot.set_image_axes();
-    const std::vector<double> xs{0, 100, 0}, ys{0, 0, 30};
-    plot.add_points({xs, ys}, Color::blue, "points");
-    const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
-    const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
+    const auto [svg, cx, cy] = points(plot, {{0, 100, 0}, {0, 0, 30}});
     EXPECT_NEAR((cx[1] - cx[0]) * 0.3, cy[2] - cy[0], 0.2);
 }
 
@@ -58,11 +64,7 @@ TEST(SvgPlot, LeavesOutWhatIsNotFinite) {
 TEST(SvgPlot, PlacesALogarithmicAxisByRatios) {
     SvgPlot plot("x", "y");
     plot.set_log_y_axis();
-    const std::vector<double> xs{1, 2, 3}, ys{1, 10, 100};
-    plot.add_points({xs, ys}, Color::blue, "points");
-    const std::string svg = plot.svg();
-    const std::vector<double> cx = attribute(svg, "circle", "cx");
-    const std::vector<double> cy = attribute(svg, "circle", "cy");
+    const auto [svg, cx, cy] = points(plot, {{1, 2, 3}, {1, 10, 100}});
     EXPECT_NEAR(cy[0] - cy[1], cy[1] - cy[2], 0.11);
     EXPECT_NEAR(cx[1] - cx[0], cx[2] - cx[1], 0.11);
     EXPECT_NE(svg.find(">20</text>"), std::string::npos);
@@ -86,10 +88,9 @@ TEST(SvgPlot, DrawsAnEmptyPlotWithoutData) {
 }
 
 TEST(SvgPlot, ShowsTheNoteOfEachPoint) {
-    SvgPlot plot("x", "y");
-    const std::vector<double> xs{1, 2}, ys{3, 4};
-    plot.add_points({xs, ys, {}, {}, {"pose 7 <b>", "pose 5"}}, Color::blue, "points");
-    EXPECT_NE(plot.svg().find("<title>pose 7 &lt;b&gt;</title>"), std::string::npos);
+    const Drawn drawn =
+        points(SvgPlot("x", "y"), {{1, 2}, {3, 4}, {}, {}, {"pose 7 <b>", "pose 5"}});
+    EXPECT_NE(drawn.svg.find("<title>pose 7 &lt;b&gt;</title>"), std::string::npos);
 }
 
 TEST(SvgPlot, RoundScalesAreOneTwoOrFiveAndNotAboveTheValue) {
@@ -106,10 +107,8 @@ TEST(SvgPlot, ArrowsAreDrawnMagnified) {
     SvgPlot plot("x / px", "y / px");
     plot.set_image_axes();
     plot.add_arrows(arrows, 10.0, Color::blue, "arrows");
-    const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
-    const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
+    const auto [svg, cx, cy] = Drawn(plot);
     ASSERT_EQ(cx.size(), 2u);
-    const std::string svg = plot.svg();
     const std::regex path("M([0-9.]+) ([0-9.]+)L([0-9.]+) ([0-9.]+)");
     std::smatch found;
     ASSERT_TRUE(std::regex_search(svg, found, path));
@@ -125,16 +124,13 @@ TEST(SvgPlot, OfManyPointsDrawsWhatCanBeToldApartAndSaysSo) {
         cloud.add(std::fmod(0.618034 * i, 1.0), std::fmod(0.754878 * i, 1.0));
     cloud.add(10.0, 0.5);
     cloud.add(3.0, 10.0);
-    SvgPlot plot("x", "y", 560, 400);
-    plot.add_points(cloud, Color::blue, "cloud");
-    const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
-    const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
+    const auto [svg, cx, cy] = points(SvgPlot("x", "y", 560, 400), cloud);
     // 44 x 29 px of 6 x 6 px, cut at any place.
     EXPECT_GE(cx.size(), 7u * 4u + 2u);
     EXPECT_LE(cx.size(), 9u * 7u + 2u);
     EXPECT_NEAR(cx[cx.size() - 2], *std::ranges::max_element(cx), 0.0);
     EXPECT_NEAR(cy.back(), *std::ranges::min_element(cy), 0.0);
-    EXPECT_NE(plot.svg().find("2002 points, one a 6 px square"), std::string::npos);
+    EXPECT_NE(svg.find("2002 points, one a 6 px square"), std::string::npos);
 }
 
 TEST(SvgPlot, OfManyArrowsDrawsTheLongestOfASquare) {

@@ -1,7 +1,12 @@
-// A straight edge before a small camera: the scene in which sampling errors are largest.
+// A straight edge before a small camera: the scene in which sampling errors are largest; and a
+// marker of a few cells.
 #pragma once
 
+#include <cmath>
+#include <numbers>
+
 #include "sim/render/renderer.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon::test {
 
@@ -10,10 +15,7 @@ inline constexpr double gray = 1.0 / 255.0;
 // 96 x 72 px, f = 400 px, focused at 150 mm: blur radius at z is 400 d/2 |1/z - 1/150|, d = 1.71
 // mm.
 inline CameraModel small_camera(PointSpread spread) {
-    CameraModel camera;
-    camera.width = 96;
-    camera.height = 72;
-    camera.intrinsics = {400.0, 400.0, 47.0, 35.0};
+    CameraModel camera = test::camera_with(96, 72, {400.0, 400.0, 47.0, 35.0}, {});
     camera.sensor = Sensor{.pixel_pitch_um = 6.0};
     camera.lens = Lens{1.4, 150.0, 600.0, spread};
     return camera;
@@ -21,12 +23,34 @@ inline CameraModel small_camera(PointSpread spread) {
 
 // Black left of x = edge_mm, white right of it, far beyond the image on every side.
 inline Scene half_plane(double edge_mm, double z_mm) {
-    PlacedMarker plane;
-    plane.grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
-    plane.grid.cell_mm = {2000.0, 4000.0};
-    plane.grid.corner_mm = {edge_mm - 2000.0, -2000.0};
-    plane.camera_from_marker.translation = {0.0, 0.0, z_mm};
-    return {{plane}};
+    const CellGrid grid{
+        (cv::Mat_<float>(1, 2) << 0.0f, 1.0f), {edge_mm - 2000.0, -2000.0}, {2000.0, 4000.0}};
+    return {{{grid, {Eigen::Quaterniond::Identity(), {0.0, 0.0, z_mm}}}}};
+}
+
+// 4 x 3 cells without symmetry.
+inline PlacedMarker twelve_cells(const Eigen::Vector2d& cell_mm, const Eigen::Vector2d& corner_mm,
+                                 const Rigid& camera_from_marker) {
+    const cv::Mat cells = (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
+    return {{cells, corner_mm, cell_mm}, camera_from_marker};
+}
+
+// Across an edge the disk's, the Gaussian's and the box's spreads meet in one dimension:
+// profile(x) = integral over the disk's line spread of the mean of Phi over the box.
+inline double edge_profile(double distance_px, double disk_px, double sigma_px) {
+    const auto phi_integral = [&](double x) {  // antiderivative of the normal distribution function
+        const double t = x / sigma_px;
+        const double density = std::exp(-0.5 * t * t) / std::sqrt(2.0 * std::numbers::pi);
+        return sigma_px * (t * 0.5 * std::erfc(-t / std::sqrt(2.0)) + density);
+    };
+    constexpr int steps = 20000;
+    double sum = 0.0;
+    for (int i = 0; i < steps; ++i) {  // x = R sin(angle): weight 2/pi cos^2
+        const double angle = ((i + 0.5) / steps - 0.5) * std::numbers::pi;
+        const double x = distance_px - disk_px * std::sin(angle);
+        sum += std::cos(angle) * std::cos(angle) * (phi_integral(x + 0.5) - phi_integral(x - 0.5));
+    }
+    return sum * 2.0 / steps;
 }
 
 inline double largest_difference(const cv::Mat& a, const cv::Mat& b) {

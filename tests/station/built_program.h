@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <string>
 
 #include "core/file/text.h"
 #include "tests/paths.h"

@@ -1,11 +1,9 @@
 // What shells are told: from the declared commands and the tables of the program.
-#include "station/completion.h"
 
 #include <gmock/gmock.h>
 
 #include "compare/make_detector.h"
 #include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "station/commands.h"
 
 namespace etalon {

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <numbers>
 #include <opencv2/imgcodecs.hpp>
 
 #include "compare/expect/expected_view.h"

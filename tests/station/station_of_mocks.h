@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "compare/expect/expected_view.h"
-#include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
 #include "station/qualify/runner.h"
 #include "tests/fakes/fake_camera.h"

@@ -3,9 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
-#include <string>
-
 #include "core/file/text.h"
 #include "tests/temporary_folder.h"
 

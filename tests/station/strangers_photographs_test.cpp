@@ -1,19 +1,13 @@
 // Photographs as others bring them, through the built program: boards and markers of every kind, no
 // calibration, patterns and films, sets that are not of one camera. All are rendered here.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
 #include "calib/files/camera_file.h"
-#include "calib/intrinsics/model_advice.h"
-#include "core/image/image.h"
-#include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/compare/rendered_targets.h"
 #include "tests/station/built_program.h"
 
@@ -63,6 +57,12 @@ protected:
                                 150.0 + 12.0 * std::sin(4.0 * i)})});
     }
     Finished etalon(const std::string& arguments) const { return etalon_with(folder_, arguments); }
+    // Of a command that must succeed.
+    nlohmann::json json_of(const std::string& arguments) const {
+        const Finished finished = etalon(arguments + " --json");
+        EXPECT_EQ(finished.exit_code, 0) << finished.err;
+        return nlohmann::json::parse(finished.out);
+    }
 
     TemporaryFolder folder_;
 };
@@ -108,15 +108,12 @@ TEST_P(StrangersBoards, AreDetectedAndCompared) {
     write_camera(folder_ / "camera.yml", camera);
     const PlacedMarker board = placed(GetParam(), {0.25, -0.2, 0.06}, {1, -2, 190});
     photograph("a.png", camera, {board});
-    const std::string asked = fmt::format("--camera camera.yml --json --marker {}", GetParam());
-    const Finished detected = etalon("detect a.png " + asked);
-    ASSERT_EQ(detected.exit_code, 0) << detected.err;
-    const auto pose = nlohmann::json::parse(detected.out)["photos"][0]["camera_from_marker"];
+    const std::string asked = fmt::format("--camera camera.yml --marker {}", GetParam());
+    const auto pose = json_of("detect a.png " + asked)["photos"][0]["camera_from_marker"];
     for (int i = 0; i < 3; ++i)
         EXPECT_NEAR(pose[3 + i].get<double>(), board.camera_from_marker.translation[i], 0.5) << i;
-    const Finished compared = etalon("compare a.png --out out " + asked);
-    ASSERT_EQ(compared.exit_code, 0) << compared.err;
-    EXPECT_LT(nlohmann::json::parse(compared.out)["mean_residual_gray"].get<double>(), 6.0);
+    const auto compared = json_of("compare a.png --out out " + asked);
+    EXPECT_LT(compared["mean_residual_gray"].get<double>(), 6.0);
 }
 
 INSTANTIATE_TEST_SUITE_P(OfEveryKind, StrangersBoards,
@@ -190,20 +187,15 @@ TEST_F(StrangersPhotographs, MayBeOfAFisheye) {
         EXPECT_TRUE(radius > 200.0 || off.differences_px[i].norm() < 0.3) << radius;
     }
     EXPECT_EQ(etalon("camera check camera.yml").exit_code, 0);
-    const Finished detected =
-        etalon("detect a1.png --camera camera.yml --json --marker chessboard:9x6@25mm");
-    ASSERT_EQ(detected.exit_code, 0) << detected.err;
-    const auto seen = nlohmann::json::parse(detected.out)["photos"][0];
-    EXPECT_LT(seen["reprojection_rms_px"].get<double>(), 0.1) << detected.out;
+    const auto seen =
+        json_of("detect a1.png --camera camera.yml --marker chessboard:9x6@25mm")["photos"][0];
+    EXPECT_LT(seen["reprojection_rms_px"].get<double>(), 0.1) << seen;
     // 12 x 12 rays: steps of 1 / 144 of 180 gray at an edge, 0.4 gray RMS; calibrated to some 0.03
     // px. The second board's middle is 72 degrees from the axis, its corners beyond 90.
     for (const char* photo : {"a0", "a5"}) {
-        const Finished compared = etalon(fmt::format(
-            "compare {}.png --camera camera.yml --json --out {} --marker chessboard:9x6@25mm",
-            photo, photo));
-        ASSERT_EQ(compared.exit_code, 0) << compared.err;
-        EXPECT_LT(nlohmann::json::parse(compared.out)["mean_residual_gray"].get<double>(), 3.0)
-            << photo;
+        const auto compared = json_of(fmt::format(
+            "compare {0}.png --camera camera.yml --out {0} --marker chessboard:9x6@25mm", photo));
+        EXPECT_LT(compared["mean_residual_gray"].get<double>(), 3.0) << photo;
     }
     const Finished characterised =
         etalon("characterise a1.png --camera camera.yml --out k.yml --target chessboard:9x6@25mm");

@@ -4,10 +4,8 @@
 #include <gmock/gmock.h>
 
 #include <fstream>
-#include <thread>
 
 #include "core/program/errors.h"
-#include "core/time/clock.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -4,7 +4,6 @@
 
 #include <numeric>
 
-#include "core/program/errors.h"
 #include "study/study_report.h"
 #include "tests/study/synthetic_study.h"
 
@@ -68,8 +67,11 @@ TEST(PairMatrix, ShowsAnErrorThatGrowsWithDepth) {
     }
     const PairMatrix matrix = pair_matrix("tag", truth, errors);
     const PairPanel& panel = matrix.panels[2][2];
-    for (const PairBin& bin : panel.bins)
-        EXPECT_NEAR(*bin.inside.mean(), 0.005 * (bin.low + bin.high), 0.01);
+    const PairAxis& z = matrix.freedoms[2];
+    const double width = (z.high - z.low) / PairMatrix::bins;
+    for (std::size_t i = 0; i < PairMatrix::bins; ++i)
+        EXPECT_NEAR(*panel.bins[i].inside.mean(),
+                    0.01 * (z.low + (static_cast<double>(i) + 0.5) * width), 0.01);
     for (std::size_t r = 1; r <= rows; ++r)
         for (std::size_t c = 0; c < columns; ++c)
             if (panel.counts[r * columns + c] > 0) {

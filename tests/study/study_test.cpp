@@ -1,15 +1,11 @@
 // Small studies from the file to the report, with what must not change them: shards, interruptions,
 // threads.
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <tbb/global_control.h>
 
-#include <filesystem>
-#include <fstream>
 #include <sstream>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "sim/marker/stag_pattern.h"
 #include "study/study_report.h"
 #include "study/study_run.h"

@@ -3,10 +3,8 @@
 #pragma once
 
 #include <cmath>
-#include <numbers>
 
 #include "compare/expect/pose_statistics.h"
-#include "core/geometry/rigid.h"
 #include "core/statistics/random.h"
 
 namespace etalon::test {

@@ -9,9 +9,6 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <utility>
 
 #include "core/file/text.h"
 #include "core/program/errors.h"

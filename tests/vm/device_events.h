@@ -4,8 +4,6 @@
 
 #include <list>
 #include <map>
-#include <optional>
-#include <string>
 
 #include "core/time/clock.h"
 

@@ -3,10 +3,6 @@
 // say whether each byte is right, which frame it is, and how old it is.
 #pragma once
 
-#include <cstdint>
-#include <span>
-#include <vector>
-
 #include "tests/vm/usb_camera.h"
 
 namespace etalon {

@@ -1,11 +1,7 @@
 // What each backend must do with the USB camera beyond the contract: see usb_backend_tests.cpp.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <memory>
 #include <ostream>
-#include <string>
 
 #include "tests/vm/usb_rig.h"
 

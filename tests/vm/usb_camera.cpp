@@ -14,10 +14,7 @@
 #include <cstring>
 #include <deque>
 #include <fstream>
-#include <optional>
-#include <span>
 #include <sstream>
-#include <variant>
 
 #include "core/program/errors.h"
 #include "tests/vm/device_events.h"

@@ -7,13 +7,10 @@
 #pragma once
 
 #include <atomic>
-#include <chrono>
-#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <thread>
-#include <vector>
 
 #include "core/time/clock.h"
 #include "tests/vm/usb_video_device.h"

@@ -1,12 +1,8 @@
 // usb-camera [TWIN_FILE] [--sharpness N]: a camera on this kernel's virtual USB port until the
 // program is ended, which pulls it out. It shows a pattern of which every byte is known or, given a
 // twin.yaml, the marker on a stage that it also simulates. Only in the guest: see README.md.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <csignal>
-#include <filesystem>
-#include <memory>
 
 #include "core/program/errors.h"
 #include "mocks/ending_signals.h"

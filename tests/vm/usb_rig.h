@@ -2,10 +2,6 @@
 // (tests/capture/frame/camera_contract.h) and for tests of what only a real driver does.
 #pragma once
 
-#include <mutex>
-#include <optional>
-#include <string>
-
 #include "tests/capture/frame/camera_contract.h"
 #include "tests/vm/device_events.h"
 #include "tests/vm/usb_camera.h"

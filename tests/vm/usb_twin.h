@@ -3,7 +3,7 @@
 // a consumer's: as it powers up, it chooses its own exposure and sharpens.
 #pragma once
 
-#include "mocks/twin/twin_rig.h"
+#include "mocks/twin/twin.h"
 #include "tests/vm/usb_camera.h"
 
 namespace etalon {

@@ -3,7 +3,6 @@
 // guest. Device 0 is single-planar, device 1 multi-planar.
 #include <fcntl.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <linux/videodev2.h>
 #include <sys/ioctl.h>
 #include <unistd.h>

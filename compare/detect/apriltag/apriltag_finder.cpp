@@ -48,12 +48,6 @@ Family make_family(const std::string& name) {
     throw ConfigError({}, "libapriltag has no family '" + name + "'");
 }
 
-// The library's table of correctable codes grows with codes * bits^errors: two wrong bits in a
-// family of 42 211 codes would take gigabytes.
-int correctable_bits(const apriltag_family_t& family) {
-    return family.ncodes > 5000 ? 1 : 2;
-}
-
 // The library's families have a border of one cell; wider ones move the data inwards.
 void widen_border(apriltag_family_t& family, int border_cells) {
     const int more = border_cells - 1;
@@ -93,8 +87,10 @@ ApriltagFinder::ApriltagFinder(const std::string& family, int border_cells,
     finder.nthreads = 1;  // the same image gives the same result
     finder.quad_decimate = static_cast<float>(options.quad_decimate);
     finder.refine_edges = options.refine_edges;
+    // The library's table of correctable codes grows with codes * bits^errors: two wrong bits in a
+    // family of 42 211 codes would take gigabytes.
     apriltag_detector_add_family_bits(&finder, handles_->family.get(),
-                                      correctable_bits(*handles_->family));
+                                      handles_->family->ncodes > 5000 ? 1 : 2);
 }
 
 std::vector<DetectedCorners> ApriltagFinder::find(cv::Mat image) const {

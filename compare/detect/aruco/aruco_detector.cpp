@@ -48,7 +48,7 @@ const Refinement& details(ArucoRefinement refinement) {
 // The position in the list is OpenCV's number.
 int dictionary_number(const std::string& name) {
     const auto& names = aruco_dictionaries();
-    const auto found = std::find(names.begin(), names.end(), name);
+    const auto found = std::ranges::find(names, name);
     if (found == names.end())
         throw ConfigError({}, "OpenCV has no ArUco dictionary '" + name + "'");
     return static_cast<int>(found - names.begin());

@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <cmath>
-#include <numbers>
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibrate.h"
@@ -16,18 +13,15 @@
 namespace etalon {
 namespace {
 
-FoundBoard find_chessboard_points(const Marker& board, const CodeImage& image) {
-    const auto corners = find_chessboard_corners(image, board.columns, board.rows);
-    FoundBoard found;
-    for (std::size_t i = 0; corners && i < corners->pixels.size(); ++i)
-        if (corners->refined[i])
-            found.add(static_cast<int>(i), corners->pixels[i]);
-    return found;
-}
-
 FoundBoard find_points(const Marker& board, const CodeImage& image) {
-    if (board.kind == Marker::Kind::chessboard)
-        return find_chessboard_points(board, image);
+    if (board.kind == Marker::Kind::chessboard) {
+        const auto corners = find_chessboard_corners(image, board.columns, board.rows);
+        FoundBoard found;
+        for (std::size_t i = 0; corners && i < corners->pixels.size(); ++i)
+            if (corners->refined[i])
+                found.add(static_cast<int>(i), corners->pixels[i]);
+        return found;
+    }
     const BoardPhoto photo{as_float(image), as_8_bit(image)};
     if (board.kind == Marker::Kind::charuco)
         return find_charuco_corners(board, photo);
@@ -38,8 +32,7 @@ FoundBoard find_points(const Marker& board, const CodeImage& image) {
     return find_circle_centroids(board, photo);
 }
 
-// The centroid of a projected disk, by Green's theorem along its outline: the trapezoidal rule,
-// which converges exponentially on a closed smooth curve. Nothing when part of it has no image.
+// The centroid of a projected disk by Green's theorem, trapezoidal rule along its outline.
 std::optional<Eigen::Vector2d> disk_centroid(const Projector& projector,
                                              const Rigid& camera_from_target,
                                              const Eigen::Vector3d& centre_mm, double radius_mm) {
@@ -74,36 +67,21 @@ CalibrationTarget parse_calibration_target(const std::string& spec, const std::s
 }
 
 CalibrationTarget calibration_target(const Marker& board, const std::string& place) {
-    const auto require = [&](int least, const char* what) {
-        if (std::min(board.columns, board.rows) < least)
-            throw ConfigError(
-                {place, 0, board.spec},
-                fmt::format("a board of {}x{} {} is too small to calibrate with: {}x{} at least",
-                            board.columns, board.rows, what, least, least));
-    };
-    switch (board.kind) {
-        case Marker::Kind::chessboard:
-            require(3, "inner corners");
-            break;
-        case Marker::Kind::charuco:
-            require(3, "squares");
-            break;
-        case Marker::Kind::aprilgrid:
-            require(2, "tags");
-            break;
-        case Marker::Kind::squares:
-            require(2, "squares");
-            break;
-        case Marker::Kind::circles:
-        case Marker::Kind::acircles:
-        case Marker::Kind::hexcircles:
-            require(3, "circles");
-            break;
-        default:
-            throw ConfigError({place, 0, board.spec},
-                              "a camera is calibrated with a board, for instance "
-                              "chessboard:9x6@25mm");
-    }
+    using enum Marker::Kind;
+    static const std::map<Marker::Kind, std::pair<int, const char*>> least_of = {
+        {chessboard, {3, "inner corners"}}, {charuco, {3, "squares"}}, {aprilgrid, {2, "tags"}},
+        {squares, {2, "squares"}},          {circles, {3, "circles"}}, {acircles, {3, "circles"}},
+        {hexcircles, {3, "circles"}}};
+    const auto found = least_of.find(board.kind);
+    if (found == least_of.end())
+        throw ConfigError({place, 0, board.spec},
+                          "a camera is calibrated with a board, for instance chessboard:9x6@25mm");
+    const auto& [least, what] = found->second;
+    if (std::min(board.columns, board.rows) < least)
+        throw ConfigError(
+            {place, 0, board.spec},
+            fmt::format("a board of {}x{} {} is too small to calibrate with: {}x{} at least",
+                        board.columns, board.rows, what, least, least));
     return {board};
 }
 

@@ -34,32 +34,25 @@ CalibrationTarget calibration_target(const Marker& board, const std::string& pla
 // What a photograph shows of a target.
 struct ObservedTarget {
     std::optional<CalibrationView> view;
-    std::string reason;  // why there is none, in words
-    // The board's name where it is drawn in the other of ChArUco's two layouts, which has its
-    // points in the same places.
-    std::string shown_as = {};
+    std::string reason;         // why there is none, in words
+    std::string shown_as = {};  // as in Detection
 };
 
 // The target's points in a photograph, each with its index into Marker::points_mm in `ids`; nothing
 // when less than six are seen (four of a board of 3x3 squares), or only some in one line.
-// Chessboards and circles must be whole in the picture, but single points that dirt or glare hides
-// are left out; ChArUco boards and AprilTag grids may be seen in part. Points of other things in
-// the picture are not taken for the target's. Never throws for what an image holds. The same image
+// Chessboards and circles must be whole in the picture but for single points that dirt or glare
+// hides; ChArUco boards and AprilTag grids may be seen in part. Of circles these are the centroids
+// of their images: with_circle_centres(). Never throws for what an image holds. The same image
 // gives the same result; safe from every thread. 50 to 250 ms for 640x480 px, up to a second where
 // there is no target.
-//
-// Of circles these are the centroids of their images, which are not the images of their centres:
-// with_circle_centres().
 ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image);
 
 // Where the centres of the circles are seen, for a camera and pose that are known about: each
 // centroid less the distance from the projected centre to the centroid of the projected disk,
-// perspective and distortion included (Mallon and Whelan, "Which pattern? Biasing aspects of planar
-// calibration patterns and detection methods", Pattern Recognition Letters 28, 2007). `observed` is
-// always what observe() gave: calibrate, correct, calibrate again; the second camera is so near to
-// the first that a third round changes nothing (the bias is a pixel at most, and its error that of
-// its camera, some 1e-3 of it). Points without a projection stay as they are, and so do the views
-// of all other kinds, which have no such bias.
+// perspective and distortion included (Mallon and Whelan, Pattern Recognition Letters 28, 2007).
+// `observed` is always what observe() gave: calibrate, correct, calibrate again (the bias is a
+// pixel at most, its error some 1e-3 of it: no third round). Points without a projection stay as
+// they are, and so do the views of all other kinds.
 CalibrationView with_circle_centres(const CalibrationTarget& target,
                                     const CalibrationView& observed, const CameraModel& camera,
                                     const Rigid& camera_from_target);
@@ -74,17 +67,14 @@ std::vector<CalibrationView> with_circle_centres(const CalibrationTarget& target
 // Whether with_circle_centres() has anything to correct.
 bool has_circles(const CalibrationTarget& target);
 
-// What compare/detect/board/tag_boards.cpp, circle_grid.cpp and square_grid.cpp find: the points of
-// boards with tags, circles and squares, to sub-pixel, none where the board is not seen. Safe from
-// every thread. Corners are refined by compare/detect/board/saddle_point.h in windows that hold no
-// other edge.
+// The points of boards with tags, circles and squares, to sub-pixel, none where the board is not
+// seen (tag_boards.cpp, circle_grid.cpp, square_grid.cpp). Safe from every thread. Corners are
+// refined by compare/detect/board/saddle_point.h in windows that hold no other edge.
 
 struct FoundBoard {
     std::map<int, Eigen::Vector2d> points = {};  // by the index into Marker::points_mm
-    std::string reason = {};  // why there are none, where something of the board is seen
-    // The name of the board that is seen, where that is another than the one looked for, with its
-    // points in the same places.
-    std::string shown_as = {};
+    std::string reason = {};    // why there are none, where something of the board is seen
+    std::string shown_as = {};  // as in Detection
 
     void add(int id, const std::optional<Eigen::Vector2d>& pixel) {
         if (pixel)
@@ -101,9 +91,8 @@ struct BoardPhoto {
 // markers agree with.
 FoundBoard find_charuco_corners(const Marker& board, const BoardPhoto& photo);
 
-// Corners of the tags that were read. Blur and dark squares that touch at their corners would join
-// tags to one outline: they are looked for in copies with dark parts shrunk by one and two pixels,
-// too.
+// Corners of the tags that were read. They are looked for in copies with dark parts shrunk by one
+// and two pixels, too: blur and dark squares that touch at their corners join tags to one outline.
 FoundBoard find_tag_grid_corners(const Marker& board, const BoardPhoto& photo);
 
 // Centroids of the circles' images; a quarter of them may be hidden. Of 1 - brightness /

@@ -4,8 +4,6 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include <limits>
-
 #include "compare/detect/board/saddle_point.h"
 #include "compare/detect/detector_adaptors.h"
 #include "core/file/text.h"
@@ -14,9 +12,8 @@
 namespace etalon {
 namespace {
 
-// Of the corners of a board, row by row.
 struct Board {
-    std::vector<cv::Point2f> corners;
+    std::vector<cv::Point2f> corners;  // row by row
     int columns, rows;
 
     const cv::Point2f& at(int row, int column) const { return corners[row * columns + column]; }
@@ -37,31 +34,17 @@ Eigen::Vector2d step_at(const Board& board, int row, int column, int along, int 
            steps;
 }
 
-double smallest_spacing(const Board& board) {
-    double smallest = std::numeric_limits<double>::infinity();
-    for (int row = 0; row < board.rows; ++row)
-        for (int column = 0; column < board.columns; ++column) {
-            const cv::Point2f here = board.at(row, column);
-            if (column + 1 < board.columns)
-                smallest = std::min(smallest, cv::norm(board.at(row, column + 1) - here));
-            if (row + 1 < board.rows)
-                smallest = std::min(smallest, cv::norm(board.at(row + 1, column) - here));
-        }
-    return smallest;
-}
-
 // Room is what is left to the sides of the four squares that do not meet in the corner.
 SaddleGuess guess_of(const Board& board, int row, int column, bool lower_right_is_black) {
     const Eigen::Vector2d along = step_at(board, row, column, 1, 0),
                           down = step_at(board, row, column, 0, 1);
-    const double area = std::abs(along.x() * down.y() - along.y() * down.x());
+    const double area = std::abs(cross(along, down));
     return {to_eigen(board.at(row, column)),
             {along, lower_right_is_black ? down : Eigen::Vector2d(-down)},
             area / std::max(along.norm(), down.norm())};
 }
 
-// Mirrored orders do not occur on a board seen from the front: rows are then counted from the
-// wrong side.
+// A mirrored order means rows that are counted from the wrong side.
 void make_right_handed(Board& board) {
     const cv::Point2f origin = board.at(0, 0);
     const cv::Point2f along_row = board.at(0, board.columns - 1) - origin;
@@ -75,7 +58,7 @@ void make_right_handed(Board& board) {
 }
 
 // How much brighter the squares between inner corners are whose row and column add to an even
-// number, at their centres. They are the black ones in sim/marker/marker.h.
+// number: black ones in sim/marker/marker.h.
 double even_minus_odd(const Board& board, const cv::Mat& pixels) {
     double sum[2] = {0, 0};
     int count[2] = {0, 0};
@@ -93,16 +76,6 @@ double even_minus_odd(const Board& board, const cv::Mat& pixels) {
     return sum[0] / std::max(count[0], 1) - sum[1] / std::max(count[1], 1);
 }
 
-// As seen after the board was turned by 90 degrees clockwise.
-void turn_by_a_quarter(Board& board) {
-    std::vector<cv::Point2f> turned;
-    for (int column = 0; column < board.columns; ++column)
-        for (int row = board.rows - 1; row >= 0; --row)
-            turned.push_back(board.at(row, column));
-    board.corners = std::move(turned);
-    std::swap(board.columns, board.rows);
-}
-
 // With the histogram spread over all levels, which dark photos need, and without, which serves
 // bright ones better; then from saddles instead of squares, which sees boards whose outer squares
 // the image cuts.
@@ -116,8 +89,7 @@ bool find_board_at_scale(const cv::Mat& image, Board& board) {
                                        cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE);
 }
 
-// Large images are halved first, where the finder is quick and squares are large enough; what it
-// gives is refined on the whole image.
+// Large images are halved first, where the finder is quick.
 bool find_whole_board(const cv::Mat& image, Board& board) {
     constexpr double enough_pixels = 1.5e6;
     cv::Mat halved = image;
@@ -134,19 +106,15 @@ bool find_whole_board(const cv::Mat& image, Board& board) {
 
 ChessboardCorners refined(const Board& board, const cv::Mat& pixels) {
     ChessboardCorners found;
-    found.smallest_spacing_px = smallest_spacing(board);
-    double smallest_room = std::numeric_limits<double>::infinity();
     const bool even_is_black = even_minus_odd(board, pixels) <= 0.0;
     for (int row = 0; row < board.rows; ++row)
         for (int column = 0; column < board.columns; ++column) {
             const SaddleGuess guess =
                 guess_of(board, row, column, ((row + column) % 2 == 0) == even_is_black);
-            smallest_room = std::min(smallest_room, guess.room_px);
             const auto corner = refine_saddle(pixels, guess);
             found.pixels.push_back(corner.value_or(guess.pixel));
             found.refined.push_back(corner.has_value());
         }
-    found.refinement_half_window_px = static_cast<int>(saddle_window_px(smallest_room));
     return found;
 }
 
@@ -169,8 +137,11 @@ std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image,
     const bool exchanged = even_minus_odd(board, pixels) > 0.0;
     if (exchanged && (columns + rows) % 2 == 1)
         std::reverse(board.corners.begin(), board.corners.end());
-    else if (exchanged && columns == rows)
-        turn_by_a_quarter(board);
+    else if (exchanged && columns == rows) {  // a quarter turn clockwise
+        const Board seen = board;
+        for (int i = 0; i < columns * rows; ++i)
+            board.corners[static_cast<std::size_t>(i)] = seen.at(rows - 1 - i % rows, i / rows);
+    }
     ChessboardCorners found = refined(board, pixels);
     found.lies_on_its_side = exchanged && (columns + rows) % 2 == 0 && columns != rows;
     return found;

@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <numbers>
-#include <optional>
 
 #include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/shape_grid.h"
@@ -73,8 +70,7 @@ struct CircleWindow {
     double inside_mm, ring_from_mm, ring_to_mm;
 };
 
-// Half of the way to the next circle around this one, or less where the image ends before, and the
-// middle of that way as background. Nothing where too little is left to hold a blurred edge.
+// Half of the way to the next circle or to the image's border; nothing where too little is left.
 std::optional<CircleWindow> window_around(const cv::Mat& pixels, const Eigen::Vector2d& centre,
                                           const Eigen::Matrix2d& px_per_mm, double radius_mm,
                                           double gap_mm) {
@@ -120,7 +116,7 @@ bool for_each_darkness(const cv::Mat& pixels, const CircleWindow& window,
     return plane.has_value();
 }
 
-// The centroid's offset from `centre`; nothing where no dark disk is.
+// The centroid's offset from `centre`; nothing where no dark disk is seen.
 std::optional<Eigen::Vector2d> centroid_offset(const cv::Mat& pixels, const CircleWindow& window,
                                                const Eigen::Vector2d& centre) {
     constexpr double min_darkness = 0.05;
@@ -155,8 +151,7 @@ std::optional<Eigen::Vector2d> centroid(const cv::Mat& pixels, const CircleWindo
     return centre;
 }
 
-// The diameter of the disk that is as dark as the circle's middle and takes as much light away as
-// the circle does, which no blur changes. The circle's outline says where its middle is.
+// Of the disk as dark as the circle's middle that takes as much light away, which no blur changes.
 std::optional<double> diameter_mm(const cv::Mat& pixels, const CircleWindow& window,
                                   const DarkShape& circle) {
     constexpr double middle_part = 0.3, min_middle_px = 0.75;
@@ -179,8 +174,7 @@ std::optional<double> diameter_mm(const cv::Mat& pixels, const CircleWindow& win
     return 2.0 * std::sqrt(area_px2 / std::numbers::pi * mm2_per_px2);
 }
 
-// The circles' diameter where their spacing is the stated one: a window to the middle between two,
-// whatever the stated diameter. 0 where none can be measured.
+// The circles' diameter for the stated spacing; 0 where none can be measured.
 double seen_diameter_mm(const Marker& board, const Eigen::Matrix3d& view, const Circles& circles,
                         const cv::Mat& pixels) {
     const double half_way = 0.5 * nearest_circle_mm(layout_of(board), board.size_mm);

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "compare/detect/detector_adaptors.h"
 #include "core/optimize/least_squares.h"
 
 namespace etalon {
@@ -27,8 +28,7 @@ struct Sample {
     double value, weight;
 };
 
-// The pixels of a disk, fading out over its last pixel so that nothing jumps when it moves: of wide
-// ones every few pixels, and all that `beside_edges` says are (at a place from the centre).
+// The pixels of a disk, fading out over its last pixel: every `step`-th and all `beside_edges`.
 template <class Function>
 std::vector<Sample> window_around(const cv::Mat& pixels, const Eigen::Vector2d& centre,
                                   double radius, int step, Function beside_edges) {
@@ -51,8 +51,7 @@ std::vector<Sample> window_around(const cv::Mat& pixels, const Eigen::Vector2d& 
     return samples;
 }
 
-// A step blurred by a Gaussian and by the pixel's own square: across an edge that is a box of the
-// square's longer projected side and a shorter one, whose variance joins the Gaussian's.
+// A step blurred by a Gaussian and by the pixel's square, which is a box across the edge.
 struct BlurredStep {
     double value, slope, by_blur;  // -1..1; its derivatives by the distance and by the Gaussian
 };
@@ -75,15 +74,9 @@ struct Modelled {
     Parameters gradient;
 };
 
-// From 0 to 1 in place of -1 to 1: for a pattern that is dark in one quadrant only.
-BlurredStep from_zero(const BlurredStep& step) {
-    return {0.5 * (1.0 + step.value), 0.5 * step.slope, 0.5 * step.by_blur};
-}
-
-// What the product of two steps from zero lacks where the edges are not square to each other: a
-// round blur moves across both at once. With a = d1 / s1, b = d2 / s2 and r = n1 . n2 the blurred
-// quadrant is the bivariate normal integral, whose derivative by the correlation is its density
-// (R. L. Plackett, A reduction formula for normal multivariate integrals, Biometrika 41, 1954).
+// What the product of two steps from zero lacks where the edges are not square to each other. With
+// a = d1 / s1, b = d2 / s2 and r = n1 . n2 the blurred quadrant is the bivariate normal integral,
+// whose derivative by the correlation is its density (R. L. Plackett, Biometrika 41, 1954).
 struct Skew {
     double value, by[2];  // its derivatives by a and b
 };
@@ -122,8 +115,8 @@ Modelled model(const Parameters& p, const Eigen::Vector2d& place, bool is_lone) 
         normal[i] = {-s, c};
         along[i] = c * from_centre.x() + s * from_centre.y();
         step[i] = blurred_step(normal[i].dot(from_centre), blur, longer);
-        if (is_lone)
-            step[i] = from_zero(step[i]);
+        if (is_lone)  // from 0 to 1 in place of -1 to 1: dark in one quadrant only
+            step[i] = {0.5 * (1.0 + step[i].value), 0.5 * step[i].slope, 0.5 * step[i].by_blur};
         by_log_blur[i] = step[i].by_blur * gaussian * gaussian / blur;
     }
     double product = step[0].value * step[1].value;
@@ -155,15 +148,6 @@ Modelled model(const Parameters& p, const Eigen::Vector2d& place, bool is_lone) 
     result.gradient[contrast] = light * product;
     result.gradient.segment<2>(gradient_x) = pattern * place;
     return result;
-}
-
-// Mean and contrast from the darkest and the brightest pixel: right wherever the guess is.
-void guess_levels(const std::vector<Sample>& samples, bool is_lone, Parameters& p) {
-    const auto [dark, bright] =
-        std::minmax_element(samples.begin(), samples.end(),
-                            [](const Sample& a, const Sample& b) { return a.value < b.value; });
-    p[brightness] = is_lone ? bright->value : 0.5 * (bright->value + dark->value);
-    p[contrast] = (is_lone ? -1.0 : -0.5) * (bright->value - dark->value);
 }
 
 using Held = std::initializer_list<int>;
@@ -206,13 +190,6 @@ double fit(const std::vector<Sample>& samples, double radius, bool is_lone, cons
     return 2.0 * found->place.loss();
 }
 
-bool is_crossing(const Parameters& p, const Parameters& start, double rms) {
-    return p.allFinite() && p[contrast] <= -min_contrast &&
-           rms <= worst_misfit * std::abs(p[contrast]) &&
-           std::abs(p[angle_1] - start[angle_1]) < max_turn &&
-           std::abs(p[angle_2] - start[angle_2]) < max_turn;
-}
-
 // Of a place in the window from the nearer of the two edges, which meet at its centre.
 double distance_from_edges(const Parameters& p, const Eigen::Vector2d& place) {
     const auto from = [&](double angle) {
@@ -225,8 +202,7 @@ double distance_from_edges(const Parameters& p, const Eigen::Vector2d& place) {
 Parameters start_of(const SaddleGuess& guess) {
     Parameters p = Parameters::Zero();
     const auto angle = [](const Eigen::Vector2d& v) { return std::atan2(v.y(), v.x()); };
-    const double turn =
-        guess.edges[0].x() * guess.edges[1].y() - guess.edges[0].y() * guess.edges[1].x();
+    const double turn = cross(guess.edges[0], guess.edges[1]);
     p[angle_1] = angle(turn > 0 ? guess.edges[0] : Eigen::Vector2d(-guess.edges[0]));
     p[angle_2] = angle(turn > 0 ? Eigen::Vector2d(-guess.edges[1]) : guess.edges[1]);
     p[log_blur] = std::log(2.0);
@@ -264,8 +240,11 @@ std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const Saddle
             return std::nullopt;
         p.head<2>().setZero();
         if (i == 0) {
-            // A guess some pixels off is met by a wide blur first, the rest as it was guessed.
-            guess_levels(samples, guess.is_lone, p);
+            // Levels from the darkest and the brightest pixel. A guess some pixels off is met by a
+            // wide blur first, the rest as it was guessed.
+            const auto [dark, bright] = std::ranges::minmax(samples, {}, &Sample::value);
+            p[brightness] = guess.is_lone ? bright.value : 0.5 * (bright.value + dark.value);
+            p[contrast] = (guess.is_lone ? -1.0 : -0.5) * (bright.value - dark.value);
             fit(samples, radius, guess.is_lone, {angle_1, angle_2, gradient_x, gradient_y}, p,
                 enough);
         }
@@ -281,9 +260,12 @@ std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const Saddle
             continue;
         if (std::exchange(is_rough, false))
             continue;
-        if (!is_crossing(p, start, std::sqrt(cost / weights)))
-            return std::nullopt;
-        return centre;
+        const bool is_crossing =
+            p[contrast] <= -min_contrast &&
+            std::sqrt(cost / weights) <= worst_misfit * std::abs(p[contrast]) &&
+            std::abs(p[angle_1] - start[angle_1]) < max_turn &&
+            std::abs(p[angle_2] - start[angle_2]) < max_turn;
+        return is_crossing ? std::optional(centre) : std::nullopt;
     }
     return std::nullopt;
 }

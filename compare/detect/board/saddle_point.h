@@ -4,11 +4,9 @@
 //
 // The pixels around are fitted with the product of two blurred steps, (1 + d . x) (b + a g(u1)
 // g(u2)): centre, the edges' directions, blur, the pattern's mean b and contrast a, the light's
-// gradient d. Such a crossing looks the same after half a turn about its centre, under every blur
-// that does so and under every tone curve; so neither moves the centre, and the model need not be
-// exact. The usual cv::cornerSubPix, which takes differences of interpolated pixels, is up to 0.1
-// px off on sharp images; this is 0.01 there and 0.002 px with the blur of a lens
-// (docs/calibration.md, "Targets").
+// gradient d. The crossing is symmetric about its centre under every symmetric blur and every tone
+// curve, so neither moves the centre. Error 0.01 px on sharp images (cv::cornerSubPix: up to 0.1
+// px), 0.002 px with the blur of a lens (docs/calibration.md, "Targets").
 #pragma once
 
 #include <Eigen/Core>
@@ -33,8 +31,7 @@ struct SaddleGuess {
 // or turns an edge by more than 30 degrees. Safe from every thread; some 0.3 ms.
 std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const SaddleGuess& guess);
 
-// The window's radius for that much room: 5.5 px serve most boards; large squares allow more,
-// against noise and blur; nothing else may show in it. 0: too little room.
+// The window's radius for that much room: 5.5 px or, on large squares, more; 0: too little room.
 double saddle_window_px(double room_px);
 
 }  // namespace etalon

@@ -11,17 +11,12 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
+#include "compare/detect/detector_adaptors.h"
+
 namespace etalon {
 namespace {
 
 using Outline = std::vector<cv::Point>;
-
-// Second moments of the area within an outline, over the area.
-Eigen::Matrix2d spread_of(const cv::Moments& moments) {
-    Eigen::Matrix2d spread;
-    spread << moments.mu20, moments.mu11, moments.mu11, moments.mu02;
-    return spread / moments.m00;
-}
 
 // Of an ellipse with these second moments every point of the outline is 2 standard deviations away.
 bool is_ellipse(const Outline& outline, const Eigen::Vector2d& centre,
@@ -35,14 +30,16 @@ bool is_ellipse(const Outline& outline, const Eigen::Vector2d& centre,
     });
 }
 
-// Outlines run through the centres of border pixels: half a pixel inside the true one.
+// Outlines run through the centres of border pixels: 0.5 px inside the true one.
 std::optional<DarkShape> ellipse_of(const Outline& outline) {
     constexpr double min_area_px2 = 8.0, max_axes_ratio = 6.0;
     const cv::Moments moments = cv::moments(outline);
     if (!(moments.m00 >= min_area_px2))
         return std::nullopt;
     const Eigen::Vector2d centre(moments.m10 / moments.m00, moments.m01 / moments.m00);
-    const Eigen::Matrix2d spread = spread_of(moments);
+    Eigen::Matrix2d spread;  // second moments of the area within, over the area
+    spread << moments.mu20, moments.mu11, moments.mu11, moments.mu02;
+    spread /= moments.m00;
     const double mean = 0.5 * spread.trace(),
                  apart = std::sqrt(std::max(0.0, mean * mean - spread.determinant()));
     const double longer = 2.0 * std::sqrt(mean + apart),
@@ -71,19 +68,15 @@ std::optional<DarkShape> square_of(const Outline& outline) {
     const Eigen::Vector2d one = square.corners[2] - square.corners[0],
                           other = square.corners[3] - square.corners[1],
                           apart = square.corners[1] - square.corners[0];
-    const double share = (apart.x() * other.y() - apart.y() * other.x()) /
-                         (one.x() * other.y() - one.y() * other.x());
-    square.centre = square.corners[0] + share * one;
+    square.centre = square.corners[0] + cross(apart, other) / cross(one, other) * one;
     return square;
 }
 
-// What one window at one size sees.
 struct ShapeScale {
-    int halvings, window;
+    int halvings, window;  // of the image, and its side in px
 };
 
-// From the coarsest, which is the cheapest, to the finest, which sees dots of 5 px. Those of 200 px
-// are seen at the third halving of an image that has 1000 px.
+// From the coarsest, the cheapest, to the finest, which sees dots of 5 px.
 std::vector<ShapeScale> shape_scales(cv::Size image_size) {
     constexpr int min_side_px = 100, narrow_window = 15, wide_window = 45;
     std::vector<ShapeScale> scales;
@@ -173,8 +166,7 @@ struct PlaceLess {
         return std::pair(a.x(), a.y()) < std::pair(b.x(), b.y());
     }
 };
-// Indices of the shapes in a lattice, by their place in steps; the second step is clockwise of the
-// first as seen.
+// Shapes by their place in steps; the second step is clockwise of the first as seen.
 using Lattice = std::map<Eigen::Vector2i, std::size_t, PlaceLess>;
 
 // One lattice being grown.
@@ -205,7 +197,7 @@ private:
     };
 
     // Of alike points around, the nearest and the next in another direction that both go on on the
-    // other side; in a lattice of two rows, a narrow one, none does across them.
+    // other side; in a narrow lattice, of two rows, none does across them.
     std::optional<Eigen::Matrix2d> first_steps(std::size_t seed, bool is_narrow) const {
         constexpr double reach = 6.0;  // in square roots of the area: 3.4 diameters
         const DarkShape& here = points_[seed];
@@ -231,11 +223,11 @@ private:
     static std::optional<Eigen::Matrix2d> steps_along(const std::vector<Eigen::Vector2d>& arms) {
         constexpr double min_sine = 0.3;
         for (std::size_t i = 1; i < arms.size(); ++i) {
-            const double cross = arms[0].x() * arms[i].y() - arms[0].y() * arms[i].x();
-            if (std::abs(cross) < min_sine * arms[0].norm() * arms[i].norm())
+            const double turn = cross(arms[0], arms[i]);
+            if (std::abs(turn) < min_sine * arms[0].norm() * arms[i].norm())
                 continue;
             Eigen::Matrix2d steps;
-            steps << arms[0], cross > 0.0 ? arms[i] : Eigen::Vector2d(-arms[i]);
+            steps << arms[0], turn > 0.0 ? arms[i] : Eigen::Vector2d(-arms[i]);
             return steps;
         }
         return std::nullopt;
@@ -252,8 +244,7 @@ private:
         return found == places_.end() ? nullptr : &points_[found->second].centre;
     }
 
-    // The steps at a place from what is known on both of its sides, or else those it was found
-    // with.
+    // From what is known on both sides of a place, or else the steps it was found with.
     Eigen::Matrix2d steps_at(const Node& node) const {
         Eigen::Matrix2d steps = node.steps;
         const Eigen::Vector2d here = *seen_at(node.place);
@@ -311,34 +302,27 @@ private:
     std::deque<Node> open_;
 };
 
-// The lowest and the highest of both coordinates.
-std::pair<Eigen::Vector2i, Eigen::Vector2i> bounds(const std::vector<Eigen::Vector2i>& places) {
-    std::pair result(places.front(), places.front());
-    for (const Eigen::Vector2i& place : places) {
-        result.first = result.first.cwiseMin(place);
-        result.second = result.second.cwiseMax(place);
-    }
-    return result;
+Eigen::AlignedBox2i bounds(const std::vector<Eigen::Vector2i>& places) {
+    Eigen::AlignedBox2i box;
+    for (const Eigen::Vector2i& place : places)
+        box.extend(place);
+    return box;
 }
 
 // Changes of basis that keep the sense of turning.
-const std::vector<Eigen::Matrix2i>& changes_of_basis() {
-    static const std::vector<Eigen::Matrix2i> all = [] {
-        constexpr int most = 2;
-        std::vector<Eigen::Matrix2i> changes;
-        for (int a = -most; a <= most; ++a)
-            for (int b = -most; b <= most; ++b)
-                for (int c = -most; c <= most; ++c)
-                    for (int d = -most; d <= most; ++d)
-                        if (a * d - b * c == 1)
-                            changes.push_back((Eigen::Matrix2i() << a, b, c, d).finished());
-        return changes;
-    }();
-    return all;
+std::vector<Eigen::Matrix2i> changes_of_basis() {
+    constexpr int most = 2;
+    std::vector<Eigen::Matrix2i> changes;
+    for (int a = -most; a <= most; ++a)
+        for (int b = -most; b <= most; ++b)
+            for (int c = -most; c <= most; ++c)
+                for (int d = -most; d <= most; ++d)
+                    if (a * d - b * c == 1)
+                        changes.push_back((Eigen::Matrix2i() << a, b, c, d).finished());
+    return changes;
 }
 
-// The largest lattices first, each of at least `least` shapes; every shape is in one at most.
-// Neighbours differ in area by less than half.
+// The largest lattices first, each of at least `least` shapes, every shape in one at most.
 std::vector<Lattice> find_lattices(const std::vector<DarkShape>& shapes, std::size_t least) {
     const Neighbourhood near(shapes);
     std::vector<bool> taken(shapes.size(), false);
@@ -358,46 +342,37 @@ std::vector<Lattice> find_lattices(const std::vector<DarkShape>& shapes, std::si
     return lattices;
 }
 
-// The board in a lattice: the places that it covers, in its order, and which shapes they are;
-// nothing where one is hidden.
+// The places that a board covers in a lattice, in its order, and the shapes seen there.
 struct LaidBoard {
     std::vector<Eigen::Vector2i> covered;
     std::vector<std::optional<std::size_t>> shapes;
     std::size_t seen = 0;
 };
 
-LaidBoard laid(const Lattice& lattice, std::vector<Eigen::Vector2i> covered) {
-    LaidBoard board{std::move(covered), {}, 0};
-    for (const Eigen::Vector2i& place : board.covered) {
-        const auto found = lattice.find(place);
-        board.seen += found != lattice.end();
-        board.shapes.push_back(found == lattice.end() ? std::nullopt
-                                                      : std::optional(found->second));
-    }
-    return board;
-}
-
-// All shifts of the board over the lattice under all changes of basis, those that have the most
-// shapes, `least` or more.
+// All shifts of the board under all changes of basis that see the most shapes, `least` or more.
 std::vector<LaidBoard> best_ways(const Lattice& lattice, const std::vector<Eigen::Vector2i>& board,
                                  std::size_t least) {
-    const auto [board_low, board_high] = bounds(board);
+    const Eigen::AlignedBox2i own = bounds(board);
     std::vector<LaidBoard> best;
     for (const Eigen::Matrix2i& change : changes_of_basis()) {
         std::vector<Eigen::Vector2i> changed;
         for (const auto& [place, shape] : lattice)
             changed.push_back(change * place);
-        const auto [low, high] = bounds(changed);
-        const Eigen::Vector2i from = (low - board_low).cwiseMin(high - board_high),
-                              to = (low - board_low).cwiseMax(high - board_high);
+        const Eigen::AlignedBox2i box = bounds(changed);
+        const Eigen::Vector2i low = box.min() - own.min(), high = box.max() - own.max();
+        const Eigen::Vector2i from = low.cwiseMin(high), to = low.cwiseMax(high);
         Eigen::Matrix2i back;  // the determinant is 1
         back << change(1, 1), -change(0, 1), -change(1, 0), change(0, 0);
         for (int x = from.x(); x <= to.x(); ++x)
             for (int y = from.y(); y <= to.y(); ++y) {
-                std::vector<Eigen::Vector2i> covered;
-                for (const Eigen::Vector2i& place : board)
-                    covered.push_back(back * (place + Eigen::Vector2i(x, y)));
-                LaidBoard way = laid(lattice, std::move(covered));
+                LaidBoard way;
+                for (const Eigen::Vector2i& place : board) {
+                    way.covered.push_back(back * (place + Eigen::Vector2i(x, y)));
+                    const auto found = lattice.find(way.covered.back());
+                    const bool is_seen = found != lattice.end();
+                    way.seen += is_seen;
+                    way.shapes.push_back(is_seen ? std::optional(found->second) : std::nullopt);
+                }
                 if (way.seen < (best.empty() ? least : best[0].seen))
                     continue;
                 if (!best.empty() && way.seen > best[0].seen)
@@ -408,8 +383,8 @@ std::vector<LaidBoard> best_ways(const Lattice& lattice, const std::vector<Eigen
     return best;
 }
 
-// Of all ways in which the board covers the same places, two after half a turn and four of a
-// square, that with its whole first half at the upper left: its first place may be hidden.
+// Of all ways in which the board covers the same places, that with its first half at the upper
+// left.
 FoundShapes first_half_at_upper_left(const std::vector<DarkShape>& shapes,
                                      const std::vector<LaidBoard>& ways) {
     const auto place_of_first_half = [&](const LaidBoard& way) {
@@ -444,13 +419,9 @@ FoundShapes find_shape_grid(ShapeKind kind, const cv::Mat& image,
             if (!ways.empty() && is_one_place)
                 return first_half_at_upper_left(shapes, ways);
             none.reason =
-                ways.empty()
-                    ? fmt::format("{} points of a grid are seen, which are not the board's {}",
-                                  lattice.size(), board.size())
-                    : fmt::format(
-                          "{} points of a grid are seen, in which a board of {} has "
-                          "several places",
-                          lattice.size(), board.size());
+                fmt::format("{} points of a grid are seen, {} {}{}", lattice.size(),
+                            ways.empty() ? "which are not the board's" : "in which a board of",
+                            board.size(), ways.empty() ? "" : " has several places");
         }
     }
     return none;

@@ -1,16 +1,15 @@
 // Grids of dark shapes on a brighter ground, dots or squares, and where a board lies in one.
 //
 // Shapes: the image is halved until little of it is left, and at each size compared with its local
-// mean in two windows, which takes uneven light off. The outline of what is darker tells the shape.
-// Of an ellipse its distance from the centre, measured by the outline's own second moments, is the
-// same all around: squares, letters and merged dots are none. A square is seen as four corners with
-// straight sides between them.
+// mean in two windows, which takes uneven light off. An ellipse's outline has the same distance
+// from the centre all around, measured by its own second moments. A square is seen as four corners
+// with straight sides between them.
 //
 // Lattices: one is grown from every shape. Two neighbours give the steps, each further shape must
-// be where the steps from its neighbours lead, and passes its own steps on, so that perspective and
-// distortion may change them over the image. Which two directions were taken does not matter: the
-// board is looked for under every change of basis with small whole numbers (determinant 1: boards
-// are seen from the front) and every shift. So square, staggered and hexagonal boards are one case.
+// be where its neighbours' steps lead, and passes its own steps on, so that perspective and
+// distortion may change them. The board is looked for under every change of basis with small whole
+// numbers (determinant 1: boards are seen from the front) and every shift: square, staggered and
+// hexagonal boards are one case.
 #pragma once
 
 #include <Eigen/Core>

@@ -2,9 +2,6 @@
 // refined on the image.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-
 #include "compare/detect/board/calibration_target.h"
 #include "compare/detect/board/saddle_point.h"
 #include "compare/detect/board/shape_grid.h"
@@ -13,14 +10,6 @@
 
 namespace etalon {
 namespace {
-
-std::vector<Eigen::Vector2i> places_of(const Marker& board) {
-    std::vector<Eigen::Vector2i> places;
-    for (int row = 0; row < board.rows; ++row)
-        for (int column = 0; column < board.columns; ++column)
-            places.emplace_back(column, row);
-    return places;
-}
 
 // Of a square's four corners, from the top left clockwise.
 std::array<int, 4> ids_of(const Marker& board, const Eigen::Vector2i& place) {
@@ -43,14 +32,6 @@ std::optional<Eigen::Matrix3d> view_of(const Marker& board,
 
 using Corners = std::array<Eigen::Vector2d, 4>;  // from the board's top left one clockwise
 
-Corners corners_by(const Eigen::Matrix3d& view, const Marker& board,
-                   const std::array<int, 4>& ids) {
-    Corners corners;
-    for (std::size_t k = 0; k < 4; ++k)
-        corners[k] = seen_at(view, board.points_mm[static_cast<std::size_t>(ids[k])].head<2>());
-    return corners;
-}
-
 // The corners of the shape that was found, in the order of those `by_plane`.
 Corners in_order(const DarkShape& square, const Corners& by_plane) {
     Corners corners;
@@ -65,8 +46,7 @@ Corners in_order(const DarkShape& square, const Corners& by_plane) {
 double height_at(const Corners& corners, std::size_t k) {
     const Eigen::Vector2d after = corners[(k + 1) % 4] - corners[k],
                           before = corners[(k + 3) % 4] - corners[k];
-    return std::abs(after.x() * before.y() - after.y() * before.x()) /
-           std::max(after.norm(), before.norm());
+    return std::abs(cross(after, before)) / std::max(after.norm(), before.norm());
 }
 
 // Of a square's shape from the one expected, as a part of its side; where it is does not matter.
@@ -80,8 +60,8 @@ double misfit(const Corners& seen, const Corners& expected) {
     return largest;
 }
 
-// Where to look for the corners of every square: at those of the shape that was found, or else
-// where the plane of the others has them. Nothing where most shapes are not the board's squares.
+// The corners of the shape that was found, or else of the others' plane. Nothing where most shapes
+// are not the board's squares.
 std::vector<Corners> guessed_corners(const Marker& board, const Eigen::Matrix3d& view,
                                      const std::vector<std::optional<DarkShape>>& squares,
                                      const std::vector<Eigen::Vector2i>& places) {
@@ -89,7 +69,10 @@ std::vector<Corners> guessed_corners(const Marker& board, const Eigen::Matrix3d&
     std::vector<Corners> guesses;
     std::vector<double> misfits;
     for (std::size_t i = 0; i < squares.size(); ++i) {
-        const Corners by_plane = corners_by(view, board, ids_of(board, places[i]));
+        Corners by_plane;
+        std::ranges::transform(ids_of(board, places[i]), by_plane.begin(), [&](int id) {
+            return seen_at(view, board.points_mm[static_cast<std::size_t>(id)].head<2>());
+        });
         guesses.push_back(squares[i] ? in_order(*squares[i], by_plane) : by_plane);
         if (squares[i])
             misfits.push_back(misfit(guesses.back(), by_plane));
@@ -102,7 +85,9 @@ std::vector<Corners> guessed_corners(const Marker& board, const Eigen::Matrix3d&
 }  // namespace
 
 FoundBoard find_square_corners(const Marker& board, const BoardPhoto& photo) {
-    const std::vector<Eigen::Vector2i> places = places_of(board);
+    std::vector<Eigen::Vector2i> places;
+    for (int i = 0; i < board.rows * board.columns; ++i)
+        places.emplace_back(i % board.columns, i / board.columns);
     const auto [squares, reason] = find_shape_grid(ShapeKind::square, photo.eight_bit, places);
     const auto view = squares.empty() ? std::nullopt : view_of(board, places, squares);
     if (!view)

@@ -4,9 +4,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <cmath>
-#include <map>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detect/board/calibration_target.h"
@@ -57,33 +54,23 @@ bool meets(const MatchedTag& from, const MatchedTag& other) {
 
 // Neighbours on the board: no farther than two tags' diagonals plus what lies between on common
 // boards.
-bool are_near(const BoardTag& a, const BoardTag& b) {
-    const double diagonal = (a.corners_mm[2] - a.corners_mm[0]).norm();
-    return (centre_of(a.corners_mm) - centre_of(b.corners_mm)).norm() < 2.2 * diagonal;
-}
-
-std::vector<MatchedTag> seen_once(const std::vector<BoardTag>& board,
-                                  const std::vector<DetectedCorners>& found) {
-    std::map<int, std::vector<const DetectedCorners*>> by_id;
-    for (const DetectedCorners& tag : found)
-        by_id[tag.id].push_back(&tag);
-    std::vector<MatchedTag> tags;
-    for (const BoardTag& placed : board) {
-        const auto seen = by_id.find(placed.id);
-        if (seen != by_id.end() && seen->second.size() == 1)
-            tags.push_back({placed, *seen->second.front()});
-    }
-    return tags;
+bool agree(const MatchedTag& a, const MatchedTag& b) {
+    const auto &one = a.placed.corners_mm, &other = b.placed.corners_mm;
+    const double diagonal = (one[2] - one[0]).norm();
+    return (centre_of(one) - centre_of(other)).norm() < 2.2 * diagonal && meets(a, b) &&
+           meets(b, a);
 }
 
 // The largest set of tags that agree with their neighbours: each one's four corners, continued to
-// the other's place on the board, must meet it there to within half its side. No single map is
-// asked to hold for the whole board, so that strong distortion does no harm. Tags of a board with
-// another layout, of other things in the picture and misread ones do not agree; fewer than two tags
-// are no board. An id seen twice is left out.
+// the other's place on the board, must meet it there to within half its side. No single map holds
+// for the whole board, so that strong distortion does no harm. Fewer than two tags are no board. An
+// id seen twice is left out.
 std::vector<MatchedTag> match_tags(const std::vector<BoardTag>& board,
                                    const std::vector<DetectedCorners>& found) {
-    const std::vector<MatchedTag> tags = seen_once(board, found);
+    std::vector<MatchedTag> tags;
+    for (const BoardTag& placed : board)
+        if (std::ranges::count(found, placed.id, &DetectedCorners::id) == 1)
+            tags.push_back({placed, *std::ranges::find(found, placed.id, &DetectedCorners::id)});
     std::vector<int> group(tags.size(), -1);  // connected by agreement
     std::vector<int> sizes;
     for (std::size_t seed = 0; seed < tags.size(); ++seed) {
@@ -97,8 +84,7 @@ std::vector<MatchedTag> match_tags(const std::vector<BoardTag>& board,
             open.pop_back();
             ++sizes.back();
             for (std::size_t i = 0; i < tags.size(); ++i)
-                if (group[i] < 0 && are_near(tags[here].placed, tags[i].placed) &&
-                    meets(tags[here], tags[i]) && meets(tags[i], tags[here])) {
+                if (group[i] < 0 && agree(tags[here], tags[i])) {
                     group[i] = group[seed];
                     open.push_back(i);
                 }
@@ -119,8 +105,7 @@ struct LocalView {
     Eigen::Vector2d pixel;
     Eigen::Matrix2d px_per_mm;  // derivative
 
-    // A dark quadrant to the right and below, or with `flipped` directions; `room_mm` to the next
-    // edge in the direction that is seen shortest.
+    // A dark quadrant to the right and below, or flipped; `room_mm` to the next edge.
     SaddleGuess guess(bool flip_x, bool flip_y, double room_mm) const {
         const Eigen::Vector2d along = px_per_mm.col(0), down = px_per_mm.col(1);
         return {pixel,
@@ -129,8 +114,7 @@ struct LocalView {
     }
 };
 
-// From the corners of the matched tags whose centres are within `reach_mm` of the point; nothing
-// without them.
+// From the corners of the matched tags within `reach_mm`; nothing without them.
 std::optional<LocalView> local_view(const std::vector<MatchedTag>& tags,
                                     const Eigen::Vector2d& point_mm, double reach_mm) {
     std::vector<const MatchedTag*> near;
@@ -166,8 +150,7 @@ SeenLayout seen_in(const Marker& board, const CharucoLayout& layout,
                                found)};
 }
 
-// The layout with which most of the tags agree; the named one where both do as well, as when a
-// single row of tags is seen. With an odd number of rows there is only one.
+// The layout of most of the tags, the named one in doubt. An odd number of rows has only one.
 SeenLayout best_layout(const Marker& board, int first_id,
                        const std::vector<DetectedCorners>& found) {
     SeenLayout named = seen_in(board, {first_id, board.white_corner}, found);
@@ -221,8 +204,8 @@ void add_corners_beside(const SeenLayout& seen, const Marker& board, const cv::M
             continue;
         const auto view = local_view(seen.tags, point_mm, around * square);
         const int id = static_cast<int>(i), inner = board.columns - 1;
-        // The squares at the corner's upper left and lower right are black where its row and column
-        // add to an even number, or white.
+        // Squares at the upper left and lower right: black where row and column add to an even
+        // number.
         const bool is_even = (id / inner + id % inner) % 2 == 0;
         if (view)
             found.add(
@@ -244,13 +227,12 @@ std::vector<MatchedTag> read_tags(const Marker& board, const cv::Mat& image) {
     for (const int shrink_px : {1, 2, 0}) {
         cv::Mat brightened;  // of its own: the photograph stays as it is
         cv::dilate(image, brightened, cv::Mat(), {-1, -1}, shrink_px);
-        std::vector<DetectedCorners> more;
+        const std::vector<bool> before = known;
         for (const DetectedCorners& tag : finder.find(brightened))
-            if (tag.id < static_cast<int>(known.size()) && !known[tag.id])
-                more.push_back(tag);
-        for (const DetectedCorners& tag : more)
-            known[tag.id] = true;
-        found.insert(found.end(), more.begin(), more.end());
+            if (tag.id < static_cast<int>(known.size()) && !before[tag.id]) {
+                known[tag.id] = true;
+                found.push_back(tag);
+            }
     }
     return match_tags(layout, found);
 }

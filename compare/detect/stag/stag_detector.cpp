@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -11,7 +10,6 @@
 
 #include "compare/detect/detector_adaptors.h"
 #include "core/image/opencv_plugin.h"
-#include "sim/marker/stag_pattern.h"
 
 namespace etalon {
 
@@ -55,10 +53,6 @@ struct Line {
 
 Eigen::Vector2d vector_of(const cv::Point& pixel) {
     return {pixel.x, pixel.y};
-}
-
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-    return a.x() * b.y() - a.y() * b.x();
 }
 
 // The pixel that is farthest from the chord between the chain's ends, and how far that is.
@@ -169,18 +163,15 @@ bool are_the_same(const Quad& a, const Quad& b) {
 }
 
 std::optional<Quad> quad_of(std::span<const Line> lines) {
-    const auto first = corner_between(lines[0], lines[1]),
-               second = corner_between(lines[1], lines[2]),
-               third = corner_between(lines[2], lines[3]), last = intersection(lines[3], lines[0]);
-    if (!first || !second || !third || !last)
-        return std::nullopt;
-    return clockwise({*last, *first, *second, *third});
-}
-
-// Edge Drawing begins and ends a closed curve anywhere, with a gap of a few pixels.
-bool is_closed(const Chain& chain) {
-    constexpr double max_gap_px = 5.0;
-    return (vector_of(chain.back()) - vector_of(chain.front())).norm() <= max_gap_px;
+    Quad quad;
+    for (std::size_t i = 0; i < 4; ++i) {
+        const auto corner =
+            i == 0 ? intersection(lines[3], lines[0]) : corner_between(lines[i - 1], lines[i]);
+        if (!corner)
+            return std::nullopt;
+        quad[i] = *corner;
+    }
+    return clockwise(quad);
 }
 
 // The closed curve from the pixel that is farthest from its centre, a corner if it has corners,
@@ -197,8 +188,8 @@ Chain from_a_corner(Chain chain) {
     return chain;
 }
 
-// How far a side may be from straight: distortion and a near circle bend sides, noise does, and a
-// blurred corner is cut. What is one line with one tolerance is two with another.
+// How far a side may be from straight: distortion, a near circle and noise bend sides, blur cuts
+// corners.
 constexpr std::array tolerances_px{1.5, 2.5, 4.0, 6.0};
 
 // Of four lines in a row; after the last line of a closed curve comes the first.
@@ -214,20 +205,20 @@ void add_quads(std::vector<Line> lines, bool closed, std::vector<Quad>& quads) {
             quads.push_back(*quad);
 }
 
-// Dark quadrilaterals in a CV_8UC1 image, from edge segments as in the publication: chains of
-// pixels along which the gradient is largest (Edge Drawing, parameter free: C. Akinlar, C. Topal,
-// "EDPF", IJPRAI 26, 2012; OpenCV's implementation). A chain is cut into straight lines; four lines
-// in a row of which each meets the next make a quadrilateral, whose fourth corner is where the last
-// line meets the first: a corner may be hidden. They begin anywhere and are good to a pixel or two.
-// Convex ones only; many are no markers, and one may be found more than once. About 2 ms for
-// 640x480.
+// Convex quadrilaterals in a CV_8UC1 image, from edge segments: chains of pixels along which the
+// gradient is largest (Edge Drawing, parameter free: C. Akinlar, C. Topal, "EDPF", IJPRAI 26,
+// 2012). A chain is cut into straight lines; four lines in a row of which each meets the next make
+// a quadrilateral, whose fourth corner is where the last line meets the first. They begin anywhere
+// and are good to a pixel or two; many are no markers. About 2 ms for 640x480.
 std::vector<Quad> find_quads(const cv::Mat& image) {
-    constexpr int min_side_px = 16;  // what the library's own filters need
+    constexpr int min_side_px = 16;     // what the library's own filters need
+    constexpr double max_gap_px = 5.0;  // where Edge Drawing begins and ends a closed curve
     if (image.cols < min_side_px || image.rows < min_side_px)
         return {};
     std::vector<Quad> quads;
     for (const Chain& segment : opencv_plugin().edge_segments(image)) {
-        const bool closed = is_closed(segment);
+        const bool closed =
+            (vector_of(segment.back()) - vector_of(segment.front())).norm() <= max_gap_px;
         const Chain chain = closed ? from_a_corner(segment) : segment;
         for (const double tolerance_px : tolerances_px)
             add_quads(lines_of(chain, tolerance_px), closed, quads);
@@ -330,19 +321,14 @@ Quad upright(const Quad& seen, int quarters) {
 constexpr double max_depth_ratio = 2.0;
 constexpr double min_contrast = 0.05;  // of full scale
 
-// Largest over smallest depth of the square's corners, as far as the image shows it: 1 for a marker
-// seen squarely. Not above 0 when a corner would be behind the camera.
-double depth_ratio(const Homography& image_from_marker) {
-    const double reach = 0.5 * image_from_marker.row(2).head<2>().lpNorm<1>();
-    return (1.0 + reach) / (1.0 - reach);
-}
-
 std::optional<Candidate> read(const cv::Mat& image, const Quad& quad, const Wanted& wanted) {
     const auto seen = homography_to(quad);
     if (!seen)
         return std::nullopt;
-    const double ratio = depth_ratio(*seen);
-    if (!(ratio >= 1.0 && ratio <= max_depth_ratio))
+    // Largest over smallest depth of the square's corners; not above 0 with one behind the camera.
+    const double reach = 0.5 * seen->row(2).head<2>().lpNorm<1>();
+    const double depth_ratio = (1.0 + reach) / (1.0 - reach);
+    if (!(depth_ratio >= 1.0 && depth_ratio <= max_depth_ratio))
         return std::nullopt;
     const auto reading = read_stag_code(image, *seen);
     if (!reading || !(reading->contrast >= wanted.contrast))
@@ -359,26 +345,15 @@ std::optional<Candidate> read(const cv::Mat& image, const Quad& quad, const Want
     return nearest.id < 0 ? std::nullopt : std::optional(nearest);
 }
 
-bool overlap(const Quad& a, const Quad& b) {
-    const auto centre = [](const Quad& quad) -> Eigen::Vector2d {
-        return (quad[0] + quad[1] + quad[2] + quad[3]) / 4.0;
-    };
-    return (centre(a) - centre(b)).norm() < 0.5 * (a[2] - a[0]).norm();
-}
-
 FoundStag refined(const cv::Mat& image, const Candidate& candidate, const Wanted& wanted) {
-    const FoundStag unrefined{candidate.id, candidate.corners, candidate.wrong_bits};
     const auto start = homography_to(candidate.corners);
-    if (!start)
-        return unrefined;
     const StagCode word = wanted.words[static_cast<std::size_t>(candidate.id)];
-    const auto refinement = refine_stag(image, *start, word, candidate.contrast);
-    if (!refinement)
-        return unrefined;
-    const auto again = read(image, refinement->corners, wanted);
+    const auto corners =
+        start ? refine_stag(image, *start, word, candidate.contrast) : std::nullopt;
+    const auto again = corners ? read(image, *corners, wanted) : std::nullopt;
     if (!again || again->id != candidate.id || again->quarters != 0)
-        return unrefined;
-    return {candidate.id, refinement->corners, again->wrong_bits, true};
+        return {candidate.id, candidate.corners};
+    return {candidate.id, *corners, true};
 }
 
 }  // namespace
@@ -395,8 +370,12 @@ std::vector<FoundStag> find_stags(const CodeImage& image, std::span<const StagCo
     std::ranges::stable_sort(candidates, {}, &Candidate::wrong_bits);
     std::vector<FoundStag> found;
     for (const Candidate& candidate : candidates) {
-        const auto same = std::find_if(found.begin(), found.end(), [&](const FoundStag& other) {
-            return overlap(other.corners, candidate.corners);
+        const auto centre = [](const Quad& quad) -> Eigen::Vector2d {
+            return (quad[0] + quad[1] + quad[2] + quad[3]) / 4.0;
+        };
+        const auto same = std::ranges::find_if(found, [&](const FoundStag& other) {
+            return (centre(other.corners) - centre(candidate.corners)).norm() <
+                   0.5 * (other.corners[2] - other.corners[0]).norm();
         });
         if (same == found.end())
             found.push_back(refined(pixels, candidate, wanted));

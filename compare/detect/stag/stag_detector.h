@@ -32,33 +32,23 @@ using Homography = Eigen::Matrix3d;
 // number. Nothing when three of them are on a line.
 std::optional<Homography> homography_to(const Quad& corners);
 
-struct StagRefinement {
-    Quad corners;                // from the marker's top left clockwise
-    double edge_shift_px = 0.0;  // of all edges towards the light
-    double rms_px = 0.0;         // of the edges' distances from the fit
-    double sigma_px = 0.0;       // standard deviation of the worst corner's coordinate, from that
-};
-
-// The corners from all edges: where the four sides and the circle are, to a small part of a pixel,
-// and the one view of the marker that fits them best. The publication fits the circle alone, on
-// whole edge pixels, and does nothing where it is not found as one closed segment. Here every edge
-// is measured on its own along its normal, by the area under the gray profile, which no symmetric
-// blur displaces. A joint least-squares fit with Tukey's weights finds the homography, radial
-// distortion, and by how much all edges are displaced.
+// The corners from all edges, from the marker's top left clockwise: the four sides and the circle
+// are measured edge by edge along their normals, by the area under the gray profile, which no
+// symmetric blur displaces. A joint least-squares fit with Tukey's weights finds the homography,
+// radial distortion, and by how much all edges are displaced towards the light. (The publication
+// fits the circle alone, on whole edge pixels.)
 //
 // `start` has the marker upright, with corners good to two pixels or so; `code` is its word, and
 // `contrast` that of its references in `image` (CV_32FC1). Nothing when the edges that are found do
-// not fix every corner to a quarter of a pixel (small or hidden markers), or do not fit one view.
-// About 0.3 ms.
-std::optional<StagRefinement> refine_stag(const cv::Mat& image, const Homography& start,
-                                          StagCode code, double contrast);
+// not fix every corner to 0.25 px (small or hidden markers), or do not fit one view. About 0.3 ms.
+std::optional<Quad> refine_stag(const cv::Mat& image, const Homography& start, StagCode code,
+                                double contrast);
 
-// Unrefined corners are where the edge segments' lines meet, good to a pixel or so, and now and
-// then several pixels wrong: a sign of the marker, no measurement.
+// Unrefined corners are where the edge segments' lines meet, good to a pixel or so, sometimes
+// several pixels wrong: a sign of the marker, no measurement.
 struct FoundStag {
-    int id = 0;          // place among the words
-    Quad corners;        // of the black square, from its top left clockwise
-    int wrong_bits = 0;  // that were corrected
+    int id = 0;    // place among the words
+    Quad corners;  // of the black square, from its top left clockwise
     bool is_refined = false;
 };
 

@@ -1,5 +1,4 @@
 #include <Eigen/Cholesky>
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -8,21 +7,18 @@
 
 #include "compare/detect/stag/stag_detector.h"
 #include "core/statistics/distributions.h"
-#include "sim/marker/stag_pattern.h"
 
 namespace etalon {
 namespace {
 
-// How a STag marker lies in an image: what the refinement of its corners varies. A homography from
-// the marker's plane (sides of its square, origin at its centre), and radial distortion about the
-// image's centre by the division model with one number L (A. Fitzgibbon, CVPR 2001): offsets d from
-// the centre, in half diagonals, are straight as d / (1 + L |d|^2). So that L does not take the
-// marker along when it changes, the homography goes to what the straight image looks like at the
-// marker's centre: displaced, turned and scaled to agree with the image there.
+// How a STag marker lies in an image: a homography from the marker's plane (sides of its square,
+// origin at its centre), and radial distortion about the image's centre by the division model with
+// one number L (A. Fitzgibbon, CVPR 2001): offsets d from the centre, in half diagonals, are
+// straight as d / (1 + L |d|^2). So that L does not move the marker, the homography goes to the
+// straight image displaced, turned and scaled to agree with the image at the marker's centre.
 //
-// Edges need not be where the marker's geometry has them: a tone curve, overexposure or a print's
-// ink moves every edge by about the same length. The square shrinks when the disk grows, so that
-// the marker itself shows by how much.
+// A tone curve, overexposure or print gain moves every edge by about the same length: the square
+// shrinks when the disk grows, which tells by how much.
 class StagView {
 public:
     static constexpr int parameters = 10;  // eight numbers of the homography, then these
@@ -44,8 +40,7 @@ public:
         return image_centre_ + half_diagonal_px_ * bent(offset(straight), distortion_);
     }
 
-    // Of pixel(point) by the homography's first eight numbers, row by row, by the distortion, and
-    // by the edges' shift (nothing).
+    // Of pixel(point) by the homography's first eight numbers, the distortion, the shift (nothing).
     Derivatives derivatives(const Eigen::Vector2d& point) const {
         const Eigen::Vector3d whole = image_from_marker_ * point.homogeneous();
         const Eigen::Vector2d straight = whole.hnormalized(), d = offset(straight);
@@ -111,22 +106,17 @@ struct StagEdge {
 
 constexpr int edges_a_side = 40, edges_around = 120;
 
-// Inside the circle the outer ring of code discs begins at 0.35; where its discs are white, the
-// next ring at 0.27.
+// The outer ring of code discs begins at 0.35, the next one at 0.27.
 constexpr double room_to_outer_ring = stag_circle_radius - 0.35;
 constexpr double room_to_next_ring = stag_circle_radius - 0.28;
-
-// How far a point of the upper side is from the circle below it.
-double dark_below(double x) {
-    const double square = stag_circle_radius * stag_circle_radius - x * x;
-    return square > 0.0 ? 0.5 - std::sqrt(square) : 0.5;
-}
 
 // The four turns of an edge of the upper side.
 void add_sides(std::vector<StagEdge>& edges) {
     for (int i = 0; i < edges_a_side; ++i) {
         const double x = (i + 0.5) / edges_a_side - 0.5;
-        StagEdge edge{{x, -0.5}, {0.0, -1.0}, dark_below(x), stag_border, 0.5 - std::abs(x)};
+        const double square = stag_circle_radius * stag_circle_radius - x * x;
+        const double to_circle = 0.5 - std::sqrt(std::max(square, 0.0));
+        StagEdge edge{{x, -0.5}, {0.0, -1.0}, to_circle, stag_border, 0.5 - std::abs(x)};
         for (int quarter = 0; quarter < 4; ++quarter) {
             edges.push_back(edge);
             edge.place = {-edge.place.y(), edge.place.x()};
@@ -181,18 +171,10 @@ struct MeasuredEdge {
     double offset_px = 0.0;  // along it, from view.pixel(place) and the view's shift
 };
 
-// Evenly along the four sides and around the circle, where the code leaves the circle room.
-std::vector<StagEdge> stag_edges(StagCode code) {
-    std::vector<StagEdge> edges;
-    add_sides(edges);
-    add_circle(code, edges);
-    return edges;
-}
-
-// From the grey profile along the edge's normal, `reach_px` to either side at most: with the levels
-// of both its ends, the area under it says where a step between them would be. A symmetric blur
-// does not change that. `contrast` is the marker's; nothing for an edge of less than a third of it,
-// one too near another for a profile, and one not wholly in the image.
+// From the gray profile along the edge's normal, `reach_px` to either side at most: the area under
+// it says where a step between the levels of its ends would be. `contrast` is the marker's; nothing
+// for an edge of less than a third of it, one too near another for a profile, and one not wholly in
+// the image.
 std::optional<MeasuredEdge> measure_edge(const cv::Mat& image, const StagView& view,
                                          const StagEdge& edge, double reach_px, double contrast) {
     constexpr double min_reach_px = 1.0, sample_px = 0.5, corner_px = 2.0, little = 1e-3;
@@ -266,25 +248,21 @@ std::vector<Row> measure(const cv::Mat& image, const StagView& view,
     return rows;
 }
 
-// What is usual, as the standard deviation of a belief, held against edges of a tenth of a pixel:
-// distortion at the image's corners, and how far a tone curve moves edges. It decides only where
-// the marker cannot tell.
+// Prior standard deviations of the distortion at the image's corners and of the edges' shift, with
+// edges of 0.1 px: they decide only where the marker cannot tell.
 constexpr double usual_distortion = 0.3, usual_shift_px = 0.3, usual_edge_px = 0.1;
-
-void believe(int parameter, double value, double usual, Information& information,
-             Parameters& gradient) {
-    const double weight = std::pow(usual_edge_px / usual, 2);
-    information(parameter, parameter) += weight;
-    gradient[parameter] -= weight * value;
-}
 
 // Least squares.
 std::optional<Solution> solve(const std::vector<Row>& rows, const StagView& view) {
     Information information = Information::Zero();
     Parameters gradient = Parameters::Zero();
-    believe(StagView::distortion_parameter, view.distortion(), usual_distortion, information,
-            gradient);
-    believe(StagView::shift_parameter, view.edge_shift_px(), usual_shift_px, information, gradient);
+    const auto add_prior = [&](int parameter, double value, double usual) {
+        const double weight = std::pow(usual_edge_px / usual, 2);
+        information(parameter, parameter) += weight;
+        gradient[parameter] -= weight * value;
+    };
+    add_prior(StagView::distortion_parameter, view.distortion(), usual_distortion);
+    add_prior(StagView::shift_parameter, view.edge_shift_px(), usual_shift_px);
     for (const Row& row : rows) {
         information += row.weight * row.derivative * row.derivative.transpose();
         gradient += row.weight * row.derivative * row.offset_px;
@@ -357,24 +335,22 @@ double corner_sigma(const StagView& view, const Solution& solution) {
     return solution.rms_px * std::sqrt(largest);
 }
 
-double mean_side(const Quad& corners) {
-    double sum = 0.0;
-    for (std::size_t i = 0; i < 4; ++i)
-        sum += (corners[(i + 1) % 4] - corners[i]).norm();
-    return sum / 4.0;
-}
-
 }  // namespace
 
-std::optional<StagRefinement> refine_stag(const cv::Mat& image, const Homography& start,
-                                          StagCode code, double contrast) {
+std::optional<Quad> refine_stag(const cv::Mat& image, const Homography& start, StagCode code,
+                                double contrast) {
     constexpr int max_rounds = 12, full_steps = 3;
     constexpr double settled_px = 0.003, settled_part = 0.2, max_shift = 0.15, max_rms_px = 0.5,
                      max_sigma_px = 0.25;
-    const std::vector<StagEdge> edges = stag_edges(code);
+    std::vector<StagEdge> edges;
+    add_sides(edges);
+    add_circle(code, edges);
     StagView view(start, image.size());
     const Quad first = corners_of(view);
-    const double side = mean_side(first), reach_px = std::clamp(0.08 * side, 2.0, 8.0);
+    double around = 0.0;
+    for (std::size_t i = 0; i < 4; ++i)
+        around += (first[(i + 1) % 4] - first[i]).norm();
+    const double side = around / 4.0, reach_px = std::clamp(0.08 * side, 2.0, 8.0);
     for (int round = 0; round < max_rounds; ++round) {
         const auto solution = solve_robustly(measure(image, view, edges, reach_px, contrast), view);
         if (!solution)
@@ -391,7 +367,7 @@ std::optional<StagRefinement> refine_stag(const cv::Mat& image, const Homography
             continue;
         if (!(solution->rms_px <= max_rms_px && sigma <= max_sigma_px))
             return std::nullopt;
-        return StagRefinement{corners, view.edge_shift_px(), solution->rms_px, sigma};
+        return corners;
     }
     return std::nullopt;
 }

@@ -24,16 +24,6 @@ struct Blob {
     Eigen::Vector2d centroid() const { return sum / area; }
 };
 
-// Black is what is darker than the square around it, by more than noise in an even area.
-cv::Mat dark_pixels(const cv::Mat& image) {
-    constexpr int side = 15, less = 4;
-    cv::Mat mean, dark;
-    cv::boxFilter(image, mean, CV_8U, {side, side}, {-1, -1}, true, cv::BORDER_REPLICATE);
-    cv::subtract(mean, cv::Scalar::all(less), mean);
-    cv::compare(image, mean, dark, cv::CMP_LT);
-    return dark;
-}
-
 // A black region, filled, with the dots in it. Smaller holes are specks.
 Blob node_of(const std::vector<Region>& tree, const Region& region) {
     constexpr double min_share = 0.02;  // of a node's area; a dot has 1/9 of it without blur
@@ -83,10 +73,6 @@ std::optional<Candidate> candidate_in(const std::vector<Region>& tree, const Reg
         }
     }
     return baselines == 1 ? std::optional(candidate) : std::nullopt;
-}
-
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-    return a.x() * b.y() - a.y() * b.x();
 }
 
 // The corners of the convex hull, clockwise as seen (y is down).
@@ -139,10 +125,8 @@ Eigen::Matrix3d homography_of_corners(const std::array<Eigen::Vector2d, 4>& from
 // The point nearest to a place, taken out; nothing when none is near.
 std::optional<Eigen::Vector2d> take_nearest(Points& points, const Eigen::Vector2d& place,
                                             double reach) {
-    const auto nearest =
-        std::min_element(points.begin(), points.end(), [&](const auto& a, const auto& b) {
-            return (a - place).squaredNorm() < (b - place).squaredNorm();
-        });
+    const auto nearest = std::ranges::min_element(
+        points, {}, [&](const Eigen::Vector2d& point) { return (point - place).squaredNorm(); });
     if (nearest == points.end() || !((*nearest - place).norm() < reach))
         return std::nullopt;
     const Eigen::Vector2d result = *nearest;
@@ -214,7 +198,12 @@ bool is_known(const std::vector<DetectedCorners>& tags, const Points& vertices) 
 
 // Vertices of all that may be a tag, in px of the image before it was scaled.
 std::vector<Points> candidates_at(const cv::Mat& scaled, double scale, int order) {
-    const std::vector<Region> tree = region_tree(dark_pixels(scaled));
+    // Black is what is darker than the square around it, by more than noise in an even area.
+    constexpr int side = 15, less = 4;
+    cv::Mat mean;
+    cv::boxFilter(scaled, mean, CV_8U, {side, side}, {-1, -1}, true, cv::BORDER_REPLICATE);
+    cv::subtract(mean, cv::Scalar::all(less), mean);
+    const std::vector<Region> tree = region_tree(scaled < mean);
     std::vector<Points> found;
     for (const Region& region : tree) {
         if (region.is_dark)
@@ -228,14 +217,6 @@ std::vector<Points> candidates_at(const cv::Mat& scaled, double scale, int order
         found.push_back(*vertices);
     }
     return found;
-}
-
-// Of whole blocks of 2 x 2, so that places scale exactly.
-cv::Mat half_of(const cv::Mat& image) {
-    const cv::Rect even(0, 0, image.cols / 2 * 2, image.rows / 2 * 2);
-    cv::Mat half;
-    cv::resize(image(even), half, {even.width / 2, even.height / 2}, 0, 0, cv::INTER_AREA);
-    return half;
 }
 
 }  // namespace
@@ -257,7 +238,15 @@ std::vector<DetectedCorners> find_topotags(const cv::Mat& eight_bit, const cv::M
             if (fit && fits_a_plane(fit->vertices, order) && !is_known(tags, fit->vertices))
                 tags.push_back({fit->id, fit->vertices});
         }
-        scaled = scale == 2.0 ? eight_bit : half_of(scaled);
+        if (scale == 2.0) {
+            scaled = eight_bit;
+            continue;
+        }
+        // Of whole blocks of 2 x 2, so that places scale exactly.
+        const cv::Size half(scaled.cols / 2, scaled.rows / 2);
+        const cv::Mat even = scaled(cv::Rect({0, 0}, half * 2));
+        scaled = cv::Mat();  // a picture of its own
+        cv::resize(even, scaled, half, 0, 0, cv::INTER_AREA);
     }
     return tags;
 }

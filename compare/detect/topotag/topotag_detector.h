@@ -3,10 +3,10 @@
 // (sim/marker/topotag_pattern.h).
 //
 //   1. The image at twice, once, half, a quarter... of its size; in each a pixel is black when it
-//      is darker than the mean of the square around it. One of these squares is as wide as four to
-//      eight cells of the tag, whatever its size: wider than a node, narrower than the tag.
-//   2. The regions and what encloses what; white regions with the right number of nodes. Specks,
-//      far smaller than nodes and dots, do not count.
+//      is darker than the mean of the square around it. At one of these sizes the square is wider
+//      than a node and narrower than the tag.
+//   2. The regions and what encloses what; white regions with the right number of nodes. Specks do
+//      not count.
 //   3. The centroids of nodes and of the baseline's dots, matched with the vertices: the largest
 //      quadrangle is that of the corner vertices, the dot among its corners is the first one.
 //   4. A homography through all n^2 points. All must fit.
@@ -36,11 +36,10 @@ struct Region {
     std::vector<int> children = {};                 // ascending
 };
 
-// White regions are joined over corners too (8 neighbours), black ones over edges only (4): with
-// these two, every region but the outermost one has exactly one region around it (Rosenfeld,
-// "Connectivity in digital pictures", J. ACM 17, 1970). Outside the image all is white. Region 0 is
-// the outermost one; every region comes after its parent. `dark` is CV_8UC1, 255 or 0 (white).
-// About a ns a pixel and 20 a run of equal pixels.
+// White regions are joined over corners too (8 neighbours), black ones over edges only (4): every
+// region but the outermost one then has exactly one region around it (Rosenfeld, J. ACM 17, 1970).
+// Outside the image all is white. Region 0 is the outermost one; every region comes after its
+// parent. `dark` is CV_8UC1, 255 or 0 (white). Some 5 ns a pixel.
 std::vector<Region> region_tree(const cv::Mat& dark);
 
 struct TopotagFit {
@@ -52,19 +51,16 @@ struct TopotagFit {
     double explained = 0.0;                 // of the windows' variance, 0 to 1
 };
 
-// The image of a TopoTag fitted to an image's pixels: vertices to a hundredth of a pixel.
-//
-// A centroid is not where a node's centre is seen (perspective), and is pulled by what is near.
-// Here every vertex has a window, node and half the gap around it, in which
+// The image of a TopoTag fitted to an image's pixels: vertices to a hundredth of a pixel. Every
+// vertex has a window, node and half the gap around it, in which
 //
 //     pixel = dark + (step + g_x x + g_y y) m(p - shift)
 //
 // is fitted by least squares, with m the tag's image after the homography of all vertices, its
-// edges blurred by pixels and lens. Light may thus change over a node. A tone curve or spreading
-// ink moves black edges inwards or outwards: that, the blur, and whether the dot is there (an
-// amplitude from 0 to 1) are fitted too, the first two for all windows together. The shift need not
-// obey the homography: lens distortion stays in the vertices, where the pose wants it. Three times,
-// each with m from what was found before.
+// edges blurred by pixels and lens. Fitted too are the blur and the shift of black edges by a tone
+// curve or print gain, for all windows together, and whether the dot is there (an amplitude from 0
+// to 1). The shift need not obey the homography: lens distortion stays in the vertices. Three
+// times, each with m from what was found before.
 //
 // `pixels` is CV_32FC1 and `vertices` are near those of a tag of this family, to a cell or so.
 // Nothing when a window leaves the image, there is not enough contrast all over the tag, the tag

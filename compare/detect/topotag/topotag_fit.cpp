@@ -12,16 +12,11 @@
 namespace etalon {
 namespace {
 
-// How a TopoTag's shapes are seen around a node: black and white with blurred edges, and how that
-// changes with place, blur and the edges' own shift.
-//
-// The blur (pixels and lens) is taken as normal: an edge is a normal distribution in the distance
-// from it. That is exact along straight edges, and symmetric about each shape's centre everywhere,
-// which is what a vertex's place hangs on. Where edges are nearer to each other than some sigmas,
-// shapes are painted over each other as if each had been blurred alone.
+// How a TopoTag's shapes are seen around a node. The blur (pixels and lens) is taken as normal:
+// exact along straight edges, and symmetric about each shape's centre, on which a vertex's place
+// depends. Shapes are painted over each other as if each had been blurred alone.
 
-// A value with its derivatives by the place on the tag (per cell), by the logarithm of the blur and
-// by the growth of what is white (per px).
+// With derivatives by the place on the tag (per cell), ln blur and white's growth (per px).
 struct Shade {
     double value = 0.0;  // 0 black, 1 white
     Eigen::Vector4d slope = Eigen::Vector4d::Zero();
@@ -41,8 +36,7 @@ struct SeenEdges {
     double area, blur_px, growth_in_sigmas;
 };
 
-// The normal distribution and its density, from a table: right to 1e-5. Nothing is left of an edge
-// beyond four sigmas (3e-5).
+// The normal distribution and its density, from a table: right to 1e-5; 0 or 1 beyond four sigmas.
 struct StepResponse {
     double value, slope;
 };
@@ -82,8 +76,7 @@ StepResponse step_at(double x) {
     return table.at(x);
 }
 
-// A strip of half width h at the distance d from its middle, both in sigmas of its blur: the value
-// and its derivatives by d, by ln sigma and by h.
+// A strip of half width h at d from its middle, in sigmas: value, derivatives by d, ln sigma and h.
 Eigen::Vector4d strip(double d, double h) {
     const double a = h - d, b = h + d;
     const StepResponse right = step_at(a), left = step_at(b);
@@ -117,8 +110,7 @@ Shade disk_cover(const Eigen::Vector2d& d, double h, double growth, const SeenEd
             {slope.x(), slope.y(), -height * a * edge.slope, height * edge.slope}};
 }
 
-// How much of a point (in cells) a shape covers. What is white grows and what is black shrinks; the
-// last derivative is that by the growth.
+// How much of a point (in cells) a shape covers. What is white grows and what is black shrinks.
 Shade cover(const TopotagShape& shape, const Eigen::Vector2d& cell, const SeenEdges& edges) {
     const Eigen::Vector2d d = cell - shape.centre;
     const double sign = shape.is_white ? 1.0 : -1.0, growth = sign * edges.growth_in_sigmas;
@@ -156,8 +148,7 @@ Shade shade(std::span<const TopotagShape> shapes, const Eigen::Vector2d& cell,
     return result;
 }
 
-// The tag as it is seen around one node. The baseline's two vertices have one window: the tone
-// curve moves its outer edges towards its middle, not its vertices.
+// The tag around one node. The baseline's two vertices share a window.
 struct Window {
     std::size_t first_vertex = 0;
     std::vector<TopotagShape> dots;  // at the vertices, whether they are there or not
@@ -315,23 +306,6 @@ std::optional<TagView> view_of(const std::string& family, const TopotagFit& tag)
     return TagView{*h, h->inverse(), std::move(shapes), tag.blur_px, tag.white_growth_px};
 }
 
-// How far the window's vertices are from where the homography puts them, on average.
-Eigen::Vector2d offset_of(const Window& window, const TagView& view,
-                          const std::vector<Eigen::Vector2d>& vertices) {
-    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-    for (std::size_t i = 0; i < window.dots.size(); ++i)
-        sum += vertices[window.first_vertex + i] -
-               seen_at(view.pixel_from_cell, window.dots[i].centre);
-    return sum / static_cast<double>(window.dots.size());
-}
-
-void place_vertices(const Window& window, const TagView& view, const Eigen::Vector2d& shift_px,
-                    std::vector<Eigen::Vector2d>& vertices) {
-    for (std::size_t i = 0; i < window.dots.size(); ++i)
-        vertices[window.first_vertex + i] =
-            seen_at(view.pixel_from_cell, window.dots[i].centre) + window.offset_px + shift_px;
-}
-
 // Blur, step and how much is explained, of all windows together.
 void summarise(const std::vector<WindowFit>& fits, TopotagFit& result) {
     constexpr double min_blur_px = 0.28;  // that of a pixel's box alone
@@ -352,8 +326,7 @@ void summarise(const std::vector<WindowFit>& fits, TopotagFit& result) {
     result.explained = 1.0 - residual / variance;
 }
 
-// Black nodes on white as strong as the others', and dots that are there or are not. A wrong bit
-// would need a dot that is wrong by 0.65, six and a half of the deviations that are let pass.
+// Black nodes on white as strong as the others', and dots that are there or are not.
 bool looks_like_a_tag(const std::vector<WindowFit>& fits, const TopotagFit& tag) {
     constexpr double min_explained = 0.8, min_step = 0.4;  // of the median
     constexpr double max_doubt = 0.35, max_dot_deviation = 0.1;
@@ -381,12 +354,21 @@ std::optional<TopotagFit> fit_topotag(const cv::Mat& pixels, const std::string& 
             return std::nullopt;
         fits.clear();
         for (Window& window : windows) {
-            window.offset_px = offset_of(window, *view, result.vertices);
+            const auto own =
+                std::span(result.vertices).subspan(window.first_vertex, window.dots.size());
+            const auto expected = [&](std::size_t i) {
+                return seen_at(view->pixel_from_cell, window.dots[i].centre);
+            };
+            Eigen::Vector2d offsets = Eigen::Vector2d::Zero();
+            for (std::size_t i = 0; i < own.size(); ++i)
+                offsets += own[i] - expected(i);
+            window.offset_px = offsets / static_cast<double>(own.size());
             const auto fit = fit_window(pixels, window, *view);
             if (!fit)
                 return std::nullopt;
             fits.push_back(*fit);
-            place_vertices(window, *view, fit->shift_px, result.vertices);
+            for (std::size_t i = 0; i < own.size(); ++i)
+                own[i] = expected(i) + window.offset_px + fit->shift_px;
         }
         summarise(fits, result);
         const auto id = read_id(fits, result.id, count);

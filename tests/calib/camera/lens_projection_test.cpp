@@ -3,20 +3,18 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <complex>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/ccalib/omnidir.hpp>
 #include <vector>
 
 #include "core/program/errors.h"
-#include "tests/calib/ray_at.h"
+#include "tests/calib/lens_tables.h"
 
 namespace etalon {
 namespace {
 
 using Kind = Projection;
-using Complex = std::complex<double>;
-using test::pi, test::ray_at;
+using test::Complex, test::ComplexPoint, test::pi, test::ray_at;
 
 // Each with parameters on both sides of where its formula or its limit changes.
 const std::vector<LensProjection> projections{
@@ -71,26 +69,14 @@ Complex radius_at(Kind kind, Complex a, Complex b, Complex sine, Complex cosine)
     }
 }
 
-using Plane = std::array<Complex, 2>;
+using RayAndParameters = Eigen::Matrix<double, 5, 1>;
 
-Plane complex_plane(Kind kind, std::array<Complex, 5> ray_and_parameters) {
-    const auto& [x, y, z, a, b] = ray_and_parameters;
+ComplexPoint complex_plane(Kind kind, const Eigen::Matrix<Complex, 5, 1>& ray_and_parameters) {
+    const Complex x = ray_and_parameters[0], y = ray_and_parameters[1], z = ray_and_parameters[2];
     const Complex across = std::sqrt(x * x + y * y), length = std::sqrt(x * x + y * y + z * z);
-    const Complex radius = radius_at(kind, a, b, across / length, z / length);
+    const Complex radius =
+        radius_at(kind, ray_and_parameters[3], ray_and_parameters[4], across / length, z / length);
     return {radius * x / across, radius * y / across};
-}
-
-// The imaginary part of f(x + i h) / h is the derivative to rounding.
-Eigen::Matrix<double, 2, 5> complex_step(const LensProjection& p, const Eigen::Vector3d& ray) {
-    constexpr double h = 1e-30;
-    Eigen::Matrix<double, 2, 5> derivatives;
-    for (std::size_t i = 0; i < 5; ++i) {
-        std::array<Complex, 5> at{ray.x(), ray.y(), ray.z(), p.a, p.b};
-        at[i] += Complex(0.0, h);
-        const Plane m = complex_plane(p.kind, at);
-        derivatives.col(static_cast<Eigen::Index>(i)) << m[0].imag() / h, m[1].imag() / h;
-    }
-    return derivatives;
 }
 
 // The largest angle of which there is an image.
@@ -111,11 +97,13 @@ TEST(LensProjection, AndItsDerivativesAreThePapers) {
             const Eigen::Vector3d ray = ray_at(share * limit, 2.13, 3.7);
             const auto found = onto_plane(p, ray);
             ASSERT_TRUE(found);
-            const Plane m = complex_plane(p.kind, {ray.x(), ray.y(), ray.z(), p.a, p.b});
+            const RayAndParameters at = (RayAndParameters() << ray, p.a, p.b).finished();
+            const ComplexPoint m = complex_plane(p.kind, at.cast<Complex>());
             const double scale = found->point.norm();
             EXPECT_NEAR(found->point.x(), m[0].real(), 1e-13 * scale);
             EXPECT_NEAR(found->point.y(), m[1].real(), 1e-13 * scale);
-            const auto derivatives = complex_step(p, ray);
+            const Eigen::MatrixXd derivatives = test::complex_step(
+                [&](const auto& moved) { return complex_plane(p.kind, moved); }, at);
             const double steepest = derivatives.cwiseAbs().maxCoeff();
             EXPECT_LE((found->by_ray - derivatives.leftCols<3>()).cwiseAbs().maxCoeff(),
                       1e-11 * steepest);

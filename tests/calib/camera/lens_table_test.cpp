@@ -9,29 +9,12 @@
 
 #include "core/program/errors.h"
 #include "tests/calib/lens_tables.h"
-#include "tests/calib/ray_at.h"
 
 namespace etalon {
 namespace {
 
-using Complex = std::complex<double>;
-using ComplexRay = Eigen::Matrix<Complex, 3, 1>;
-using ComplexPoint = Eigen::Matrix<Complex, 2, 1>;
+using test::Complex, test::ComplexPoint, test::ComplexRay, test::complex_step;
 using test::pi, test::ray_at;
-
-// The imaginary part of f(x + i h) / h is the derivative to rounding.
-template <class Function, class Point>
-Eigen::MatrixXd complex_step(const Function& f, const Point& at) {
-    constexpr double h = 1e-30;
-    using ComplexArgument = Eigen::Matrix<Complex, Point::RowsAtCompileTime, 1>;
-    Eigen::MatrixXd derivatives(f(ComplexArgument(at.template cast<Complex>())).size(), at.size());
-    for (Eigen::Index i = 0; i < at.size(); ++i) {
-        ComplexArgument moved = at.template cast<Complex>();
-        moved[i] += Complex(0.0, h);
-        derivatives.col(i) = f(moved).imag() / h;
-    }
-    return derivatives;
-}
 
 // ---- polynomial: its ray of a point is explicit
 

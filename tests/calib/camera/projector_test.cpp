@@ -3,17 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>  // homogeneous()
-#include <complex>
 #include <opencv2/calib3d.hpp>
 
 #include "core/program/errors.h"
 #include "tests/calib/cameras.h"
+#include "tests/calib/lens_tables.h"
 
 namespace etalon {
 namespace {
 
 using test::camera_with;
-using Complex = std::complex<double>;
+using test::Complex, test::ComplexPoint, test::ComplexRay;
 
 Eigen::Vector2d opencv_projection(const CameraModel& camera, const Eigen::Vector3d& p) {
     const Intrinsics& i = camera.intrinsics;
@@ -26,9 +26,8 @@ Eigen::Vector2d opencv_projection(const CameraModel& camera, const Eigen::Vector
     return {pixels[0].x, pixels[0].y};
 }
 
-// The documented formulas once more, for complex numbers: the imaginary part of f(x + i h) / h is
-// the derivative to rounding.
-std::array<Complex, 2> complex_projection(const CameraModel& camera, std::array<Complex, 3> p) {
+// The documented formulas once more, for complex numbers.
+ComplexPoint complex_projection(const CameraModel& camera, const ComplexRay& p) {
     const Distortion& d = camera.distortion;
     const Complex x = p[0] / p[2], y = p[1] / p[2], r2 = x * x + y * y;
     const Complex radial = (1.0 + d.k1 * r2 + d.k2 * r2 * r2 + d.k3 * r2 * r2 * r2) /
@@ -47,19 +46,6 @@ std::array<Complex, 2> complex_projection(const CameraModel& camera, std::array<
     const Complex v = (cy * cx * ry - sx * rz) / rz;
     const Intrinsics& i = camera.intrinsics;
     return {i.fx * u + i.skew * v + i.cx, i.fy * v + i.cy};
-}
-
-Eigen::Matrix<double, 2, 3> complex_step_jacobian(const CameraModel& camera,
-                                                  const Eigen::Vector3d& p) {
-    constexpr double h = 1e-30;
-    Eigen::Matrix<double, 2, 3> jacobian;
-    for (int column = 0; column < 3; ++column) {
-        std::array<Complex, 3> point{p.x(), p.y(), p.z()};
-        point[column] += Complex(0, h);
-        const auto q = complex_projection(camera, point);
-        jacobian.col(column) << q[0].imag() / h, q[1].imag() / h;
-    }
-    return jacobian;
 }
 
 const std::vector<Eigen::Vector3d> points{
@@ -86,7 +72,7 @@ CameraModel skewed() {
 TEST(Projector, PutsTheSkewAfterTheDistortion) {
     const Projector projector(skewed());
     for (const Eigen::Vector3d& p : points) {
-        const auto expected = complex_projection(skewed(), {p.x(), p.y(), p.z()});
+        const auto expected = complex_projection(skewed(), p.cast<Complex>());
         const auto pixel = projector.project(p);
         ASSERT_TRUE(pixel);
         EXPECT_NEAR(pixel->x(), expected[0].real(), 1e-11);
@@ -108,7 +94,8 @@ TEST(Projector, JacobianIsTheComplexStepDerivative) {
         for (const Eigen::Vector3d& p : points) {
             const auto projected = projector.project_with_jacobian(p);
             ASSERT_TRUE(projected);
-            const auto expected = complex_step_jacobian(camera, p);
+            const Eigen::MatrixXd expected = test::complex_step(
+                [&](const ComplexRay& at) { return complex_projection(camera, at); }, p);
             EXPECT_LT((projected->jacobian - expected).norm(), 1e-12 * expected.norm())
                 << projected->jacobian << "\n"
                 << expected;

@@ -12,7 +12,6 @@
 #include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/lens_tables.h"
-#include "tests/calib/ray_at.h"
 
 namespace etalon {
 namespace {

@@ -10,7 +10,7 @@
 #include "calib/files/foreign_camera.h"
 #include "core/file/text.h"
 #include "tests/calib/lens_tables.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

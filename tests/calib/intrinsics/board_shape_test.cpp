@@ -9,7 +9,8 @@
 
 #include "calib/camera/pixel_model.h"
 #include "core/program/errors.h"
-#include "tests/calib/intrinsics/bent_boards.h"
+#include "tests/calib/synthetic_views.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -22,12 +23,11 @@ const CalibrationModel& standard() {
 
 BoardFlatness flatness_of(const std::vector<CalibrationView>& views,
                           const CalibrationModel& model = standard()) {
-    return check_board(views, model, fit_camera(views, test::image_size, model)).value();
+    return check_board(views, fit_camera(views, test::image_size, model)).value();
 }
 
 BoardShape shape_of(const std::vector<CalibrationView>& views) {
-    return fit_board_shape(views, test::image_size, standard(),
-                           fit_camera(views, test::image_size, standard()));
+    return fit_board_shape(views, fit_camera(views, test::image_size, standard()));
 }
 
 TEST(BoardFlatness, BowedTwistedAndMisprintedBoardsAreFound) {
@@ -56,13 +56,13 @@ TEST(BoardFlatness, AWrongModelOfTheLensIsNoBentBoard) {
     const auto views = test::views_of(test::flat, 13, 0.1, 8);
     const CameraFit fit = fit_camera(views, test::image_size, calibration_model("pinhole"));
     EXPECT_GT(fit.variance, 0.05);  // noise alone: 0.01
-    const BoardFlatness found = *check_board(views, calibration_model("pinhole"), fit);
+    const BoardFlatness found = *check_board(views, fit);
     EXPECT_FALSE(found.is_distorted()) << found.chance << " " << found.share;
 }
 
 TEST(BoardFlatness, NeedsEightViews) {
     const auto views = test::views_of(test::bow, 7, 0.1, 5);
-    EXPECT_FALSE(check_board(views, standard(), fit_camera(views, test::image_size, standard())));
+    EXPECT_FALSE(check_board(views, fit_camera(views, test::image_size, standard())));
 }
 
 TEST(BoardShape, IsTheTruthWithinItsDeviations) {
@@ -178,7 +178,7 @@ TEST(BoardShape, IsTheMinimumOfCameraPosesAndBoardTogether) {
         },
         5, 0.1, 6);
     const CameraFit flat = fit_camera(views, test::image_size, standard());
-    const BoardShape shape = fit_board_shape(views, test::image_size, standard(), flat);
+    const BoardShape shape = fit_board_shape(views, flat);
     std::vector<CalibrationView> shaped;
     for (const CalibrationView& view : views)
         shaped.push_back(shape.shaped(view));
@@ -202,12 +202,8 @@ TEST(BoardShape, APointInTwoPlacesIsRefused) {
     auto views = test::views_of(test::flat, 8, 0.1, 5);
     const CameraFit fit = fit_camera(views, test::image_size, standard());
     views[3].points_mm[4].x() += 1.0;
-    try {
-        fit_board_shape(views, test::image_size, standard(), fit);
-        FAIL();
-    } catch (const NumericalError& error) {
-        EXPECT_THAT(error.what(), HasSubstr("the point with id 4 is in two places"));
-    }
+    EXPECT_THAT(text_of_error<NumericalError>([&] { fit_board_shape(views, fit); }),
+                HasSubstr("the point with id 4 is in two places"));
 }
 
 }  // namespace

@@ -23,10 +23,15 @@ std::vector<std::filesystem::path> photos(const std::string& side) {
     return paths;
 }
 
-bool have(const std::vector<std::filesystem::path>& paths) {
-    return std::all_of(paths.begin(), paths.end(),
-                       [](const auto& path) { return std::filesystem::exists(path); });
-}
+class CalibrationPhotos : public testing::Test {
+protected:
+    void SetUp() override {
+        for (const char* side : {"left", "right"})
+            for (const auto& path : photos(side))
+                if (!std::filesystem::exists(path))
+                    GTEST_SKIP() << "no " << path;
+    }
+};
 
 std::vector<CalibrationView> views_of(const std::string& side) {
     const Marker board = parse_marker("chessboard:9x6@25mm", "test");
@@ -37,7 +42,6 @@ std::vector<CalibrationView> views_of(const std::string& side) {
             ADD_FAILURE() << "no board in " << photo;
             continue;
         }
-        EXPECT_EQ(corners->refinement_half_window_px, 5);
         views.push_back({board.points_mm, corners->pixels});
     }
     return views;
@@ -57,9 +61,7 @@ const ModelScore& score(const CameraCalibration& calibration, const std::string&
 }
 
 // Two cameras of one type in one set: 533 and 537 px, centres 15 px apart.
-TEST(CalibrationPhotos, OfTheTwoCamerasAreToldApart) {
-    if (!have(photos("left")) || !have(photos("right")))
-        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+TEST_F(CalibrationPhotos, OfTheTwoCamerasAreToldApart) {
     std::vector<CalibrationView> both = views_of("left");
     EXPECT_EQ(camera_groups(both, {640, 480}).size(), 1u);
     const auto right = views_of("right");
@@ -73,9 +75,7 @@ TEST(CalibrationPhotos, OfTheTwoCamerasAreToldApart) {
     }
 }
 
-TEST(CalibrationPhotos, LeftFitsAndPredictsToATwentiethOfASquare) {
-    if (!have(photos("left")))
-        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+TEST_F(CalibrationPhotos, LeftFitsAndPredictsToATwentiethOfASquare) {
     const CameraCalibration& found = calibration("left");
     EXPECT_EQ(found.points_left_out(), 0u);
     EXPECT_LE(found.rms_px, 0.200);
@@ -89,9 +89,7 @@ TEST(CalibrationPhotos, LeftFitsAndPredictsToATwentiethOfASquare) {
     EXPECT_NEAR(found.camera.intrinsics.cy, theirs.intrinsics.cy, 3.0);
 }
 
-TEST(CalibrationPhotos, RightFitsAndPredictsToATwentiethOfASquare) {
-    if (!have(photos("right")))
-        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+TEST_F(CalibrationPhotos, RightFitsAndPredictsToATwentiethOfASquare) {
     const CameraCalibration& found = calibration("right");
     EXPECT_EQ(found.points_left_out(), 0u);
     EXPECT_LE(found.rms_px, 0.212);
@@ -100,9 +98,7 @@ TEST(CalibrationPhotos, RightFitsAndPredictsToATwentiethOfASquare) {
 
 // The standard model is the simplest that predicts; without left06.jpg the prism model folds over
 // in it, and the rational one misses it by far: they followed the photos.
-TEST(CalibrationPhotos, RationalAndPrismModelsAreFoundToOverfit) {
-    if (!have(photos("left")))
-        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+TEST_F(CalibrationPhotos, RationalAndPrismModelsAreFoundToOverfit) {
     const CameraCalibration& found = calibration("left");
     EXPECT_EQ(found.model.name, "standard");
     EXPECT_FALSE(found.overfits());
@@ -122,9 +118,7 @@ TEST(CalibrationPhotos, RationalAndPrismModelsAreFoundToOverfit) {
 // The photographed corners are not independent within a photo: formal deviations are too small, and
 // two ways of looking at whole photos agree on by how much, as far as 13 photos tell (20 % each;
 // the bootstrap is also moved by k3, which single photos decide).
-TEST(CalibrationPhotos, DeviationsOverViewsExceedTheFormalOnes) {
-    if (!have(photos("left")))
-        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+TEST_F(CalibrationPhotos, DeviationsOverViewsExceedTheFormalOnes) {
     for (const char* side : {"left", "right"})
         for (const ParameterDeviation& deviation : calibration(side).deviations) {
             EXPECT_GT(deviation.cluster_robust, deviation.formal) << deviation.name;
@@ -138,9 +132,7 @@ TEST(CalibrationPhotos, DeviationsOverViewsExceedTheFormalOnes) {
 }
 
 // Two halves that share no photo, where corners were.
-TEST(CalibrationPhotos, HalvesAgreeAsTheirCovariancesSay) {
-    if (!have(photos("left")))
-        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+TEST_F(CalibrationPhotos, HalvesAgreeAsTheirCovariancesSay) {
     for (const char* side : {"left", "right"}) {
         const CrossValidation& halves = calibration(side).halves.value();
         EXPECT_LT(halves.rms_px, 1.0) << side;
@@ -149,9 +141,7 @@ TEST(CalibrationPhotos, HalvesAgreeAsTheirCovariancesSay) {
 }
 
 // Two cameras photographed one board: nothing else is common to the two fits.
-TEST(CalibrationPhotos, TwoCamerasFindTheSameShapeOfTheBoard) {
-    if (!have(photos("left")) || !have(photos("right")))
-        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+TEST_F(CalibrationPhotos, TwoCamerasFindTheSameShapeOfTheBoard) {
     std::map<std::string, CameraCalibration> fitted;
     for (const char* side : {"left", "right"}) {
         EXPECT_TRUE(calibration(side).flatness->is_distorted());
@@ -174,7 +164,7 @@ TEST(CalibrationPhotos, TwoCamerasFindTheSameShapeOfTheBoard) {
     EXPECT_LT(differences, 2.0 * variances);
 }
 
-TEST(CalibrationPhotos, ThePackagesOwnCalibrationIsRead) {
+TEST_F(CalibrationPhotos, ThePackagesOwnCalibrationIsRead) {
     const auto path = std::filesystem::path(ETALON_PHOTO_DIR) / "left_intrinsics.yml";
     if (!std::filesystem::exists(path))
         GTEST_SKIP() << "no " << path;

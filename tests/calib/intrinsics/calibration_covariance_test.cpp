@@ -80,7 +80,8 @@ TEST(ClusterRobust, IsTheDenseFormulas) {
         middle += score * score.transpose();
     }
     const Eigen::Matrix3d dense = inverse * middle * inverse;
-    const Eigen::MatrixXd ours = cluster_robust_covariance(data.equations(), three_parameters);
+    const Eigen::MatrixXd ours =
+        covariances_of(data.equations(), three_parameters, 0.49).cluster_robust;
     for (int i = 0; i < 3; ++i)
         for (int k = 0; k < 3; ++k)
             EXPECT_NEAR(ours(i, k) / std::sqrt(dense(i, i) * dense(k, k)),
@@ -95,10 +96,9 @@ TEST(ClusterRobust, IsUnbiasedForFiveClusters) {
     const double noise = 0.7;
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (int run = 0; run < runs; ++run)
-        mean +=
-            cluster_robust_covariance(regression(1000 + run, noise).equations(), three_parameters)
-                .diagonal() /
-            runs;
+        mean += covariances_of(regression(1000 + run, noise).equations(), three_parameters, 0.49)
+                    .cluster_robust.diagonal() /
+                runs;
     const Eigen::Matrix3d truth = noise * noise * regression(0, noise).inverse();
     for (int i = 0; i < 3; ++i)
         EXPECT_NEAR(mean[i] / truth(i, i), 1.0, 3.5 * 0.0224) << i;
@@ -107,7 +107,7 @@ TEST(ClusterRobust, IsUnbiasedForFiveClusters) {
 TEST(FormalCovariance, IsTheVarianceTimesTheInverseInformation) {
     const Regression data = regression(5, 0.7);
     const Eigen::Matrix3d expected = 0.49 * data.inverse();
-    const Eigen::MatrixXd ours = formal_covariance(data.equations(), three_parameters, 0.49);
+    const Eigen::MatrixXd ours = covariances_of(data.equations(), three_parameters, 0.49).formal;
     for (int i = 0; i < 3; ++i)
         EXPECT_NEAR(ours(i, i) / expected(i, i), 1.0, 1e-9);
 }
@@ -127,9 +127,9 @@ TEST(Bootstrap, GivesTheSameBitsForEveryNumberOfThreads) {
     const CameraFit fit = fit_camera(views, {640, 480}, model);
     const int before = cv::getNumThreads();
     cv::setNumThreads(1);
-    const Bootstrap one = bootstrap_calibrations(views, {640, 480}, model, fit, 24);
+    const Bootstrap one = bootstrap_calibrations(views, fit, 24);
     cv::setNumThreads(3);
-    const Bootstrap three = bootstrap_calibrations(views, {640, 480}, model, fit, 24);
+    const Bootstrap three = bootstrap_calibrations(views, fit, 24);
     cv::setNumThreads(before);
     ASSERT_EQ(one.parameters.size(), three.parameters.size());
     for (std::size_t i = 0; i < one.parameters.size(); ++i)
@@ -154,12 +154,9 @@ TEST(StatedCovariance, IsTheRobustOneDrawnTowardsTheFormalOne) {
     const double variance = 0.49;
     for (const int seed : {5, 6, 7}) {
         const Regression data = regression(seed, 1.4);
-        const auto equations = data.equations();
-        const Eigen::MatrixXd formal = formal_covariance(equations, three_parameters, variance),
-                              robust = cluster_robust_covariance(equations, three_parameters),
-                              stated = stated_covariance(equations, three_parameters, variance);
-        const Eigen::Matrix3d s = in_formal_units(robust, formal),
-                              ours = in_formal_units(stated, formal);
+        const auto found = covariances_of(data.equations(), three_parameters, variance);
+        const Eigen::Matrix3d s = in_formal_units(found.cluster_robust, found.formal),
+                              ours = in_formal_units(found.stated, found.formal);
         const double mean = std::max(1.0, s.trace() / 3.0);
         EXPECT_NEAR(ours.trace(), 3.0 * mean, 1e-9 * mean);
         // What is not the identity is a share of the robust one's.
@@ -177,12 +174,11 @@ TEST(StatedCovariance, HasNoDirectionNarrowerThanFewClustersAllow) {
     Regression data = regression(5, 0.7);
     data.x.resize(2);
     data.y.resize(2);
-    const auto equations = data.equations();
-    const Eigen::MatrixXd formal = formal_covariance(equations, three_parameters, 0.49);
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> robust(Eigen::MatrixXd(
-        in_formal_units(cluster_robust_covariance(equations, three_parameters), formal)));
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> stated(Eigen::MatrixXd(
-        in_formal_units(stated_covariance(equations, three_parameters, 0.49), formal)));
+    const auto found = covariances_of(data.equations(), three_parameters, 0.49);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> robust(
+        Eigen::MatrixXd(in_formal_units(found.cluster_robust, found.formal)));
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> stated(
+        Eigen::MatrixXd(in_formal_units(found.stated, found.formal)));
     EXPECT_LT(robust.eigenvalues()[0], 1e-9);
     EXPECT_GT(stated.eigenvalues()[0], 0.1);
 }

@@ -5,7 +5,7 @@
 
 #include "calib/intrinsics/camera_consistency.h"
 #include "core/statistics/random.h"
-#include "tests/calib/mixed_set.h"
+#include "tests/calib/synthetic_views.h"
 
 namespace etalon::test {
 namespace {

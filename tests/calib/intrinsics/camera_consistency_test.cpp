@@ -7,7 +7,7 @@
 
 #include <algorithm>
 
-#include "tests/calib/mixed_set.h"
+#include "tests/calib/synthetic_views.h"
 
 namespace etalon::test {
 namespace {

@@ -9,24 +9,16 @@
 #include "calib/intrinsics/calibration_start.h"
 #include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
 
 using testing::HasSubstr;
 
-std::string error_of(const std::function<void()>& action) {
-    try {
-        action();
-    } catch (const Error& error) {
-        return error.what();
-    }
-    return "no error";
-}
-
 std::string fit_error(const std::vector<CalibrationView>& views,
                       const CameraFitOptions& options = {}) {
-    return error_of(
+    return text_of_error<Error>(
         [&] { fit_camera(views, test::image_size, calibration_model("standard"), options); });
 }
 
@@ -34,7 +26,7 @@ double largest_difference_in_u(const CameraFit& fit, const Eigen::VectorXd& othe
                                const std::vector<CalibrationView>& views,
                                const CalibrationModel& model) {
     const Eigen::MatrixXd covariance =
-        fit.variance * inverse_information(view_equations(views, fit, model), model);
+        fit.variance * inverse_information(view_equations(views, fit), model);
     return (parameters_of(fit.camera, model) - other)
         .cwiseQuotient(covariance.diagonal().cwiseSqrt())
         .cwiseAbs()
@@ -144,8 +136,10 @@ TEST(CalibrationModels, ContainEachTheOneBeforeAndSetWhatTheyName) {
     set_parameters(camera, radial, values);
     EXPECT_EQ(camera.distortion.k2, 0.77);
     EXPECT_EQ(camera.distortion.tau_y, -0.11);
-    EXPECT_THAT(error_of([] { calibration_model("fisheye"); }), HasSubstr("pinhole, radial"));
-    EXPECT_THAT(error_of([] { parameter_index("k8"); }), HasSubstr("no parameter 'k8'"));
+    EXPECT_THAT(text_of_error<Error>([] { calibration_model("fisheye"); }),
+                HasSubstr("pinhole, radial"));
+    EXPECT_THAT(text_of_error<Error>([] { parameter_index("k8"); }),
+                HasSubstr("no parameter 'k8'"));
     for (const CalibrationModel& model : wide_calibration_models()) {
         EXPECT_EQ(&calibration_model(model.name), &model);
         CameraModel wide = test::webcam();
@@ -176,15 +170,10 @@ TEST(CameraFit, FindsTheCameraThatMadeTheViews) {
 // minimum is ours within a hundredth of u, and not below it.
 TEST(CameraFit, EndsWhereOpenCvEnds) {
     auto views = test::synthetic_views(test::calibration_truth(), 8, 0.3, 5);
-    std::vector<std::vector<cv::Point3f>> points(8);
-    std::vector<std::vector<cv::Point2f>> pixels(8);
+    const auto [points, pixels] = test::opencv_views(views);
     for (int v = 0; v < 8; ++v)
-        for (std::size_t i = 0; i < views[v].pixels.size(); ++i) {
-            Eigen::Vector2d& q = views[v].pixels[i];
-            pixels[v].emplace_back(q.x(), q.y());
-            points[v].emplace_back(views[v].points_mm[i].x(), views[v].points_mm[i].y(), 0);
-            q = {pixels[v][i].x, pixels[v][i].y};
-        }
+        for (std::size_t i = 0; i < views[v].pixels.size(); ++i)
+            views[v].pixels[i] = {pixels[v][i].x, pixels[v][i].y};
     cv::Mat k, d;
     std::vector<cv::Mat> r, t;
     const double rms =
@@ -237,7 +226,7 @@ TEST(CameraFit, InverseInformationIsThatOfTheWholeJacobianByDifferences) {
         }
     }
     const Eigen::MatrixXd expected = (jacobian.transpose() * jacobian).inverse();
-    const Eigen::MatrixXd inverse = inverse_information(view_equations(views, fit, model), model);
+    const Eigen::MatrixXd inverse = inverse_information(view_equations(views, fit), model);
     for (int i = 0; i < 9; ++i)
         for (int j = 0; j < 9; ++j)
             EXPECT_NEAR(inverse(i, j), expected(i, j),
@@ -252,7 +241,7 @@ TEST(CameraFit, ScoresCancelAtTheMinimum) {
     const CameraFit fit = fit_camera(views, test::image_size, model);
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(9), sizes = sum;
     double squares = 0.0;
-    for (const ViewEquations& view : view_equations(views, fit, model)) {
+    for (const ViewEquations& view : view_equations(views, fit)) {
         const Eigen::VectorXd score = view.triangle.transpose() * view.rhs;
         sum += score;
         sizes += score.cwiseAbs();
@@ -377,7 +366,8 @@ TEST(ViewPose, OfPointsBehindTheCameraHasNoResiduals) {
     const CameraModel camera = test::calibration_truth();
     const CalibrationView view = test::synthetic_view(camera, test::synthetic_pose(1), 0.0, 1);
     const Rigid behind{Eigen::Quaterniond::Identity(), {0, 0, -500}};
-    EXPECT_THAT(error_of([&] { view_residuals(camera, behind, view); }), HasSubstr("no ray near"));
+    EXPECT_THAT(text_of_error<Error>([&] { view_residuals(camera, behind, view); }),
+                HasSubstr("no ray near"));
 }
 
 // Weak perspective: both poses project the plane's middle alike, and the mirror of the mirror is

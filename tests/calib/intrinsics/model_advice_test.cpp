@@ -142,15 +142,8 @@ TEST(ModelAdvice, AdvisesNothingWhereNoViewWasLeftOut) {
 
 // OpenCV's own calibration and pose, one view at a time, of single-precision pixels.
 double left_out_by_opencv(const std::vector<CalibrationView>& views, std::size_t left_out) {
-    std::vector<std::vector<cv::Point3f>> points(views.size());
-    std::vector<std::vector<cv::Point2f>> pixels(views.size());
-    for (std::size_t v = 0; v < views.size(); ++v)
-        for (std::size_t i = 0; i < views[v].pixels.size(); ++i) {
-            points[v].emplace_back(views[v].points_mm[i].x(), views[v].points_mm[i].y(), 0);
-            pixels[v].emplace_back(views[v].pixels[i].x(), views[v].pixels[i].y());
-        }
-    auto other_points = points;
-    auto other_pixels = pixels;
+    const auto [points, pixels] = test::opencv_views(views);
+    auto [other_points, other_pixels] = test::opencv_views(views);
     other_points.erase(other_points.begin() + left_out);
     other_pixels.erase(other_pixels.begin() + left_out);
     const cv::TermCriteria until(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 200, 1e-15);

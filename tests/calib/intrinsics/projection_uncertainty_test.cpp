@@ -111,7 +111,7 @@ TEST(CrossValidation, NeedsSixViews) {
     const auto views = test::synthetic_views(test::calibration_truth(), 5, 0.2, 1);
     const CalibrationModel& model = calibration_model("radial");
     const CameraFit fit = fit_camera(views, test::image_size, model);
-    EXPECT_THROW(cross_validate(views, test::image_size, model, fit), NumericalError);
+    EXPECT_THROW(cross_validate(views, fit), NumericalError);
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include "calib/intrinsics/calibration_start.h"
 #include "calib/intrinsics/camera_consistency.h"
 #include "core/program/errors.h"
-#include "tests/calib/telecentric_views.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 
 namespace etalon {
@@ -184,10 +184,8 @@ TEST(TelecentricCalibration, AViewThatIsFlatOnLosesNoRow) {
     const CalibrationModel& model = calibration_model("telecentric_radial");
     const Rigid pose = tilted(0, 0, 20);
     const CalibrationView view = test::telecentric_view(camera, pose, 0.1, 3);
-    CameraFit fit;
-    fit.camera = camera;
-    fit.camera_from_target = {pose};
-    const auto equations = view_equations(std::span(&view, 1), fit, model);
+    const CameraFit fit{.model = model, .camera = camera, .camera_from_target = {pose}};
+    const auto equations = view_equations(std::span(&view, 1), fit);
     Eigen::MatrixXd of_camera(108, 6), of_pose(108, 3);
     for (std::size_t i = 0; i < 54; ++i) {
         const Eigen::Vector3d p = pose * view.points_mm[i];

@@ -4,8 +4,7 @@
 
 #include "calib/intrinsics/calibration_start.h"
 #include "core/program/errors.h"
-#include "tests/calib/mixed_set.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 
 namespace etalon {

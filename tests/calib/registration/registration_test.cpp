@@ -12,7 +12,8 @@
 #include "core/statistics/random.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/registration/true_stage.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -325,12 +326,8 @@ TEST(Registration, RefusesPosesWithoutACovariance) {
 }
 
 std::string refusal(const std::vector<RegistrationPose>& poses) {
-    try {
-        register_stage(Projector(test::webcam()), tag, poses, true_y);
-    } catch (const NumericalError& error) {
-        return error.what();
-    }
-    return "accepted";
+    return text_of_error<NumericalError>(
+        [&] { register_stage(Projector(test::webcam()), tag, poses, true_y); });
 }
 
 TEST(Registration, RefusesWhatCannotGiveAResult) {
@@ -344,18 +341,16 @@ TEST(Registration, RefusesWhatCannotGiveAResult) {
         two.push_back(good[i % 2]);
     EXPECT_THAT(refusal(two), HasSubstr("only 2 distinct"));
 
-    std::vector<RegistrationPose> bad = good;
-    bad[2].pixels[1].y() = std::numeric_limits<double>::quiet_NaN();
-    EXPECT_THAT(refusal(bad), HasSubstr("not finite"));
-    bad = good;
-    bad[2].base_from_carriage.translation.x() = std::numeric_limits<double>::infinity();
-    EXPECT_THAT(refusal(bad), HasSubstr("not finite"));
-    bad = good;
-    bad[4].sigma_px = 0.0;
-    EXPECT_THAT(refusal(bad), HasSubstr("sigma"));
-    bad = good;
-    bad[1].pixels.pop_back();
-    EXPECT_THAT(refusal(bad), HasSubstr("3 pixels"));
+    const auto broken = [&](const std::function<void(RegistrationPose&)>& change) {
+        std::vector<RegistrationPose> bad = good;
+        change(bad[2]);
+        return refusal(bad);
+    };
+    EXPECT_THAT(broken([](auto& pose) { pose.pixels[1].y() = NAN; }), HasSubstr("not finite"));
+    EXPECT_THAT(broken([](auto& pose) { pose.base_from_carriage.translation.x() = INFINITY; }),
+                HasSubstr("not finite"));
+    EXPECT_THAT(broken([](auto& pose) { pose.sigma_px = 0.0; }), HasSubstr("sigma"));
+    EXPECT_THAT(broken([](auto& pose) { pose.pixels.pop_back(); }), HasSubstr("3 pixels"));
 }
 
 // The stage stands aside: some of the tag's places are behind the camera's plane.

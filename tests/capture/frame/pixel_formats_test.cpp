@@ -188,10 +188,10 @@ TEST(PixelFormats, TellTheThreeTenBitPackingsApart) {
 }
 
 TEST(PixelFormats, AreFoundByEachOfTheirNames) {
-    ASSERT_TRUE(find_v4l2_format("Y12 "));
-    EXPECT_EQ(find_v4l2_format("Y12 "), find_pfnc_format("Mono12"));
-    EXPECT_EQ(find_v4l2_format("Y12 "), find_libcamera_format("R12"));
-    EXPECT_EQ(find_v4l2_format("Y12 "), find_pfnc_format(0x01100005));
+    ASSERT_TRUE(find_v4l2_format("Y12"));
+    EXPECT_EQ(find_v4l2_format("Y12"), find_pfnc_format("Mono12"));
+    EXPECT_EQ(find_v4l2_format("Y12"), find_libcamera_format("R12"));
+    EXPECT_EQ(find_v4l2_format("Y12"), find_pfnc_format(0x01100005));
     ASSERT_TRUE(find_v4l2_format("BA10"));
     EXPECT_EQ(find_v4l2_format("BA10")->mosaic, Mosaic::grbg);
     EXPECT_TRUE(find_v4l2_format("Y16 -BE")->big_endian);

@@ -1,9 +1,7 @@
-#include "capture/genicam/genicam_description.h"
+#include "capture/genicam/genicam_device.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-
-#include <string>
 
 #include "core/program/errors.h"
 #include "tests/error_text.h"

@@ -4,13 +4,6 @@
 // test.
 #pragma once
 
-#include <deque>
-#include <functional>
-#include <map>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "capture/frame/pixel_formats.h"
 #include "capture/libcamera/libcamera_device.h"
 #include "core/program/errors.h"

@@ -1,5 +1,4 @@
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "capture/libcamera/libcamera_camera.h"
 #include "capture/libcamera/libcamera_device.h"

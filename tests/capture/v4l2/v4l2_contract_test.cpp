@@ -1,9 +1,8 @@
 // The contract of Camera, kept by the V4L2 backend over a scripted device.
-#include <opencv2/core.hpp>
 
 #include "capture/v4l2/v4l2_camera.h"
-#include "tests/fakes/fake_v4l2.h"
 #include "tests/capture/frame/camera_contract.h"
+#include "tests/fakes/fake_v4l2.h"
 
 namespace etalon {
 namespace {

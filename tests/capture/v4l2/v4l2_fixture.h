@@ -3,10 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
-#include <memory>
-#include <string>
-
 #include "capture/v4l2/v4l2_camera.h"
 #include "core/program/errors.h"
 #include "tests/error_text.h"

@@ -8,7 +8,6 @@
 #include <latch>
 #include <opencv2/imgcodecs.hpp>
 
-#include "capture/v4l2/v4l2_controls.h"
 #include "tests/capture/v4l2/v4l2_fixture.h"
 
 namespace etalon {

@@ -46,9 +46,9 @@ TEST(EdgeStatistics, WidthAndMeasuredPatternAreWithinTheirUncertainty) {
         int sharpened = 0;
         for (int seed = 0; seed < draws; ++seed) {
             const auto estimate =
-                estimate_point_spread(scene.edges(draw(scene, radiance, seed)).edges, scene.camera);
-            width.add(estimate.gaussian.variance_px2 - sigma * sigma,
-                      estimate.gaussian.variance_standard_uncertainty_px2);
+                estimate_point_spread(scene.edges(draw(scene, radiance, seed)), scene.camera);
+            width.add(estimate.gaussian.sigma_px - sigma,
+                      estimate.gaussian.standard_uncertainty_px);
             const auto [value, u] = estimate.measured->modulation(0.3);
             modulation.add(value - test::gaussian_transfer(sigma, 0.3), u);
             sharpened += estimate.sharpening.is_detected ? 1 : 0;
@@ -66,7 +66,7 @@ TEST(EdgeStatistics, FocusAndFNumberAreWithinTheirUncertainty) {
     Pulls focus, number, width;
     for (int seed = 0; seed < draws; ++seed) {
         const auto estimate =
-            estimate_defocus(scene.edges(draw(scene, radiance, seed)).edges, scene.camera);
+            estimate_defocus(scene.edges(draw(scene, radiance, seed)), scene.camera);
         ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
         focus.add(estimate.focus_distance_mm - scene.camera.lens->focus_distance_mm,
                   estimate.focus_distance_standard_uncertainty_mm);
@@ -147,10 +147,10 @@ void expect_within_a_hundredth(const EdgeInView& view, double degrees, Pulls& pu
             worst = std::max(worst, std::abs(error));
         }
     }
-    std::printf("%5.0f  %6.3f +- %.3f  %.4f  %.4f +- %.4f (%.4f)  %.4f +- %.4f (%.3f)\n", degrees,
-                edge.angle_deg, edge.angle_standard_uncertainty_deg, worst, edge.at_nyquist,
-                edge.at_nyquist_standard_uncertainty, analytic(view.camera, degrees, 0.5),
-                edge.mtf50_cycles_per_px, edge.mtf50_standard_uncertainty,
+    std::printf("%5.0f  %6.3f  %.4f  %.4f +- %.4f (%.4f)  %.4f +- %.4f (%.3f)\n", degrees,
+                edge.angle_deg, worst, edge.at_nyquist, edge.at_nyquist_standard_uncertainty,
+                analytic(view.camera, degrees, 0.5), edge.mtf50_cycles_per_px,
+                edge.mtf50_standard_uncertainty,
                 analytic(view.camera, degrees, edge.mtf50_cycles_per_px));
     EXPECT_LT(worst, 0.01) << degrees;
     EXPECT_NEAR(edge.angle_deg, degrees, 0.02);

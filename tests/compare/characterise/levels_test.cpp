@@ -251,7 +251,8 @@ std::vector<WhitePatch> white_squares(const CameraModel& camera) {
         for (int x = 0; x < radiance.cols; ++x)
             radiance.col(x) *= 1.0 + 0.05 * (i - 2) * x / radiance.cols;
         const CodeImage photo = sensor.expose(radiance, NoiseKey{3, static_cast<std::uint32_t>(i)});
-        const auto more = white_cell_patches(photo, projector, board, placed.camera_from_marker, i);
+        const auto more =
+            white_cell_patches(photo, projector, board.grid, placed.camera_from_marker, i);
         patches.insert(patches.end(), more.begin(), more.end());
     }
     return patches;

@@ -127,7 +127,7 @@ TEST(SlantedEdge, TakesTheEdgesOfATarget) {
     test::set_gaussian(scene.camera, 0.55);
     const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
     int measured = 0;
-    for (const StraightEdge& edge : scene.edges(photo, {.half_width_px = 12.0}).edges) {
+    for (const StraightEdge& edge : scene.edges(photo, {.half_width_px = 12.0})) {
         if (edge.length_px < 40.0 || nearer_reach(edge) < 9.0)
             continue;
         const SlantedEdge found = slanted_edge(edge);

@@ -1,6 +1,4 @@
 // JCGM 106:2012, computed here a second way: by drawing true values and measurements.
-#include "compare/decision/decision_rule.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -15,17 +13,21 @@ namespace {
 
 constexpr DecisionRule guarded, simple{0.0}, half{0.5};
 
+JudgedQuantity quantity_of(double value, double standard_uncertainty, double limit) {
+    JudgedQuantity quantity{.measured = true, .value = value};
+    quantity.expanded_uncertainty = quantity.coverage_factor * standard_uncertainty;
+    quantity.limit = limit;
+    return quantity;
+}
+
 // The measured value is 2 standard uncertainties below its limit: P(Z < 2), tables.
 TEST(DecisionRule, GivesTheProbabilityThatAValueConforms) {
-    const MeasuredAgainstLimit measured{.value = 0.13, .standard_uncertainty = 0.01, .limit = 0.15};
+    const JudgedQuantity measured = quantity_of(0.13, 0.01, 0.15);
     EXPECT_NEAR(decision_risk(measured, guarded).conformance, 0.97725, 1e-5);
     EXPECT_NEAR(decision_risk(measured, simple).conformance, 0.97725, 1e-5);
     // Student's t of 4 degrees of freedom: P(T < 2.132) = 0.95, tables.
-    const MeasuredAgainstLimit few{.value = 1.0 - 0.2132,
-                                   .standard_uncertainty = 0.1,
-                                   .coverage_factor = 2.87,
-                                   .degrees_of_freedom = 4.0,
-                                   .limit = 1.0};
+    JudgedQuantity few = quantity_of(1.0 - 0.2132, 0.1, 1.0);
+    few.degrees_of_freedom = 4.0;
     EXPECT_NEAR(decision_risk(few, guarded).conformance, 0.95, 1e-4);
 }
 
@@ -62,7 +64,7 @@ struct DrawnRisks {
 };
 
 // Cameras as the prior says, each measured once and decided.
-DrawnRisks drawn(const MeasuredAgainstLimit& m, const DecisionRule& rule, const ValuePrior& prior,
+DrawnRisks drawn(const JudgedQuantity& m, const DecisionRule& rule, const ValuePrior& prior,
                  int cameras) {
     RandomStream random(7, 3);
     DrawnRisks risks;
@@ -70,9 +72,8 @@ DrawnRisks drawn(const MeasuredAgainstLimit& m, const DecisionRule& rule, const 
         double truth = -1.0;
         while (truth < 0.0)
             truth = prior.mean + prior.deviation * random.normal();
-        const double value = truth + m.standard_uncertainty * random.normal();
-        const Outcome outcome =
-            decide(value, m.coverage_factor * m.standard_uncertainty, m.limit, rule);
+        const double value = truth + m.expanded_uncertainty / m.coverage_factor * random.normal();
+        const Outcome outcome = decide(value, m.expanded_uncertainty, m.limit, rule);
         if (truth > m.limit && outcome == Outcome::pass)
             risks.consumer += 1.0 / cameras;
         if (truth <= m.limit && outcome == Outcome::fail)
@@ -88,7 +89,7 @@ double tolerance(double share, int draws) {
 
 TEST(DecisionRule, HasTheGlobalRisksThatDrawnCamerasHave) {
     constexpr int cameras = 400'000;
-    const MeasuredAgainstLimit m{.value = 0.1, .standard_uncertainty = 0.013, .limit = 0.16};
+    const JudgedQuantity m = quantity_of(0.1, 0.013, 0.16);
     const ValuePrior broad{0.11, 0.05}, cut{0.02, 0.15};
     for (const ValuePrior& prior : {broad, cut})
         for (const DecisionRule& rule : {guarded, simple, half}) {
@@ -104,14 +105,14 @@ TEST(DecisionRule, HasTheGlobalRisksThatDrawnCamerasHave) {
 // A prior that is much narrower than the measurement: the risk is the prior's share above the
 // limit, times the chance of a PASS there.
 TEST(DecisionRule, IntegratesANarrowPriorToo) {
-    const MeasuredAgainstLimit m{.value = 0.1, .standard_uncertainty = 1.0, .limit = 10.0};
+    const JudgedQuantity m = quantity_of(0.1, 1.0, 10.0);
     const DecisionRisk risk = decision_risk(m, simple, ValuePrior{10.0, 1e-4});
     EXPECT_NEAR(risk.consumer, 0.25, 1e-4);
     EXPECT_NEAR(risk.producer, 0.25, 1e-4);
 }
 
 TEST(DecisionRule, WithoutAPriorStatesTheMostThatAnyGives) {
-    const MeasuredAgainstLimit m{.value = 0.1, .standard_uncertainty = 0.013, .limit = 0.16};
+    const JudgedQuantity m = quantity_of(0.1, 0.013, 0.16);
     for (const DecisionRule& rule : {guarded, simple, half}) {
         const DecisionRisk worst = decision_risk(m, rule);
         EXPECT_FALSE(worst.has_prior);
@@ -127,19 +128,18 @@ TEST(DecisionRule, WithoutAPriorStatesTheMostThatAnyGives) {
 
 // By hand: 0.16 - w -+ 1.645 u.
 TEST(DecisionRule, HasAnOperatingCharacteristic) {
-    const MeasuredAgainstLimit m{.value = 0.1, .standard_uncertainty = 0.01, .limit = 0.16};
+    const JudgedQuantity m = quantity_of(0.1, 0.01, 0.16);
     const DecisionRisk risk = decision_risk(m, half);
     EXPECT_NEAR(risk.passes_95.value(), 0.15 - 0.01645, 1e-5);
     EXPECT_NEAR(risk.passes_50.value(), 0.15, 1e-12);
     EXPECT_NEAR(risk.passes_5.value(), 0.15 + 0.01645, 1e-5);
-    const MeasuredAgainstLimit blind{.value = 0.1, .standard_uncertainty = 0.1, .limit = 0.16};
+    const JudgedQuantity blind = quantity_of(0.1, 0.1, 0.16);
     EXPECT_FALSE(decision_risk(blind, guarded).passes_50);  // 0.16 - 0.2: no camera is that good
 }
 
 TEST(DecisionRule, HasNoRisksWithoutAnUncertainty) {
-    EXPECT_THROW(decision_risk({.value = 0.1, .limit = 0.16}, guarded), NumericalError);
-    EXPECT_THROW(decision_risk({.value = NAN, .standard_uncertainty = 0.1, .limit = 0.16}, guarded),
-                 NumericalError);
+    EXPECT_THROW(decision_risk(quantity_of(0.1, 0.0, 0.16), guarded), NumericalError);
+    EXPECT_THROW(decision_risk(quantity_of(NAN, 0.1, 0.16), guarded), NumericalError);
 }
 
 TEST(DecisionRule, OfAFamilyRisksWhatItsWorstMemberDoes) {

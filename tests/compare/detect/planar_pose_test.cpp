@@ -6,7 +6,7 @@
 #include "compare/detect/detector.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 
 namespace etalon {
 namespace {
@@ -53,17 +53,19 @@ protected:
     const Projector projector{webcam()};
     const Points corners = square(50.0);
 
-    // From exact pixels.
-    auto found_at(const Points& points, const Rigid& truth) const {
-        return estimate_pose(projector, points, projected(projector, points, truth));
+    static void expect_same_pose(const Rigid& estimate, const Rigid& truth, double rad, double mm) {
+        const Vector6d delta = left_difference(truth, estimate);
+        EXPECT_LT(delta.head<3>().norm(), rad);
+        EXPECT_LT(delta.tail<3>().norm(), mm);
+    }
+    // From exact pixels: the truth, to these limits.
+    PoseEstimate found_at(const Points& points, const Rigid& truth, double rad, double mm) const {
+        const auto estimate = estimate_pose(projector, points, projected(projector, points, truth));
+        EXPECT_TRUE(estimate);
+        expect_same_pose(estimate.value().camera_from_marker, truth, rad, mm);
+        return *estimate;
     }
 };
-
-void expect_same_pose(const Rigid& estimate, const Rigid& truth, double rad, double mm) {
-    const Vector6d delta = left_difference(truth, estimate);
-    EXPECT_LT(delta.head<3>().norm(), rad);
-    EXPECT_LT(delta.tail<3>().norm(), mm);
-}
 
 TEST_F(EstimatePose, RecoversTagPosesFromTheirProjectionsIncludingDistortion) {
     RandomStream random(7, 5);
@@ -74,24 +76,17 @@ TEST_F(EstimatePose, RecoversTagPosesFromTheirProjectionsIncludingDistortion) {
         Vector6d v;
         v << between(-0.9, 0.9), between(-0.9, 0.9), between(-3, 3), between(-90, 90),
             between(-60, 60), between(250, 900);
-        const Rigid truth = rigid_from_vector(v);
-        const auto estimate = found_at(corners, truth);
-        ASSERT_TRUE(estimate) << "pose " << n;
+        SCOPED_TRACE(n);
         // 1e-12 of the pixel coordinates (rounding and unproject) times 900 mm / 30 px and the
         // tilt's lever leaves nanometres.
-        expect_same_pose(estimate->camera_from_marker, truth, 1e-7, 1e-5);
-        EXPECT_LT(estimate->reprojection_rms_px, 1e-8);
+        EXPECT_LT(found_at(corners, rigid_from_vector(v), 1e-7, 1e-5).reprojection_rms_px, 1e-8);
     }
 }
 
 TEST_F(EstimatePose, RecoversABoardWhoseOriginIsItsFirstCorner) {
-    const Points corners = board(9, 6, 25.0);
     Vector6d v;
     v << 0.41, -0.33, 0.2, -85.0, -61.0, 410.0;
-    const Rigid truth = rigid_from_vector(v);
-    const auto estimate = found_at(corners, truth);
-    ASSERT_TRUE(estimate);
-    expect_same_pose(estimate->camera_from_marker, truth, 1e-9, 1e-7);
+    found_at(board(9, 6, 25.0), rigid_from_vector(v), 1e-9, 1e-7);
 }
 
 TEST_F(EstimatePose, AcceptsPointsInAnyPlaneOfTheMarkersFrame) {
@@ -99,28 +94,23 @@ TEST_F(EstimatePose, AcceptsPointsInAnyPlaneOfTheMarkersFrame) {
     Points points = square(60.0);
     for (Eigen::Vector3d& point : points)
         point = tilted * point;
-    const Rigid truth{rotation_from_vector({0.2, -0.3, 0.7}), {20.0, -10.0, 400.0}};
-    const auto estimate = found_at(points, truth);
-    ASSERT_TRUE(estimate);
-    expect_same_pose(estimate->camera_from_marker, truth, 1e-7, 1e-5);
+    found_at(points, {rotation_from_vector({0.2, -0.3, 0.7}), {20.0, -10.0, 400.0}}, 1e-7, 1e-5);
 }
 
 TEST_F(EstimatePose, KeepsBothSolutionsOfASmallTagNearlySquareToTheCamera) {
     const Points corners = square(20.0);
     const Rigid truth{rotation_from_vector({0.21, 0.14, 0.0}), {30.0, 20.0, 800.0}};
-    const auto estimate = found_at(corners, truth);
-    ASSERT_TRUE(estimate);
-    expect_same_pose(estimate->camera_from_marker, truth, 1e-6, 1e-4);
-    ASSERT_TRUE(estimate->alternative);
+    const PoseEstimate estimate = found_at(corners, truth, 1e-6, 1e-4);
+    ASSERT_TRUE(estimate.alternative);
     // The other solution mirrors the normal at the line of sight: as much tilt, nearly as good.
     const Eigen::Vector3d sight = truth.translation.normalized();
     const Eigen::Vector3d normal = truth.rotation * Eigen::Vector3d::UnitZ();
-    const Eigen::Vector3d other = estimate->alternative->rotation * Eigen::Vector3d::UnitZ();
+    const Eigen::Vector3d other = estimate.alternative->rotation * Eigen::Vector3d::UnitZ();
     const Eigen::Vector3d mirrored = 2.0 * normal.dot(sight) * sight - normal;
     EXPECT_LT((other - mirrored).norm(), 0.03);
     EXPECT_GT((other - normal).norm(), 0.3);
-    EXPECT_GT(estimate->alternative_rms_px, estimate->reprojection_rms_px);
-    EXPECT_LT(estimate->alternative_rms_px, 0.05);
+    EXPECT_GT(estimate.alternative_rms_px, estimate.reprojection_rms_px);
+    EXPECT_LT(estimate.alternative_rms_px, 0.05);
 }
 
 // The line between the two valleys is where the tag is square to the line of sight.

@@ -37,19 +37,6 @@ TEST(Causes, NameAnAspectWithItsSize) {
     EXPECT_LT(causes.no_error + causes.none_of_these, 1e-6);
 }
 
-TEST(Causes, NameThreeThatActTogether) {
-    SimulatedRun run = demo_run();
-    run.true_camera.distortion.k3 += 0.05;
-    run.true_camera.distortion.p1 = 6e-4;
-    run.true_camera.distortion.p2 = -4e-4;
-    const Causes causes = causes_of(run, 5);
-    ASSERT_TRUE(causes.named());
-    ASSERT_EQ(causes.named()->errors.size(), 3u);
-    EXPECT_EQ(causes.named()->errors[0].names, std::vector<std::string>{"p1"});
-    EXPECT_EQ(causes.named()->errors[1].names, std::vector<std::string>{"p2"});
-    EXPECT_THAT(causes.named()->errors[2].names, Contains("k3"));
-}
-
 TEST(Causes, NameWhatNobodyCanTellApartTogether) {
     SimulatedRun run = demo_run();
     run.marker_scale = 1.001;
@@ -205,8 +192,6 @@ TEST(Causes, RefuseWhatDoesNotAgree) {
                               {}}),
                  NumericalError);
 }
-
-// ------------------------------------------------------------------------------------- pixels
 
 // What the photographs tell of focus and tone; corners that tell nothing.
 ImageAgreement told(double inverse_focus, double tone, double shrink) {

@@ -30,8 +30,7 @@ struct Study {
         const auto count = static_cast<std::size_t>(run.hold_out);
         const HoldOutNoise noise{std::vector<double>(count, 0.08),
                                  std::vector<double>(count, 0.007)};
-        const std::vector<std::size_t> linear_scale = {0, 1, 2};
-        signatures = error_signatures(chain, stage_errors, linear_scale, noise, 0.1);
+        signatures = error_signatures(chain, stage_errors, noise, 0.1);
     }
 
     const ErrorSignature& of(const std::string& name) const {

@@ -18,8 +18,6 @@ TEST(Median, IsTheMiddleAndItsDeviationThatOfNormalValues) {
     EXPECT_NEAR(median_deviation({1, 2, 3, 4, 500}), 1.4826, 1e-12);
 }
 
-// ---- the movement of a target
-
 TEST(TargetMovement, IsShiftGrowthAndTurnAboutTheMiddleOfThePoints) {
     const TargetReference reference(grid_of_points(7, 5, 100, 200, 20));
     EXPECT_NEAR(reference.centre().x(), 160.0, 1e-12);
@@ -80,8 +78,6 @@ TEST(TargetMovement, NeedsHalfOfThePointsAndFourThatAreApart) {
     not_finite.erase(0);
     EXPECT_THROW(TargetReference{not_finite}, NumericalError);
 }
-
-// ---- the rate
 
 std::vector<DriftBlock> blocks_of(int count, const std::function<Movement(double)>& movement) {
     std::vector<DriftBlock> blocks;
@@ -173,8 +169,6 @@ TEST(DriftRate, NeedsFifteenBlocksAtDifferentTimes) {
     std::vector<DriftBlock> at_once(20, DriftBlock{Minutes(1), Movement::Zero(), {}});
     EXPECT_FALSE(estimate_drift(at_once, reference, {640, 480}, 0.01));
 }
-
-// ---- the monitor
 
 TEST(DriftMonitor, SaysThatAStillCameraIsStableAsSoonAsItCanKnow) {
     const DriftMonitor monitor = SimulatedDrift{}.watch(7);

@@ -89,10 +89,10 @@ TEST(TargetEdges, DistancesAreThoseFromTheProjectedLines) {
     scene.camera.distortion = {};
     test::set_gaussian(scene.camera, 0.5);
     const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-    const TargetEdges found = scene.edges(photo);
+    const std::vector<StraightEdge> found = scene.edges(photo);
     // Between 5 x 4 inner corners: 5 lines of 3 edges and 4 lines of 4.
     int vertical = 0, horizontal = 0;
-    for (const StraightEdge& edge : found.edges) {
+    for (const StraightEdge& edge : found) {
         if (edge.length_px < 15.0)  // pieces towards the margin are shorter
             continue;
         const bool is_vertical = std::abs(edge.normal.x()) > 0.5;
@@ -112,21 +112,20 @@ TEST(TargetEdges, DistancesAreThoseFromTheProjectedLines) {
     }
     EXPECT_GE(vertical, 15);
     EXPECT_GE(horizontal, 16);
-    EXPECT_EQ(found.clipped, 0);
 }
 
 TEST(TargetEdges, LeavesOutWhatIsClippedFaintOrTooSmall) {
     const EdgeScene scene = small_board(0.5);
     CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
-    const TargetEdges all = scene.edges(photo);
-    ASSERT_GT(all.edges.size(), 20u);
-    EXPECT_EQ(scene.edges(photo, {.least_contrast = 0.9}).edges.size(), 0u);
-    EXPECT_EQ(scene.edges(photo, {.clearance_px = 14.0}).edges.size(), 0u);
-    photo.pixels.at<std::uint16_t>(cv::Point(static_cast<int>(all.edges[0].centre_px.x()),
-                                             static_cast<int>(all.edges[0].centre_px.y()))) = 4095;
-    const TargetEdges fewer = scene.edges(photo);
-    EXPECT_GE(fewer.clipped, 1);
-    EXPECT_EQ(fewer.edges.size() + static_cast<std::size_t>(fewer.clipped), all.edges.size());
+    const std::vector<StraightEdge> all = scene.edges(photo);
+    ASSERT_GT(all.size(), 20u);
+    EXPECT_EQ(scene.edges(photo, {.least_contrast = 0.9}).size(), 0u);
+    EXPECT_EQ(scene.edges(photo, {.clearance_px = 14.0}).size(), 0u);
+    photo.pixels.at<std::uint16_t>(cv::Point(static_cast<int>(all[0].centre_px.x()),
+                                             static_cast<int>(all[0].centre_px.y()))) = 4095;
+    const std::vector<StraightEdge> fewer = scene.edges(photo);
+    EXPECT_LT(fewer.size(), all.size());
+    EXPECT_GE(fewer.size() + 4, all.size());  // that meet there
 }
 
 TEST(TargetEdges, RefusesWhatIsNotAPhotographOfTheCamera) {
@@ -136,17 +135,15 @@ TEST(TargetEdges, RefusesWhatIsNotAPhotographOfTheCamera) {
     const CodeImage photo{cv::Mat(150, 190, CV_16UC1, cv::Scalar(100)), 12};
     EXPECT_THROW(scene.edges(photo, {.half_width_px = std::numeric_limits<double>::quiet_NaN()}),
                  NumericalError);
-    EXPECT_TRUE(scene.edges(photo).edges.empty());
+    EXPECT_TRUE(scene.edges(photo).empty());
 }
 
 // Without noise unless a seed is given.
 std::vector<StraightEdge> edges_of(const EdgeScene& scene, int seed = 0) {
     const SensorModel sensor(scene.camera);
-    return scene
-        .edges(seed == 0
-                   ? sensor.expose(scene.rendered())
-                   : sensor.expose(scene.rendered(), NoiseKey{3, static_cast<std::uint32_t>(seed)}))
-        .edges;
+    return scene.edges(
+        seed == 0 ? sensor.expose(scene.rendered())
+                  : sensor.expose(scene.rendered(), NoiseKey{3, static_cast<std::uint32_t>(seed)}));
 }
 
 // The renderer's error is 0.1 gray of 190 at most; sigma moves by no more than a few 1e-3 px.
@@ -167,7 +164,7 @@ TEST(PointSpreadEstimate, DoesNotMindAPoseThatIsOffByPartsOfAPixel) {
     EdgeScene scene = small_board(0.55);
     const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
     scene.pose.translation += Eigen::Vector3d(0.2, -0.15, 0.0);  // 0.36 and 0.27 px
-    const auto estimate = estimate_point_spread(scene.edges(photo).edges, scene.camera);
+    const auto estimate = estimate_point_spread(scene.edges(photo), scene.camera);
     EXPECT_NEAR(estimate.gaussian.sigma_px, 0.55, 0.005);
 }
 
@@ -183,8 +180,7 @@ TEST(PointSpreadEstimate, DetectsSharpeningInTheCamera) {
     cv::blur(radiance, mean, {3, 3});
     const Radiance sharpened = radiance + 0.6 * (radiance - mean);
     const Sharpening sharpening =
-        estimate_point_spread(scene.edges(sensor.expose(sharpened, NoiseKey{3, 2})).edges,
-                              scene.camera)
+        estimate_point_spread(scene.edges(sensor.expose(sharpened, NoiseKey{3, 2})), scene.camera)
             .sharpening;
     EXPECT_TRUE(sharpening.is_detected);
     EXPECT_GT(sharpening.overshoot, 0.02);
@@ -262,7 +258,6 @@ TEST(DefocusEstimate, LeavesOutEdgesWhoseBlurReachesTheNext) {
     scene.camera.lens->f_number = 0.6;
     const auto estimate = estimate_defocus(edges_of(scene), scene.camera);
     ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
-    EXPECT_GT(estimate.too_blurred, 0);
     EXPECT_LT(estimate.largest_blur_px, 4.0);
     EXPECT_NEAR(estimate.focus_distance_mm, 303.0, 0.5);
     EXPECT_NEAR(estimate.f_number, 0.6, 0.01);

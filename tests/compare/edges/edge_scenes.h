@@ -65,8 +65,9 @@ struct EdgeScene {
         return integrate_reference(camera, scene(), {0, 0, camera.width, camera.height}, options)
             .mean;
     }
-    TargetEdges edges(const CodeImage& photo, const EdgeSelection& selection = {}) const {
-        return target_edges(linear_photo(photo, camera), Projector(camera), board, pose,
+    std::vector<StraightEdge> edges(const CodeImage& photo,
+                                    const EdgeSelection& selection = {}) const {
+        return target_edges(linear_photo(photo, camera), Projector(camera), board.grid, pose,
                             compared_area(board, {}, "test"), selection);
     }
 };

@@ -61,7 +61,7 @@ struct Prediction {
         return state;
     }
 
-    EdgeShifts shifts(const cv::Mat& gray, const Difference& difference) const {
+    std::vector<EdgeShift> shifts(const cv::Mat& gray, const Difference& difference) const {
         const PhotoOfMarker photo{gray, scene.board.grid, use, pixel_fitted, 0.3};
         return edge_shifts(photo, camera, state(difference));
     }
@@ -72,6 +72,10 @@ struct Prediction {
     }
     cv::Mat without_noise(const Radiance& radiance) const {
         return predicted_gray(state({}).photometry, radiance, {});
+    }
+
+    std::vector<EdgeShift> shifts_without_noise(const Difference& difference, int samples) const {
+        return shifts(without_noise(radiance(difference, samples)), difference);
     }
 
     // How far the edge's middle moved along its normal.
@@ -111,10 +115,10 @@ TEST_P(KnownDifferences, ComeOutWithinTheirDeviationsAndNotInPlaceOfEachOther) {
     const Radiance radiance = predicted.radiance(known, 128);
     test::Pulls shift, blur, black, white;
     for (int seed = 0; seed < draws; ++seed) {
-        const EdgeShifts found = predicted.shifts(predicted.photo(radiance, seed), known);
-        EXPECT_TRUE(found.noise_is_known);
-        ASSERT_EQ(found.edges.size(), 49u);  // 16 + 15 between inner corners, and 18 beside them
-        for (const EdgeShift& edge : found.edges) {
+        const std::vector<EdgeShift> found =
+            predicted.shifts(predicted.photo(radiance, seed), known);
+        ASSERT_EQ(found.size(), 49u);  // 16 + 15 between inner corners, and 18 beside them
+        for (const EdgeShift& edge : found) {
             ASSERT_FALSE(edge.is_beyond_range);
             shift.add(edge.shift_px - predicted.true_shift(edge, known), edge.shift_deviation_px);
             blur.add(edge.blur_variance_px2 - predicted.true_variance(edge, known),
@@ -138,11 +142,11 @@ INSTANTIATE_TEST_SUITE_P(Edges, KnownDifferences,
 
 // RMS over the edges of a figure's error.
 template <typename Error>
-double rms(const EdgeShifts& found, const Error& error) {
+double rms(const std::vector<EdgeShift>& found, const Error& error) {
     double squares = 0.0;
-    for (const EdgeShift& edge : found.edges)
+    for (const EdgeShift& edge : found)
         squares += error(edge) * error(edge);
-    return std::sqrt(squares / static_cast<double>(found.edges.size()));
+    return std::sqrt(squares / static_cast<double>(found.size()));
 }
 
 // Without noise. Half a pixel along both axes is up to 0.5 px along the normals. The integrator's
@@ -151,14 +155,11 @@ double rms(const EdgeShifts& found, const Error& error) {
 TEST(EdgeShifts, OfHalfAPixelAreRight) {
     const Prediction predicted;
     const Difference known{"", {-0.36, -0.5}};
-    const auto found =
-        predicted.shifts(predicted.without_noise(predicted.radiance(known, 64)), known);
-    const double largest =
-        std::abs(std::max_element(found.edges.begin(), found.edges.end(),
-                                  [](const EdgeShift& a, const EdgeShift& b) {
-                                      return std::abs(a.shift_px) < std::abs(b.shift_px);
-                                  })
-                     ->shift_px);
+    const auto found = predicted.shifts_without_noise(known, 64);
+    const double largest = std::abs(
+        std::max_element(found.begin(), found.end(), [](const EdgeShift& a, const EdgeShift& b) {
+            return std::abs(a.shift_px) < std::abs(b.shift_px);
+        })->shift_px);
     const double shift = rms(found, [&](const EdgeShift& edge) {
         return edge.shift_px - predicted.true_shift(edge, known);
     });
@@ -175,10 +176,9 @@ TEST(EdgeShifts, BlurIsRightToATwentieth) {
     const Prediction predicted;
     for (const double variance : {-0.1, 0.1}) {
         const Difference known{"", {0, 0}, variance};
-        const auto found =
-            predicted.shifts(predicted.without_noise(predicted.radiance(known, 64)), known);
+        const auto found = predicted.shifts_without_noise(known, 64);
         double mean = 0.0;
-        for (const EdgeShift& edge : found.edges)
+        for (const EdgeShift& edge : found)
             mean += edge.blur_variance_px2 / predicted.true_variance(edge, known) / 49.0;
         const double shift = rms(found, [](const EdgeShift& edge) { return edge.shift_px; });
         std::printf("blur of %.2f px^2: %.4f of it, as shift by %.4f px\n", variance, mean, shift);
@@ -190,17 +190,16 @@ TEST(EdgeShifts, BlurIsRightToATwentieth) {
 TEST(EdgeShifts, BeyondTheirRangeAreSaidToBe) {
     const Prediction predicted;
     const Difference known{"", {1.3, 0.2}};
-    const auto found =
-        predicted.shifts(predicted.without_noise(predicted.radiance(known, 32)), known);
+    const auto found = predicted.shifts_without_noise(known, 32);
     int beyond = 0;
-    for (const EdgeShift& edge : found.edges) {
+    for (const EdgeShift& edge : found) {
         if (std::abs(predicted.true_shift(edge, known)) > 1.0) {
             EXPECT_TRUE(edge.is_beyond_range) << edge.shift_px;
         }
         beyond += edge.is_beyond_range;
     }
     EXPECT_GE(beyond, 20);
-    EXPECT_EQ(edge_summary(found.edges).beyond_range, beyond);
+    EXPECT_EQ(edge_summary(found).beyond_range, beyond);
 }
 
 // Each part times the residual, summed, is that part's share: they add up to the residual's sum of
@@ -211,8 +210,7 @@ TEST(EdgeShifts, PartsAddUpAndNameTheirCause) {
     const auto square = [](double part) { return part * std::abs(part); };
     for (const Difference& known : {Difference{"", {0.3, 0.4}}, Difference{"", {0, 0}, 0.1},
                                     Difference{"", {0, 0}, 0, 4, 7}}) {
-        const cv::Mat gray = predicted.without_noise(predicted.radiance(known, 64));
-        const EdgeParts parts = edge_summary(predicted.shifts(gray, known).edges).parts;
+        const EdgeParts parts = edge_summary(predicted.shifts_without_noise(known, 64)).parts;
         const double whole = square(parts.residual_gray);
         std::printf("parts: shift %.2f, blur %.2f, photometric %.2f, rest %.2f of %.2f gray\n",
                     parts.shift_gray, parts.blur_gray, parts.photometric_gray, parts.rest_gray,
@@ -242,10 +240,10 @@ TEST(EdgeShifts, OfABoardTakeLessThanAThirdOfASecond) {
     const cv::Mat gray = predicted_gray(state.photometry, scene.rendered(), {});
     const PhotoOfMarker photo{gray, scene.board.grid, use, pixel_fitted, 0.3};
     const auto start = std::clock();
-    const EdgeShifts found = edge_shifts(photo, camera, state);
+    const std::vector<EdgeShift> found = edge_shifts(photo, camera, state);
     const double seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
-    std::printf("%zu edges: %.3f s CPU\n", found.edges.size(), seconds);
-    EXPECT_EQ(found.edges.size(), 123u);
+    std::printf("%zu edges: %.3f s CPU\n", found.size(), seconds);
+    EXPECT_EQ(found.size(), 123u);
     EXPECT_LT(seconds, 1.0);  // 0.3 s, with room for a sanitizer
 }
 
@@ -257,7 +255,7 @@ TEST(EdgeShifts, RefuseWhatIsNoPhotograph) {
     EXPECT_THROW(predicted.shifts(gray, {}), NumericalError);
     gray.setTo(100);
     // Nothing but gray: the four unknowns are determined by the prediction, and no edge is there.
-    for (const EdgeShift& edge : predicted.shifts(gray, {}).edges) {
+    for (const EdgeShift& edge : predicted.shifts(gray, {})) {
         EXPECT_TRUE(std::isfinite(edge.shift_px) && std::isfinite(edge.shift_deviation_px));
         EXPECT_TRUE(std::isfinite(edge.step_gray) && std::isfinite(edge.shares.total()));
     }

@@ -135,7 +135,8 @@ TEST(Expectation, MeasuresBiasAndNoiseOfACoupleOfCameraAndMarker) {
     EXPECT_EQ(found.detected(), 24);
     EXPECT_GT(found.detection_rate(), 0.95);
     ASSERT_TRUE(found.bias_maps && found.noise_maps);
-    const std::vector<double> along = found.noises(0), across = found.noises(1);
+    const std::vector<double> along = found.values(&ExpectedPose::noise, 0),
+                              across = found.values(&ExpectedPose::noise, 1);
     double squares_along = 0.0, squares_across = 0.0;
     for (std::size_t i = 0; i < along.size(); ++i) {
         squares_along += along[i] * along[i];
@@ -202,9 +203,9 @@ TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
     EXPECT_NEAR((*found.bias_maps)[0].mean().value, 0.3, 1e-9);
     EXPECT_NEAR((*found.bias_maps)[1].mean().value, 0.0, 1e-9);
     EXPECT_NEAR((*found.bias_maps)[3].mean().value, 2.0, 1e-9);
-    for (const double deviation : found.noises(2))
+    for (const double deviation : found.values(&ExpectedPose::noise, 2))
         EXPECT_NEAR(deviation, 0.01 * std::sqrt(2.0), 1e-5);
-    for (const double deviation : found.noises(0))
+    for (const double deviation : found.values(&ExpectedPose::noise, 0))
         EXPECT_LT(deviation, 1e-3);
     HtmlPage page("test", "");
     add_run_expectation(page, result);

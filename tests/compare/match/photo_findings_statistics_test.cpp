@@ -70,40 +70,39 @@ struct Harmless {
     Photographer photo;
 };
 
+const std::vector<Harmless> harmless{
+    {"APhotographWithoutFault", plain},
+    {"UnevenLight",
+     before_the_sensor([](const TrueScene& scene) { return test::unevenly_lit(scene, 0.5); })},
+    {"Noise", noisy},
+    {"JpegAtQuality50", compressed(50)},
+};
+
+// At the pose that corners with errors by the seed give.
+Findings found_in(const CodeImage& photo, const TrueScene& scene, int seed,
+                  const std::shared_ptr<const PhotometricCamera>& camera = calibrated()) {
+    return examined(photo, scene, test::found_pose(scene, camera->model(), seed), camera);
+}
+
 class MatchOf : public testing::TestWithParam<Harmless> {};
 
 TEST_P(MatchOf, IsAMatch) {
     for (const auto scenes : {test::tag_scene, test::board_scene})
         for (int pose = 0; pose < 2; ++pose) {
             const TrueScene scene = scenes(pose);
-            const Findings findings =
-                examined(GetParam().photo(scene, 3), scene,
-                         test::found_pose(scene, calibrated()->model(), 3), calibrated());
+            const Findings findings = found_in(GetParam().photo(scene, 3), scene, 3);
             EXPECT_TRUE(is_matched(findings)) << names(findings);
         }
 }
 
-INSTANTIATE_TEST_SUITE_P(MatchOutcome, MatchOf,
-                         testing::Values(Harmless{"APhotographWithoutFault", plain},
-                                         Harmless{"UnevenLight",
-                                                  [](const TrueScene& scene, int seed) {
-                                                      return test::exposed(
-                                                          test::unevenly_lit(scene, 0.5), seed);
-                                                  }},
-                                         Harmless{"Noise", noisy},
-                                         Harmless{"JpegAtQuality50",
-                                                  [](const TrueScene& scene, int seed) {
-                                                      return test::compressed(plain(scene, seed),
-                                                                              50);
-                                                  }}),
-                         [](const auto& harmless) { return harmless.param.name; });
+INSTANTIATE_TEST_SUITE_P(MatchOutcome, MatchOf, testing::ValuesIn(harmless),
+                         [](const auto& one) { return one.param.name; });
 
 // The truth from brute-force sampling: no renderer of ours made this photograph.
 TEST(MatchOutcome, OfAPhotographByTheReferenceIntegratorIsAMatch) {
     const TrueScene scene = test::tag_scene(0);
     const Findings findings =
-        examined(test::exposed(test::reference_radiance_of(scene), 4), scene,
-                 test::found_pose(scene, calibrated()->model(), 4), calibrated());
+        found_in(test::exposed(test::reference_radiance_of(scene), 4), scene, 4);
     EXPECT_TRUE(is_matched(findings)) << names(findings);
 }
 
@@ -112,13 +111,11 @@ TEST(MatchOutcome, NamesABlurThatIsNotTheCamerasOwn) {
     const auto camera = std::make_shared<const PhotometricCamera>(test::true_camera());
     for (const bool board : {false, true}) {
         const TrueScene scene = board ? test::board_scene(0) : test::tag_scene(0);
-        const Rigid pose = test::found_pose(scene, camera->model(), 5);
-        const Radiance sharp = test::radiance_of(scene);
-        EXPECT_TRUE(is_matched(examined(test::exposed(sharp, 5), scene, pose, camera)))
-            << names(examined(test::exposed(sharp, 5), scene, pose, camera));
-        cv::Mat blurred;
-        cv::GaussianBlur(sharp, blurred, {0, 0}, 0.8);
-        const Findings findings = examined(test::exposed(blurred, 5), scene, pose, camera);
+        Radiance radiance = test::radiance_of(scene);
+        Findings findings = found_in(test::exposed(radiance, 5), scene, 5, camera);
+        EXPECT_TRUE(is_matched(findings)) << names(findings);
+        cv::GaussianBlur(radiance, radiance, {0, 0}, 0.8);
+        findings = found_in(test::exposed(radiance, 5), scene, 5, camera);
         ASSERT_FALSE(is_matched(findings));
         EXPECT_EQ(findings.front().name, "blur_differs") << names(findings);
         EXPECT_GT(findings.front().value, 0.0);
@@ -242,8 +239,7 @@ TEST_P(FaultOf, IsNamed) {
             for (const int seed : {1, 2}) {
                 const TrueScene scene = scenes(pose);
                 const Findings findings =
-                    examined(GetParam().photo(scene, seed), scene,
-                             test::found_pose(scene, GetParam().camera, seed), camera);
+                    found_in(GetParam().photo(scene, seed), scene, seed, camera);
                 EXPECT_TRUE(std::ranges::any_of(findings,
                                                 [](const Finding& finding) {
                                                     return GetParam().findings.contains(
@@ -275,9 +271,7 @@ TEST(MatchOutcome, HasFewFalseFindings) {
     int wrong = 0;
     for (int n = 0; n < 200; ++n) {
         const TrueScene scene = n % 2 == 0 ? test::tag_scene(2 + n) : test::board_scene(2 + n);
-        const Findings findings =
-            examined(test::exposed(test::radiance_of(scene), n), scene,
-                     test::found_pose(scene, calibrated()->model(), n), calibrated());
+        const Findings findings = found_in(plain(scene, n), scene, n);
         wrong += is_matched(findings) ? 0 : 1;
         EXPECT_TRUE(is_matched(findings)) << n << ": " << names(findings);
     }

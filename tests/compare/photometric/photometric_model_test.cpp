@@ -116,39 +116,37 @@ TEST(GrayOf, ScalesEveryBitDepthTo255) {
     EXPECT_NEAR(gray_of({twelve, 12}).at<float>(0), 51.0, 1e-4);
 }
 
+// Of the impulse response of blurred(): the sum, the second moments along x and y, the fourth
+// along x.
+template <class Sigma>
+Eigen::Vector4d moments(const Sigma& sigma) {
+    cv::Mat impulse = cv::Mat::zeros(61, 61, CV_64FC1);
+    impulse.at<double>(30, 30) = 1.0;
+    const cv::Mat response = blurred(impulse, sigma);
+    Eigen::Vector4d sums = Eigen::Vector4d::Zero();
+    for (int y = -30; y <= 30; ++y)
+        for (int x = -30; x <= 30; ++x)
+            sums += response.at<double>(y + 30, x + 30) *
+                    Eigen::Vector4d(1, x * x, y * y, std::pow(x, 4));
+    return sums;
+}
+
 TEST(Blurred, MayDifferAlongXAndY) {
     PhotometricModel model;
     model.psf_sigma_px = 1.1;
     model.psf_anisotropy_px2 = 0.35;
-    cv::Mat impulse = cv::Mat::zeros(61, 61, CV_64FC1);
-    impulse.at<double>(30, 30) = 1.0;
-    const cv::Mat response = blurred(impulse, model.psf_sigmas_px());
-    double along_x = 0, along_y = 0;
-    for (int y = 0; y < 61; ++y)
-        for (int x = 0; x < 61; ++x) {
-            along_x += response.at<double>(y, x) * (x - 30) * (x - 30);
-            along_y += response.at<double>(y, x) * (y - 30) * (y - 30);
-        }
-    EXPECT_NEAR(along_x, 1.21 + 0.35, 1e-3);
-    EXPECT_NEAR(along_y, 1.21 - 0.35, 1e-3);
+    const Eigen::Vector4d found = moments(model.psf_sigmas_px());
+    EXPECT_NEAR(found[1], 1.21 + 0.35, 1e-3);
+    EXPECT_NEAR(found[2], 1.21 - 0.35, 1e-3);
 }
 
 // The moments of the impulse response are a Gaussian's of the variance asked for, at every width.
 TEST(Blurred, HasExactlyTheVarianceAskedForAndKeepsTheSum) {
     for (const double sigma : {0.0, 0.2, 0.5, 0.83, 1.7, 3.0}) {
-        cv::Mat impulse = cv::Mat::zeros(61, 61, CV_64FC1);
-        impulse.at<double>(30, 30) = 1.0;
-        const cv::Mat response = blurred(impulse, sigma);
-        double sum = 0, moment = 0, fourth = 0;
-        for (int y = 0; y < 61; ++y)
-            for (int x = 0; x < 61; ++x) {
-                sum += response.at<double>(y, x);
-                moment += response.at<double>(y, x) * (x - 30) * (x - 30);
-                fourth += response.at<double>(y, x) * std::pow(x - 30, 4);
-            }
-        EXPECT_NEAR(sum, 1.0, 1e-9);
-        EXPECT_NEAR(fourth, 3.0 * std::pow(sigma, 4), 1e-3 * (3.0 * std::pow(sigma, 4) + 0.01));
-        EXPECT_NEAR(moment, sigma * sigma, 1e-4 * (sigma * sigma + 0.01)) << "sigma " << sigma;
+        const Eigen::Vector4d found = moments(sigma);
+        EXPECT_NEAR(found[0], 1.0, 1e-9);
+        EXPECT_NEAR(found[3], 3.0 * std::pow(sigma, 4), 1e-3 * (3.0 * std::pow(sigma, 4) + 0.01));
+        EXPECT_NEAR(found[1], sigma * sigma, 1e-4 * (sigma * sigma + 0.01)) << "sigma " << sigma;
     }
 }
 

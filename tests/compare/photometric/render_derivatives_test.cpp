@@ -77,8 +77,8 @@ void expect_central_differences(const CameraModel& camera, double share, double 
     const CalibrationModel& model = calibration_model("standard");
     const Rigid pose = tilted_pose();
     const ImageMotion motion(Projector(camera), pose, model, region);
-    const RenderedGradient gradient =
-        rendered_gradient(Renderer(camera), scene_at(pose).markers.front(), 1.0, motion, 0.02);
+    const RenderedGradient gradient = PhotometricCamera(camera).gradient_at_sensor(
+        scene_at(pose).markers.front(), 1.0, motion, Differences::central, 0.02);
     ASSERT_EQ(motion.columns(), 15);
     for (int column = 0; column < 15; ++column) {
         const double step = 0.1 / largest_motion(motion, column);

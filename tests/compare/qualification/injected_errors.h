@@ -82,7 +82,7 @@ inline std::vector<InjectedKind> lens_kinds() {
     };
 }
 
-inline std::vector<InjectedKind> marker_errors() {
+inline std::vector<InjectedKind> marker_error_kinds() {
     return {
         {"marker print size", 2e-3,
          [](SimulatedRun& run, double size) { run.marker_scale += size; }},
@@ -170,7 +170,7 @@ inline std::vector<InjectedKind> all_kinds() {
     const auto add = [&](const std::vector<InjectedKind>& more) {
         all.insert(all.end(), more.begin(), more.end());
     };
-    add(marker_errors());
+    add(marker_error_kinds());
     for (std::size_t axis = 0; axis < 3; ++axis)
         add(axis_kinds(axis, run.axes[axis].name));
     all.push_back(squareness_kind(run, 0, 1));

@@ -30,17 +30,12 @@ TEST(Qualification, PassesAPerfectCamera) {
     EXPECT_THAT(result.reasons, testing::IsEmpty());
 }
 
-TEST(Qualification, FailsAWrongFocalLength) {
-    SimulatedRun run = demo_run();
-    run.true_camera.intrinsics.fx *= 1.005;
-    run.true_camera.intrinsics.fy *= 1.005;
-    EXPECT_EQ(qualified(run).verdict, Outcome::fail);
-}
-
-TEST(Qualification, FailsAWrongDistortion) {
-    SimulatedRun run = demo_run();
-    run.true_camera.distortion.k1 *= 1.1;
-    EXPECT_EQ(qualified(run).verdict, Outcome::fail);
+TEST(Qualification, FailsAWrongFocalLengthAndAWrongDistortion) {
+    SimulatedRun focal = demo_run(), distorted = demo_run();
+    focal.true_camera.intrinsics.zoom(1.005);
+    distorted.true_camera.distortion.k1 *= 1.1;
+    EXPECT_EQ(qualified(focal).verdict, Outcome::fail);
+    EXPECT_EQ(qualified(distorted).verdict, Outcome::fail);
 }
 
 TEST(Qualification, NeverPassesAStageWhoseScaleIsWrong) {
@@ -107,8 +102,7 @@ TEST(Qualification, DoesNotPassWithATermOfTheBudgetUnknown) {
 
 // Standard uncertainties of 0.03 mm RMS and 0.07 mm at most count twice (k = 2) at least.
 TEST(Qualification, CountsAnErrorMapInFull) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     const Qualification without = qualify(input);
     input.error_maps = {{"z", 0.03, 0.07}};
     const Qualification with = qualify(input);
@@ -123,8 +117,7 @@ TEST(Qualification, CountsAnErrorMapInFull) {
 }
 
 TEST(Qualification, SkipsItsQuantitiesWhenTooFewPosesWereDetected) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     for (std::size_t i = 36; i < input.poses.size(); ++i)
         input.poses[i].corners.clear();
     const Qualification result = qualify(input);
@@ -137,8 +130,7 @@ TEST(Qualification, SkipsItsQuantitiesWhenTooFewPosesWereDetected) {
 }
 
 TEST(Qualification, GoesOnWithoutTheFewPosesThatWereNotDetected) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     for (const std::size_t i : {2, 19, 44, 61})
         input.poses[i].corners.clear();
     // The marker may have been turned away there: such a pose cannot be rendered.
@@ -169,19 +161,16 @@ TEST(Qualification, JudgesRotationsWhenTheLimitsAskForThem) {
 }
 
 TEST(Qualification, RefusesInputThatIsNotFinite) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     input.poses[3].corners.at(1).x() = std::numeric_limits<double>::quiet_NaN();
     EXPECT_THROW(qualify(input), NumericalError);
-    input = input_of(run, 1);
+    input = demo_input();
     input.poses[3].corners.pop_back();
     EXPECT_THROW(qualify(input), NumericalError);
-    input = input_of(run, 1);
+    input = demo_input();
     input.poses[50].base_from_carriage.translation.y() = std::numeric_limits<double>::infinity();
     EXPECT_THROW(qualify(input), NumericalError);
 }
-
-// ------------------------------------------------------------------------------------- pixels
 
 ImageAgreement blurry() {
     ImageAgreement match;
@@ -192,8 +181,7 @@ ImageAgreement blurry() {
 }
 
 TEST(Qualification, ReportsPixelsWithoutALimitAndPasses) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     input.pixels = blurry();
     const Qualification result = qualify(input);
     EXPECT_EQ(result.verdict, Outcome::pass);
@@ -212,8 +200,7 @@ TEST(Qualification, JudgesPixelsByTheirLimits) {
     for (const auto& [limit, expected] :
          {std::pair(0.30, Outcome::pass), std::pair(0.22, Outcome::inconclusive),
           std::pair(0.10, Outcome::fail)}) {
-        const SimulatedRun run = demo_run();
-        QualificationInput input = input_of(run, 1);
+        QualificationInput input = demo_input();
         input.limits.pixel_blur_px = limit;
         input.pixels = blurry();
         EXPECT_EQ(qualify(input).verdict, expected) << limit;
@@ -221,8 +208,7 @@ TEST(Qualification, JudgesPixelsByTheirLimits) {
 }
 
 TEST(Qualification, FailsPixelsThatMustMatch) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     input.limits.pixels_must_match = true;
     input.pixels = blurry();
     const Qualification result = qualify(input);
@@ -235,8 +221,7 @@ TEST(Qualification, FailsPixelsThatMustMatch) {
 }
 
 TEST(Qualification, MeasuresNothingThatIsOverexposed) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     input.pixels = ImageAgreement{};
     input.pixels->is_overexposed = true;
     const Qualification result = qualify(input);
@@ -250,8 +235,7 @@ TEST(Qualification, MeasuresNothingThatIsOverexposed) {
 
 // Only the figures that have a limit, and those as they are beside all others.
 TEST(Qualification, MeasuresNothingElseWhereOnlyVerdictsAreRead) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 12);
+    QualificationInput input = demo_input(12);
     const Qualification all = qualify(input);
     const NoiseDraws draws(input.options.seed);
     input.options.known_draws = &draws;

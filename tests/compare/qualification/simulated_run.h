@@ -2,6 +2,7 @@
 // believes on the other, and no pixels in between. The truth never passes through compare/.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <numbers>
 
@@ -184,7 +185,7 @@ inline DeclaredStageTerm scale_term(const SimulatedRun& run, std::vector<std::ve
         q[axis] *= 1.0 + 1e-4;
         term.error.base_from_carriage.push_back(base_from_carriage(run.axes, q));
     }
-    term.is_linear_scale = run.axes[axis].kind == Axis::Kind::linear;
+    term.error.is_linear_scale = run.axes[axis].kind == Axis::Kind::linear;
     term.in_budget = true;
     term.standard_uncertainty = run.axes[axis].scale_uncertainty;
     return term;
@@ -271,6 +272,15 @@ inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) 
     input.options.look_for_causes = run.look_for_causes;
     input.options.seed = seed;
     return input;
+}
+
+inline QualificationInput demo_input(std::uint64_t seed = 1) {
+    static const SimulatedRun run = demo_run();
+    return input_of(run, seed);
+}
+
+inline const AcceptanceCondition& condition(const Qualification& result, const std::string& name) {
+    return *std::ranges::find(result.conditions, name, &AcceptanceCondition::name);
 }
 
 }  // namespace etalon

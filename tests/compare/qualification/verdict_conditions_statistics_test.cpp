@@ -17,10 +17,6 @@ using testing::Contains;
 using testing::HasSubstr;
 using State = AcceptanceCondition::State;
 
-const AcceptanceCondition& condition(const Qualification& result, const std::string& name) {
-    return *std::ranges::find(result.conditions, name, &AcceptanceCondition::name);
-}
-
 const JudgedQuantity& quantity_named(const Qualification& result, const std::string& name) {
     for (const auto* list : {&result.quantities, &result.reported})
         for (const JudgedQuantity& each : *list)
@@ -112,8 +108,7 @@ TEST(Rest, IsSkippedWhereTheNoiseIsNotKnown) {
 // 5 K and 25 ppm/K of the marker's size cannot bring the demo to its limits; a marker that is bent
 // by a hundredth of its size can.
 TEST(UnknownInputs, WithholdPassOnlyWhereTheyCouldMatter) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     input.temperature.reset();
     const Qualification without_temperature = qualify(input);
     EXPECT_EQ(without_temperature.verdict, Outcome::pass);
@@ -126,8 +121,7 @@ TEST(UnknownInputs, WithholdPassOnlyWhereTheyCouldMatter) {
 
 // Of one material marker and stage grow alike and the pictures stay the same.
 TEST(Temperature, HasNoEffectWhereMarkerAndStageExpandAlike) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     const auto contribution = [&](double marker, double stage) {
         input.temperature = DeclaredTemperature{2.0, marker, stage};
         const Qualification result = qualify(input);
@@ -155,8 +149,7 @@ TEST(CalibrationCovariance, IsShownAndNotCounted) {
 }
 
 TEST(MonteCarlo, StaysBelowTheSimultaneousBandsAndNearThem) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     input.options.monte_carlo = true;
     const Qualification result = qualify(input);
     for (const char* name :
@@ -168,11 +161,8 @@ TEST(MonteCarlo, StaysBelowTheSimultaneousBandsAndNearThem) {
     }
 }
 
-// ------------------------------------------------------------------------------- conditions
-
 TEST(Conditions, AreMetByAPerfectRun) {
-    const SimulatedRun run = demo_run();
-    const Qualification result = qualify(input_of(run, 1));
+    const Qualification result = qualify(demo_input());
     EXPECT_EQ(result.verdict, Outcome::pass);
     for (const AcceptanceCondition& each : result.conditions)
         EXPECT_EQ(each.state, each.name == "repeatability" ? State::not_asked : State::met)
@@ -199,8 +189,7 @@ TEST(Conditions, WithholdPassWhenACornerOfTheVolumeWasNotSeen) {
 
 // Corners scatter three times as far as repeated frames say.
 TEST(Conditions, WithholdPassWhenTheResidualsAreLargerThanTheStatedNoise) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     for (VisitedPose& pose : input.poses)
         pose.corner_noise->variance_px2 /= 9.0;
     for (DeclaredRepeatability& each : input.repeatability)
@@ -251,8 +240,7 @@ TEST(Conditions, WithholdPassWhenTheRunDrifts) {
 
 // Without times drift cannot be told, and no PASS rests on that unless the limits say so.
 TEST(Conditions, WithholdPassWhereTheyCannotBeChecked) {
-    const SimulatedRun run = demo_run();
-    QualificationInput input = input_of(run, 1);
+    QualificationInput input = demo_input();
     input.poses[50].settled_s.reset();
     const Qualification result = qualify(input);
     EXPECT_EQ(condition(result, "drift over the run").state, State::not_checked);

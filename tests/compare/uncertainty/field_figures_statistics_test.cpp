@@ -57,36 +57,6 @@ TEST(LackOfFit, FindsNothingInNoiseAlone) {
     EXPECT_LE(beyond, 2);
 }
 
-// The definition in full matrices: r = M e, Q = r^T W r, Q over its mean tr(M^T W M S), and degrees
-// of freedom by its variance 2 tr((M^T W M S)^2). The noise's own freedom of 1e6 adds less than
-// 1e-4.
-TEST(LackOfFit, IsWhatItsDefinitionSays) {
-    const auto all = samples(23, 1.0, 0.05, 7);
-    const BiasField field = fit_smooth_field(all, FieldBasis::position);
-    const auto noise = noise_of(all, 0.03);
-    const LackOfFit rest = lack_of_fit(field, all, noise);
-    Eigen::MatrixXd w = Eigen::MatrixXd::Zero(69, 69), s = w;
-    Eigen::VectorXd e(69);
-    const auto weights = sample_weights(field, all);
-    for (std::size_t i = 0; i < 23; ++i) {
-        const auto k = static_cast<Eigen::Index>(3 * i);
-        w.block<3, 3>(k, k) = weights[i];
-        s.block<3, 3>(k, k) = noise[i].covariance;
-        e.segment<3>(k) = all[i].error;
-    }
-    const Eigen::MatrixXd d = stacked_design(field, all);
-    const Eigen::MatrixXd m = Eigen::MatrixXd::Identity(69, 69) -
-                              d * (d.transpose() * w * d).ldlt().solve(d.transpose() * w);
-    const Eigen::VectorXd r = m * e;
-    const Eigen::MatrixXd weighted = m.transpose() * w * m * s, plain = m.transpose() * m;
-    EXPECT_NEAR(rest.chi_square_ratio, r.dot(w * r) / weighted.trace(), 1e-9);
-    EXPECT_NEAR(rest.degrees_of_freedom,
-                std::pow(weighted.trace(), 2) / (weighted * weighted).trace(), 1e-2);
-    EXPECT_NEAR(rest.rms,
-                std::sqrt((r.squaredNorm() - (plain * s).trace()) / (plain.trace() / 3.0)), 1e-9);
-    EXPECT_NEAR(rest.noise_rms, std::sqrt(s.trace() / 23.0), 1e-12);
-}
-
 // What a declared error of a period that no field can follow does to the samples.
 Eigen::MatrixXd declared_wave(const std::vector<FieldSample>& samples) {
     Eigen::MatrixXd column(3 * std::ssize(samples), 1);
@@ -96,41 +66,47 @@ Eigen::MatrixXd declared_wave(const std::vector<FieldSample>& samples) {
     return column;
 }
 
-// The definition in full matrices: sizes a of declared errors S that are drawn towards 0 by one
-// standard uncertainty, as more samples that read 0. r are the residuals of field and S together.
-TEST(LackOfFit, FitsDeclaredErrorsAsItsDefinitionSays) {
+// The definition in full matrices: r = M e, Q = r^T W r, Q over its mean tr(K S) with K = M^T W M,
+// and degrees of freedom by its variance 2 tr((K S)^2). The noise's own freedom of 1e6 adds less
+// than 1e-4. Sizes of declared errors are prior by one standard uncertainty: more samples that read
+// 0. r are then the residuals of field and declared errors together.
+TEST(LackOfFit, IsWhatItsDefinitionSays) {
     const auto all = samples(23, 1.0, 0.05, 7);
     const BiasField field = fit_smooth_field(all, FieldBasis::position);
     const auto noise = noise_of(all, 0.03);
-    const Eigen::MatrixXd declared = declared_wave(all);
-    const LackOfFit rest = lack_of_fit(field, all, noise, declared);
-    Eigen::MatrixXd w = Eigen::MatrixXd::Identity(70, 70), s = Eigen::MatrixXd::Zero(69, 69);
-    Eigen::VectorXd e = Eigen::VectorXd::Zero(70);
     const auto weights = sample_weights(field, all);
-    for (std::size_t i = 0; i < 23; ++i) {
-        const auto k = static_cast<Eigen::Index>(3 * i);
-        w.block<3, 3>(k, k) = weights[i];
-        s.block<3, 3>(k, k) = noise[i].covariance;
-        e.segment<3>(k) = all[i].error;
+    for (const bool is_declared : {false, true}) {
+        const Eigen::MatrixXd declared = is_declared ? declared_wave(all) : Eigen::MatrixXd(69, 0);
+        const LackOfFit rest = lack_of_fit(field, all, noise, declared);
+        const Eigen::Index more = declared.cols(), rows = 69 + more;
+        Eigen::MatrixXd w = Eigen::MatrixXd::Identity(rows, rows);
+        Eigen::MatrixXd s = declared * declared.transpose();
+        Eigen::VectorXd e = Eigen::VectorXd::Zero(rows);
+        double noise_square = 0.0;
+        for (std::size_t i = 0; i < 23; ++i) {
+            const auto k = static_cast<Eigen::Index>(3 * i);
+            w.block<3, 3>(k, k) = weights[i];
+            s.block<3, 3>(k, k) += noise[i].covariance;
+            e.segment<3>(k) = all[i].error;
+            noise_square += noise[i].covariance.trace();
+        }
+        Eigen::MatrixXd d = Eigen::MatrixXd::Zero(rows, 15 + more);
+        d.topLeftCorner(69, 15) = stacked_design(field, all);
+        d.topRightCorner(69, more) = declared;
+        d.bottomRightCorner(more, more).setIdentity();
+        const Eigen::MatrixXd m = Eigen::MatrixXd::Identity(rows, rows) -
+                                  d * (d.transpose() * w * d).ldlt().solve(d.transpose() * w);
+        const Eigen::VectorXd r = m * e;
+        const Eigen::MatrixXd weighted = (m.transpose() * w * m).topLeftCorner(69, 69) * s,
+                              seen = m.topLeftCorner(69, 69), plain = seen.transpose() * seen;
+        const double power = r.head(69).squaredNorm() - (plain * s).trace();
+        EXPECT_NEAR(rest.chi_square_ratio, r.dot(w * r) / weighted.trace(), 1e-9);
+        EXPECT_NEAR(rest.degrees_of_freedom,
+                    std::pow(weighted.trace(), 2) / (weighted * weighted).trace(), 1e-2);
+        EXPECT_NEAR(rest.rms, std::sqrt(std::max(0.0, power) / (plain.trace() / 3.0)), 1e-9);
+        EXPECT_NEAR(rest.noise_rms, std::sqrt(noise_square / 23.0), 1e-12);
+        EXPECT_TRUE(is_declared || power > 0.0);
     }
-    s += declared * declared.transpose();
-    const Eigen::MatrixXd field_columns = stacked_design(field, all);
-    Eigen::MatrixXd d = Eigen::MatrixXd::Zero(70, 16);
-    d.topLeftCorner(69, 15) = field_columns;
-    d.topRightCorner(69, 1) = declared;
-    d(69, 15) = 1.0;
-    const Eigen::MatrixXd m = Eigen::MatrixXd::Identity(70, 70) -
-                              d * (d.transpose() * w * d).ldlt().solve(d.transpose() * w);
-    const Eigen::VectorXd r = m * e;
-    const Eigen::MatrixXd kernel = (m.transpose() * w * m).topLeftCorner(69, 69),
-                          seen = m.topLeftCorner(69, 69), plain = seen.transpose() * seen;
-    EXPECT_NEAR(rest.chi_square_ratio, r.dot(w * r) / (kernel * s).trace(), 1e-9);
-    EXPECT_NEAR(rest.degrees_of_freedom,
-                std::pow((kernel * s).trace(), 2) / (kernel * s * kernel * s).trace(), 1e-2);
-    EXPECT_NEAR(rest.rms,
-                std::sqrt(std::max(0.0, r.head(69).squaredNorm() - (plain * s).trace()) /
-                          (plain.trace() / 3.0)),
-                1e-9);
 }
 
 // One standard uncertainty off, and twenty: what is declared explains the first, not the second.

@@ -63,7 +63,7 @@ TEST(UncertaintyBudget, KnowsWhichUnknownInputsReachAQuantity) {
     EXPECT_THAT(unknown_sources(budget, "y", false), ElementsAre("bounded"));
     EXPECT_THAT(unknown_sources(budget, "other", true), IsEmpty());
     EXPECT_DOUBLE_EQ(combined(budget, "y").standard, 3.0);
-    EXPECT_DOUBLE_EQ(combined_at_widest(budget, "y").standard, 5.0);  // 3 and 2 x 2
+    EXPECT_DOUBLE_EQ(combined(budget, "y", true).standard, 5.0);  // 3 and 2 x 2
 }
 
 TEST(UncertaintyBudget, RefusesFiguresThatAreNoUncertainties) {

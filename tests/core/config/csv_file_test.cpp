@@ -2,8 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include <fstream>
-
 #include "core/file/text.h"
 #include "tests/temporary_folder.h"
 

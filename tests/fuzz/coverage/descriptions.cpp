@@ -5,7 +5,7 @@
 #include <arv.h>
 #include <dlfcn.h>
 
-#include "capture/genicam/genicam_description.h"
+#include "capture/genicam/genicam_device.h"
 #include "capture/genicam/genicam_settings.h"
 #include "tests/fuzz/coverage/fuzz_input.h"
 

@@ -1,9 +1,8 @@
-#include "mocks/stage/stage_errors.h"
+#include "mocks/stage/simulated_axis.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "core/time/clock.h"
 #include "mocks/stage/simulated_stage.h"

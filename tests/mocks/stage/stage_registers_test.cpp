@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <utility>
-
 #include "stage/link/register_numbers.h"
 
 namespace etalon {

@@ -1,8 +1,6 @@
 // x: 100 mm/s, y: 30 mm/s; with the ramp of 50 ms, 2000 and 600 mm/s^2.
 #pragma once
 
-#include <vector>
-
 #include "stage/axes/axes.h"
 
 namespace etalon {

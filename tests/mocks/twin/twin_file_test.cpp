@@ -1,7 +1,5 @@
 #include "mocks/twin/twin_file.h"
 
-#include <gtest/gtest.h>
-
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
 #include "tests/mocks/twin/twin_folder.h"

@@ -14,11 +14,10 @@
 
 #include "core/program/errors.h"
 #include "sim/marker/marker.h"
+#include "tests/sim/marker/marker_checks.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 Marker board(const std::string& spec) {
     return parse_marker(spec, "--target");
@@ -171,15 +170,8 @@ TEST(Boards, ThatCannotBeAreRefusedWithTheReason) {
         {"circles:400x400@20mm/1mm", "too many circles"},
         {"circels:7x6@20mm/12mm", "did you mean 'circles'"},
     };
-    for (const auto& [spec, reason] : wrong) {
-        try {
-            board(spec);
-            ADD_FAILURE() << spec;
-        } catch (const ConfigError& error) {
-            EXPECT_EQ(error.place().file, "--target");
-            EXPECT_THAT(error.what(), HasSubstr(reason)) << spec;
-        }
-    }
+    for (const auto& [spec, reason] : wrong)
+        test::expect_refused(spec, reason);
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 #include "sim/marker/marker_print.h"
 
-#include <apriltag/apriltag.h>
 #include <apriltag/tag36h11.h>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -14,6 +13,7 @@
 
 #include "core/file/text.h"
 #include "core/program/errors.h"
+#include "tests/sim/marker/marker_checks.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -29,33 +29,14 @@ std::filesystem::path temporary(const std::string& name) {
     return folder / name;
 }
 
-// Corners, top left clockwise, of the only tag in the image, pixel centres at integers.
-std::vector<cv::Point2d> find_tag(const cv::Mat& image, int expected_id) {
-    apriltag_family_t* family = tag36h11_create();
-    apriltag_detector_t* detector = apriltag_detector_create();
-    detector->quad_decimate = 1.0f;
-    apriltag_detector_add_family_bits(detector, family, 0);
-    image_u8_t view{image.cols, image.rows, static_cast<int>(image.step), image.data};
-    zarray_t* found = apriltag_detector_detect(detector, &view);
-    std::vector<cv::Point2d> corners;
-    EXPECT_EQ(zarray_size(found), 1);
-    if (zarray_size(found) == 1) {
-        apriltag_detection_t* one = nullptr;
-        zarray_get(found, 0, &one);
-        EXPECT_EQ(one->id, expected_id);
-        for (int k = 3; k >= 0; --k)
-            corners.emplace_back(one->p[k][0] - 0.5, one->p[k][1] - 0.5);
-    }
-    apriltag_detections_destroy(found);
-    apriltag_detector_destroy(detector);
-    tag36h11_destroy(family);
-    return corners;
-}
-
 // The tag's black square must lie where the page says, at this many pixels a mm.
 void expect_tag_on_page(const cv::Mat& image, const PrintPage& page, double px_per_mm) {
-    const auto corners = find_tag(image, 7);
-    ASSERT_EQ(corners.size(), 4u);
+    apriltag_family_t* family = tag36h11_create();
+    const auto found = test::seen_apriltags(family, image);
+    tag36h11_destroy(family);
+    ASSERT_EQ(found.size(), 1u);
+    EXPECT_EQ(found[0].id, 7);
+    const std::vector<cv::Point2d>& corners = found[0].corners;
     const cv::Point2d first = (page.grid_mm + cv::Point2d(6.25, 6.25)) * px_per_mm;
     const double side = 50.0 * px_per_mm;
     const cv::Point2d half_pixel(0.5, 0.5);

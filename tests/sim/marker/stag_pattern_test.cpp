@@ -8,25 +8,18 @@
 
 #include "core/program/errors.h"
 #include "sim/marker/marker.h"
+#include "tests/error_text.h"
+#include "tests/sim/marker/marker_checks.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
 
+using test::expect_refused;
 using testing::HasSubstr;
 
 // Word 0 of HD23 as the authors' generator has it in HD23.txt, a character a code point.
 constexpr std::string_view hd23_0 = "001000111110110000101111001011011010001001011001";
-
-template <class Act>
-std::string complaint_of(Act act) {
-    try {
-        act();
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no complaint";
-}
 
 float cell_at(const Marker& marker, double x_mm, double y_mm) {
     const CellGrid& grid = marker.grid;
@@ -109,12 +102,12 @@ TEST(StagCodes, OfADamagedFileAreRefusedWithTheLine) {
     const std::string path = folder.path() / "codes.txt";
     const auto complaint = [&](const std::string& text) {
         std::ofstream(path) << text;
-        return complaint_of([&] { stag_codes(path); });
+        return config_error_of([&] { stag_codes(path); });
     };
     EXPECT_THAT(complaint("\n" + std::string(47, '1')), HasSubstr(path + ":2: "));
     EXPECT_THAT(complaint(std::string(47, '1') + "2"), HasSubstr("48 characters 0 or 1"));
     EXPECT_THAT(complaint("# nothing\n"), HasSubstr("no codeword"));
-    EXPECT_THAT(complaint_of([&] { stag_codes("missing.txt"); }), HasSubstr("missing"));
+    EXPECT_THAT(config_error_of([&] { stag_codes("missing.txt"); }), HasSubstr("missing"));
 }
 
 // Side 70 mm: border 8.75 mm, circle of 28 mm, code points at 0.7 of their published radius.
@@ -167,15 +160,13 @@ TEST(StagMarker, LooksTurnedWithATurnedCode) {
 }
 
 TEST(StagMarker, IsRefusedWithTheReason) {
-    const auto complaint = [](const std::string& spec) {
-        return complaint_of([&] { parse_marker(spec, "--marker"); });
-    };
-    EXPECT_THAT(complaint("stag:HD21@50mm"), HasSubstr("stag:FAMILY:ID@SIZEmm"));
-    EXPECT_THAT(complaint("stag:HD20:0@50mm"), HasSubstr("unknown STag family 'HD20'"));
-    EXPECT_THAT(complaint("stag:HD21:12@50mm"), HasSubstr("those are 0 to 11"));
-    EXPECT_THAT(complaint("stag:HD21:-1@50mm"), HasSubstr("those are 0 to 11"));
-    EXPECT_THAT(complaint("stag:HD21:3@0mm"), HasSubstr("not a length"));
-    EXPECT_THAT(complaint("stag:none.txt:3@50mm"), HasSubstr("none.txt"));
+    expect_refused("stag:HD21@50mm", "stag:FAMILY:ID@SIZEmm");
+    expect_refused("stag:HD20:0@50mm", "unknown STag family 'HD20'");
+    expect_refused("stag:HD21:12@50mm", "those are 0 to 11");
+    expect_refused("stag:HD21:-1@50mm", "those are 0 to 11");
+    expect_refused("stag:HD21:3@0mm", "not a length");
+    EXPECT_THAT(config_error_of([] { parse_marker("stag:none.txt:3@50mm", "--marker"); }),
+                HasSubstr("none.txt"));
 }
 
 TEST(StagMarker, OfATableFileMustNotLookLikeAnother) {
@@ -183,8 +174,7 @@ TEST(StagMarker, OfATableFileMustNotLookLikeAnother) {
     const std::string path = folder.path() / "codes.txt";
     std::ofstream(path) << hd23_0 << "\n" << std::string(48, '1') << "\n";
     EXPECT_EQ(parse_marker("stag:" + path + ":0@50mm", "test").id, 0);
-    EXPECT_THAT(complaint_of([&] { parse_marker("stag:" + path + ":1@50mm", "--marker"); }),
-                HasSubstr("looks like another one or like itself"));
+    expect_refused("stag:" + path + ":1@50mm", "looks like another one or like itself");
 }
 
 }  // namespace

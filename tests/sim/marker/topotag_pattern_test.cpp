@@ -10,11 +10,12 @@
 
 #include "core/program/errors.h"
 #include "sim/marker/marker.h"
+#include "tests/sim/marker/marker_checks.h"
 
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
+using test::expect_refused;
 
 Marker tag(const std::string& spec) {
     return parse_marker(spec, "--marker");
@@ -141,26 +142,17 @@ TEST(TopotagPattern, CountsItsIds) {
     EXPECT_EQ(topotag_count("5x5"), 8388608);
     EXPECT_EQ(topotag_count("6x6"), 2147483647);
     EXPECT_EQ(tag("topotag:6x6:2147483646@50mm").id, 2147483646);
-    EXPECT_THROW(topotag_shapes("4x4", 16384), ConfigError);
-    EXPECT_THROW(topotag_shapes("4x4", -1), ConfigError);
+    EXPECT_THROW(tag("topotag:4x4:16384@50mm"), ConfigError);
+    EXPECT_THROW(tag("topotag:4x4:-1@50mm"), ConfigError);
     EXPECT_THROW(topotag_order("7x7"), ConfigError);
 }
 
-std::string refusal(const std::string& spec) {
-    try {
-        tag(spec);
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "accepted";
-}
-
 TEST(TopotagPattern, RefusesNamesThatAreNone) {
-    EXPECT_THAT(refusal("topotag:4x4:16384@50mm"), HasSubstr("those are 0 to 16383"));
-    EXPECT_THAT(refusal("topotag:4x4-circles:3@50mm"), HasSubstr("did you mean '4x4-circle'?"));
-    EXPECT_THAT(refusal("topotag:4x4@50mm"), HasSubstr("topotag:FAMILY:ID@SIZEmm"));
-    EXPECT_THAT(refusal("topotag:4x4:3@0mm"), HasSubstr("not a length"));
-    EXPECT_THAT(refusal("topotags:4x4:3@50mm"), HasSubstr("did you mean 'topotag'?"));
+    expect_refused("topotag:4x4:16384@50mm", "those are 0 to 16383");
+    expect_refused("topotag:4x4-circles:3@50mm", "did you mean '4x4-circle'?");
+    expect_refused("topotag:4x4@50mm", "topotag:FAMILY:ID@SIZEmm");
+    expect_refused("topotag:4x4:3@0mm", "not a length");
+    expect_refused("topotags:4x4:3@50mm", "did you mean 'topotag'?");
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "core/program/errors.h"
 #include "sim/tiles/image_filter.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon {
 namespace {
@@ -13,10 +14,7 @@ namespace {
 using std::numbers::pi;
 
 CameraModel camera_with_lens(double wavelength_nm) {
-    CameraModel camera;
-    camera.width = 64;
-    camera.height = 48;
-    camera.intrinsics = {700.0, 500.0, 31.0, 23.0};
+    CameraModel camera = test::camera_with(64, 48, {700.0, 500.0, 31.0, 23.0}, {});
     camera.sensor = Sensor{.pixel_pitch_um = 6.0};
     camera.lens = Lens{2.8, 300.0, wavelength_nm, {}};
     return camera;
@@ -64,12 +62,12 @@ TEST(ImageFilter, LevelsTogetherHoldAllEnergy) {
     const auto psf = PointSpreadFunction::of(camera_with_lens(550.0));
     for (const SampleKind kind : {SampleKind::point, SampleKind::box})
         for (const int k : {1, 3}) {
-            double energy = filter.core(k, kind).energy();
+            double energy = filter.core(k, kind).energy;
             const int first = filter.first_ring();
             for (int shift = first; shift < first + 8; ++shift) {
                 EXPECT_GT(energy, psf.energy_within(filter.radius_held(shift)));
                 EXPECT_LT(energy, psf.energy_within(2.0 * filter.radius_held(shift)));
-                energy += filter.ring(shift, false).energy();
+                energy += filter.ring(shift, false).energy;
             }
             EXPECT_NEAR(energy, 1.0, 2e-4);
         }
@@ -78,10 +76,10 @@ TEST(ImageFilter, LevelsTogetherHoldAllEnergy) {
 TEST(ImageFilter, ARingHoldsTheEnergyOfTheFinerOnesToo) {
     const ImageFilter filter(camera_with_lens(550.0));
     const int first = filter.first_ring();
-    double energy = filter.ring(first, false).energy();
+    double energy = filter.ring(first, false).energy;
     for (int shift = first + 1; shift < first + 3; ++shift) {
-        energy += filter.ring(shift, false).energy();
-        EXPECT_NEAR(filter.ring(shift, true).energy(), energy, 1e-9);
+        energy += filter.ring(shift, false).energy;
+        EXPECT_NEAR(filter.ring(shift, true).energy, energy, 1e-9);
     }
 }
 
@@ -97,9 +95,9 @@ TEST(ImageFilter, OfACameraWithoutLensIsThePixelsMean) {
     const ImageFilter filter(camera);
     EXPECT_FALSE(filter.has_tail());
     const FilterKernel& core = filter.core(3, SampleKind::box);
-    EXPECT_EQ(core.reach_x(), 0);
-    EXPECT_EQ(core.reach_y(), 0);
-    EXPECT_NEAR(core.energy(), 1.0, 1e-12);
+    EXPECT_EQ(core.reach_x, 0);
+    EXPECT_EQ(core.reach_y, 0);
+    EXPECT_NEAR(core.energy, 1.0, 1e-12);
 }
 
 }  // namespace

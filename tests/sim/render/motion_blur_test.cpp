@@ -3,39 +3,21 @@
 #include <gtest/gtest.h>
 
 #include "core/program/errors.h"
+#include "tests/calib/cameras.h"
 #include "tests/gray.h"
+#include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
 
 CameraModel narrow_pinhole() {
-    CameraModel camera;
-    camera.width = 64;
-    camera.height = 24;
-    camera.intrinsics = {400.0, 400.0, 31.0, 11.0};
-    return camera;
-}
-
-// Black left of x = edge_mm, white right of it.
-Scene moving_edge(double edge_mm, double z_mm) {
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
-    scene.markers[0].grid.cell_mm = {2000.0, 4000.0};
-    scene.markers[0].grid.corner_mm = {edge_mm - 2000.0, -2000.0};
-    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, z_mm};
-    return scene;
+    return test::camera_with(64, 24, {400.0, 400.0, 31.0, 11.0}, {});
 }
 
 // 4 x 3 cells in an image of 64 x 24 px.
 Scene moving_marker() {
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells =
-        (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
-    scene.markers[0].grid.cell_mm = {3.0, 2.0};
-    scene.markers[0].grid.corner_mm = {-6.0, -3.0};
-    scene.markers[0].camera_from_marker.rotation = rotation_from_vector({0.3, -0.4, 0.2});
-    scene.markers[0].camera_from_marker.translation = {1.0, -0.5, 250.0};
-    return scene;
+    return {{test::twelve_cells({3.0, 2.0}, {-6.0, -3.0},
+                                {rotation_from_vector({0.3, -0.4, 0.2}), {1.0, -0.5, 250.0}})}};
 }
 
 MotionDuringExposure along_x(double mm_per_s, double exposure_s) {
@@ -52,8 +34,8 @@ double swept(double edge_to_pixel_px) {
 
 // 400 px/mm/250 mm = 1.6 px per mm: the edge sweeps from 33.4 - 4.8 to 33.4 + 4.8.
 TEST(MovingEdge, IsTheTrapeziumOfItsSweep) {
-    const auto moving =
-        render_moving(Renderer(narrow_pinhole()), moving_edge(1.5, 250.0), along_x(120.0, 0.05));
+    const auto moving = render_moving(Renderer(narrow_pinhole()), test::half_plane(1.5, 250.0),
+                                      along_x(120.0, 0.05));
     EXPECT_GE(moving.path_px, 9.6);
     for (int x = 20; x < 48; ++x) {
         const double from = x - (33.4 - 4.8), to = x - (33.4 + 4.8);
@@ -116,11 +98,8 @@ TEST(MovingMarker, StandsStillWithoutMotion) {
     const auto moving = render_moving(renderer, moving_marker(), along_x(120.0, 0.0));
     EXPECT_EQ(moving.parts, 1);
     EXPECT_EQ(moving.path_px, 0.0);
-    RenderOptions options;
-    options.tolerance_gray = 0.05;
-    EXPECT_EQ(cv::norm(moving.image.radiance, renderer.render(moving_marker(), options).radiance,
-                       cv::NORM_INF),
-              0.0);
+    const Radiance still = renderer.render(moving_marker(), {.tolerance_gray = 0.05}).radiance;
+    EXPECT_EQ(cv::norm(moving.image.radiance, still, cv::NORM_INF), 0.0);
 }
 
 TEST(MovingScene, MovesAsOneBody) {

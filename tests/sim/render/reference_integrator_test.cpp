@@ -14,7 +14,9 @@
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
 #include "sim/scene/pose_sampling.h"
+#include "tests/calib/cameras.h"
 #include "tests/evidence/edge_spread.h"
+#include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
@@ -67,16 +69,10 @@ TEST(PointSpreadSampler, InvertsTheEncircledEnergy) {
 }
 
 TEST(ReferenceIntegrator, GivesAPinholesPixelItsArea) {
-    CameraModel camera;
-    camera.width = 20;
-    camera.height = 16;
-    camera.intrinsics = {400.0, 300.0, 9.0, 7.0};
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells = cv::Mat::zeros(1, 1, CV_32FC1);
-    scene.markers[0].grid.cell_mm = {100.0, 100.0};
-    scene.markers[0].grid.corner_mm = {0.2, -40.0};  // from pixel x = 9 + 400 * 0.2 / 200 = 9.4 on
-    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, 200.0};
-    scene.background = 0.9;
+    CameraModel camera = test::camera_with(20, 16, {400.0, 300.0, 9.0, 7.0}, {});
+    // From pixel x = 9 + 400 * 0.2 / 200 = 9.4 on.
+    const CellGrid grid{cv::Mat::zeros(1, 1, CV_32FC1), {0.2, -40.0}, {100.0, 100.0}};
+    const Scene scene{{{grid, {Eigen::Quaterniond::Identity(), {0.0, 0.0, 200.0}}}}, 0.9};
     const auto pixels = integrate_reference(camera, scene, {{9, 7}, {8, 7}, {10, 7}});
     EXPECT_NEAR(pixels[0].mean, 0.9 * 0.9, 1e-3);
     EXPECT_LT(pixels[0].standard_error, 5e-4);
@@ -111,10 +107,7 @@ TEST(ReferenceIntegrator, RefusesOptionsWithoutAnError) {
 using std::numbers::pi;
 
 CameraModel camera_with_lens(double wavelength_nm) {
-    CameraModel camera;
-    camera.width = 64;
-    camera.height = 48;
-    camera.intrinsics = {700.0, 500.0, 31.0, 23.0};
+    CameraModel camera = test::camera_with(64, 48, {700.0, 500.0, 31.0, 23.0}, {});
     camera.sensor = Sensor{.pixel_pitch_um = 6.0};
     camera.lens = Lens{2.8, 300.0, wavelength_nm, {}};
     return camera;
@@ -122,6 +115,12 @@ CameraModel camera_with_lens(double wavelength_nm) {
 
 const std::vector<std::pair<double, double>> measured_profile{
     {0.0, 4.0}, {0.5, 3.0}, {1.25, 0.7}, {3.0, 0.2}};
+
+CameraModel measured_camera() {
+    CameraModel camera = camera_with_lens(550.0);
+    camera.lens->psf = {PointSpread::Kind::measured, 0.0, measured_profile};
+    return camera;
+}
 
 TEST(Measured, HoldsTheEnergyOfItsProfile) {
     const auto psf = PointSpreadFunction::measured(measured_profile);
@@ -159,9 +158,7 @@ TEST(Measured, RefusesWhatIsNoProfile) {
 }
 
 TEST(Measured, IsSampledAsItsEnergyIs) {
-    CameraModel camera = camera_with_lens(550.0);
-    camera.lens->psf.kind = PointSpread::Kind::measured;
-    camera.lens->psf.profile = measured_profile;
+    const CameraModel camera = measured_camera();
     const auto psf = PointSpreadFunction::of(camera);
     const PointSpreadSampler sampler(camera);
     for (const double energy : {0.0, 1e-6, 0.02, 0.3, 0.77, 0.999, 0.9999999})
@@ -172,25 +169,17 @@ TEST(Measured, TakesThePlaceOfDefocus) {
     CameraModel camera = camera_with_lens(550.0);
     EXPECT_GT(aperture_of(camera).radius_mm, 0.0);
     EXPECT_GT(blur_radius_px(camera, 200.0), 0.0);
-    camera.lens->psf.kind = PointSpread::Kind::measured;
-    camera.lens->psf.profile = measured_profile;
-    EXPECT_EQ(aperture_of(camera).radius_mm, 0.0);
-    EXPECT_EQ(blur_radius_px(camera, 200.0), 0.0);
+    EXPECT_EQ(aperture_of(measured_camera()).radius_mm, 0.0);
+    EXPECT_EQ(blur_radius_px(measured_camera(), 200.0), 0.0);
 }
 
 TEST(Measured, GivesAnEdgeTheProfileOfItsEnergyAtAnyDepth) {
-    CameraModel camera = camera_with_lens(550.0);
-    camera.lens->psf.kind = PointSpread::Kind::measured;
-    camera.lens->psf.profile = measured_profile;
+    const CameraModel camera = measured_camera();
     const auto psf = PointSpreadFunction::measured(measured_profile);
     const auto profile =
         test::pixel_profile([&](double r) { return psf.energy_within(r); }, 6.0, 10);
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
-    scene.markers[0].grid.cell_mm = {200.0, 400.0};
-    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, 200.0};
     // The edge at pixel 31.4: 0.4 px are 0.4 * 200 / 700 mm.
-    scene.markers[0].grid.corner_mm = {0.4 * 200.0 / 700.0 - 200.0, -200.0};
+    const Scene scene = test::half_plane(0.4 * 200.0 / 700.0, 200.0);
     const auto image = Renderer(camera).render(scene).radiance;
     for (int x = 26; x < 37; ++x) {
         const auto i = static_cast<std::size_t>(std::lround((31.4 - x + 6.0) * 10.0));

@@ -24,16 +24,13 @@
 namespace etalon {
 namespace {
 
+using test::edge_profile;
 using test::gray;
 using test::half_plane;
 using test::largest_difference;
 
 CameraModel pinhole() {
-    CameraModel camera;
-    camera.width = 96;
-    camera.height = 72;
-    camera.intrinsics = {400.0, 400.0, 47.0, 35.0};
-    return camera;
+    return test::camera_with(96, 72, {400.0, 400.0, 47.0, 35.0}, {});
 }
 
 // Blur radius at z: 400 * d/2 * |1/z - 1/z_f|, with v = 2.4 mm and d = f/N.
@@ -46,14 +43,8 @@ CameraModel with_lens(PointSpread spread = {PointSpread::Kind::gaussian, 0.7}) {
 
 // A rectangle of 4 x 3 cells in front of the camera, tilted.
 Scene small_marker() {
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells =
-        (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
-    scene.markers[0].grid.cell_mm = {7.0, 5.0};
-    scene.markers[0].grid.corner_mm = {-14.0, -7.5};
-    scene.markers[0].camera_from_marker.rotation = rotation_from_vector({0.3, -0.4, 0.2});
-    scene.markers[0].camera_from_marker.translation = {3.0, -2.0, 250.0};
-    return scene;
+    return {{test::twelve_cells({7.0, 5.0}, {-14.0, -7.5},
+                                {rotation_from_vector({0.3, -0.4, 0.2}), {3.0, -2.0, 250.0}})}};
 }
 
 TEST(Renderer, OfAPinholeAveragesThePixelsAreaExactly) {
@@ -62,24 +53,6 @@ TEST(Renderer, OfAPinholeAveragesThePixelsAreaExactly) {
     EXPECT_EQ(image.at<float>(30, 48), 0.0f);
     EXPECT_NEAR(image.at<float>(30, 49), 49.5 - 49.08, 1e-6);
     EXPECT_EQ(image.at<float>(30, 50), 1.0f);
-}
-
-// Across an edge the disk's, the Gaussian's and the box's spreads meet in one dimension:
-// profile(x) = integral over the disk's line spread of the mean of Phi over the box.
-double edge_profile(double distance_px, double disk_px, double sigma_px) {
-    const auto phi_integral = [&](double x) {  // antiderivative of the normal distribution function
-        const double t = x / sigma_px;
-        const double density = std::exp(-0.5 * t * t) / std::sqrt(2.0 * std::numbers::pi);
-        return sigma_px * (t * 0.5 * std::erfc(-t / std::sqrt(2.0)) + density);
-    };
-    constexpr int steps = 20000;
-    double sum = 0.0;
-    for (int i = 0; i < steps; ++i) {  // x = R sin(angle): weight 2/pi cos^2
-        const double angle = ((i + 0.5) / steps - 0.5) * std::numbers::pi;
-        const double x = distance_px - disk_px * std::sin(angle);
-        sum += std::cos(angle) * std::cos(angle) * (phi_integral(x + 0.5) - phi_integral(x - 0.5));
-    }
-    return sum * 2.0 / steps;
 }
 
 class DefocusedEdge : public testing::TestWithParam<double> {};
@@ -116,24 +89,23 @@ TEST(Renderer, FindsTheDiffractionTailsAsymptote) {
     }
 }
 
+PlacedMarker black_cells(int rows, int columns, const Eigen::Vector2d& cell_mm,
+                         const Eigen::Vector2d& corner_mm, const Eigen::Vector3d& at) {
+    return {{cv::Mat::zeros(rows, columns, CV_32FC1), corner_mm, cell_mm},
+            {Eigen::Quaterniond::Identity(), at}};
+}
+
 TEST(Renderer, KeepsTheEnergyOfASmallMarker) {
     // A black marker of 4.2 x 3 mm at 200 mm, square to the axis, covers 8.4 x 6 px; blur and
     // spread only move its darkness about.
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells = cv::Mat::zeros(1, 1, CV_32FC1);
-    scene.markers[0].grid.cell_mm = {4.2, 3.0};
-    scene.markers[0].grid.corner_mm = {-1.7, -1.9};
-    scene.markers[0].camera_from_marker.translation = {0.3, 0.2, 200.0};
+    const Scene scene{{black_cells(1, 1, {4.2, 3.0}, {-1.7, -1.9}, {0.3, 0.2, 200.0})}};
     const auto image = Renderer(with_lens()).render(scene).radiance;
     EXPECT_NEAR(cv::sum(1.0 - image)[0], 8.4 * 6.0, 0.02);
 }
 
 TEST(Renderer, SeesAMarkerSmallerThanAPixel) {
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells = cv::Mat::zeros(2, 3, CV_32FC1);
-    scene.markers[0].grid.cell_mm = {0.05, 0.04};  // 0.3 x 0.16 px in all
-    scene.markers[0].grid.corner_mm = {0.01, 0.02};
-    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, 200.0};
+    // 0.3 x 0.16 px in all.
+    const Scene scene{{black_cells(2, 3, {0.05, 0.04}, {0.01, 0.02}, {0.0, 0.0, 200.0})}};
     for (const CameraModel& camera : {pinhole(), with_lens()}) {
         const auto image = Renderer(camera).render(scene).radiance;
         EXPECT_NEAR(cv::sum(1.0 - image)[0], 0.3 * 0.16, 2e-4);
@@ -214,8 +186,7 @@ TEST(Renderer, OfSeveralMarkersIsTheSumOfTheirDifferences) {
 
 TEST(Renderer, OfARegionIsThatPartOfTheWhole) {
     const Renderer renderer(with_lens({PointSpread::Kind::ideal, 0.0}));
-    RenderOptions options;
-    options.region = {37, 21, 22, 19};
+    const RenderOptions options{.region = {37, 21, 22, 19}};
     const auto part = renderer.render(small_marker(), options).radiance;
     const auto whole = renderer.render(small_marker()).radiance;
     EXPECT_LT(largest_difference(part(options.region), whole(options.region)), 0.005 * gray);
@@ -282,9 +253,8 @@ TEST(Renderer, MixesItsMethodsWhereThePlaneOfFocusCrossesTheMarker) {
     const auto mixed = renderer.render(scene);
     EXPECT_EQ(mixed.plan.min_blur_radius_px, 0.0);
     EXPECT_GT(mixed.plan.max_blur_radius_px, 0.3);
-    RenderOptions exact_lens;  // sees the same where it samples finely enough
-    exact_lens.method = RenderMethod::exact_lens;
-    exact_lens.samples_per_side = 32;
+    // Sees the same where it samples finely enough.
+    const RenderOptions exact_lens{.method = RenderMethod::exact_lens, .samples_per_side = 32};
     EXPECT_LT(largest_difference(mixed.radiance, renderer.render(scene, exact_lens).radiance),
               0.2 * gray);
 }
@@ -334,12 +304,9 @@ TEST(Renderer, RefusesWhatItCannotRender) {
 
 TEST(Renderer, RefusesOptionsWithoutAMeaning) {
     const Renderer renderer(pinhole());
-    RenderOptions options;
-    options.tolerance_gray = 0.0;
-    EXPECT_THROW(renderer.render(small_marker(), options), NumericalError);
-    options = {};
-    options.region = {80, 60, 40, 40};
-    EXPECT_THROW(renderer.render(small_marker(), options), NumericalError);
+    for (const RenderOptions& options :
+         {RenderOptions{.tolerance_gray = 0.0}, RenderOptions{.region = {80, 60, 40, 40}}})
+        EXPECT_THROW(renderer.render(small_marker(), options), NumericalError);
     CameraModel empty = pinhole();
     empty.width = 0;
     EXPECT_THROW(Renderer{empty}, NumericalError);
@@ -379,9 +346,8 @@ TEST(Renderer, FollowsDistortionsThatBendWithinAPixel) {
 
 TEST(Renderer, SaysWhatItDid) {
     const auto scene = benchmark_scene("webcam-500");
-    RenderOptions options;
-    options.region = {380, 130, 80, 80};
-    const auto plan = Renderer(scene.camera).render(scene.scene, options).plan;
+    const auto plan =
+        Renderer(scene.camera).render(scene.scene, {.region = {380, 130, 80, 80}}).plan;
     EXPECT_EQ(plan.method, RenderMethod::exact_lens);
     EXPECT_NEAR(plan.max_blur_radius_px, 2.03, 0.01);
     EXPECT_GT(plan.tail_reach_px, 80.0);
@@ -440,29 +406,20 @@ TEST(SmallCells, AreWithinTheToleranceWhereverTheirEdgesLie) {
 CameraModel skewed_camera(double f_number) {
     CameraModel camera = test::camera_with(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2});
     camera.intrinsics.skew = -max_skew_of_a_lens * camera.intrinsics.fx;
-    camera.sensor.emplace();
-    camera.sensor->pixel_pitch_um = 17.0;
-    camera.lens.emplace();
-    camera.lens->f_number = f_number;
-    camera.lens->focus_distance_mm = 300.0;
-    camera.lens->wavelength_nm = 550.0;
+    camera.sensor = Sensor{.pixel_pitch_um = 17.0};
+    camera.lens = Lens{f_number, 300.0, 550.0, {}};
     return camera;
 }
 
 // Turned by 45 degrees, at which a pattern that leans shows most.
 PlacedMarker tilted_marker() {
-    PlacedMarker marker;
-    marker.grid.cells = (cv::Mat_<float>(2, 3) << 0, 1, 0, 1, 0, 1);
-    marker.grid.cell_mm = {7.0, 9.0};
-    marker.grid.corner_mm = {-10.5, -9.0};
-    marker.camera_from_marker = {rotation_from_vector({0.3, -0.7, 0.8}), {1.0, -0.5, 300.0}};
-    return marker;
+    return {{(cv::Mat_<float>(2, 3) << 0, 1, 0, 1, 0, 1), {-10.5, -9.0}, {7.0, 9.0}},
+            {rotation_from_vector({0.3, -0.7, 0.8}), {1.0, -0.5, 300.0}}};
 }
 
 TEST(SkewedLens, IsBlurredAsItsRaysMeetTheMarker) {
     const Scene scene{{tilted_marker()}, 0.5};
-    ReferenceOptions options;
-    options.samples_per_scramble = 2048;
+    const ReferenceOptions options{.samples_per_scramble = 2048};
     std::vector<cv::Point> pixels;
     for (int y = 22; y < 80; y += 7)
         for (int x = 27; x < 90; x += 6)
@@ -503,14 +460,10 @@ CameraModel camera_with_fold(const Eigen::Vector2d& at, double angle) {
 
 // Black wherever the camera sees anything, before a white background.
 Scene black_scene(double angle) {
-    PlacedMarker marker;
-    marker.grid.cells = cv::Mat(1, 1, CV_32FC1, cv::Scalar(0.0));
-    marker.grid.cell_mm = {400.0, 400.0};
-    marker.grid.corner_mm = {-200.0, -200.0};
     const double place = 250.0 * fold;
-    marker.camera_from_marker.translation = {place * std::cos(angle), place * std::sin(angle),
-                                             250.0};
-    return {{marker}, 1.0};
+    return {{black_cells(1, 1, {400.0, 400.0}, {-200.0, -200.0},
+                         {place * std::cos(angle), place * std::sin(angle), 250.0})},
+            1.0};
 }
 
 // Of the pixel's area, by the midpoint rule on 1000 rows with the border's exact x in each.
@@ -542,10 +495,7 @@ TEST(FoldBorder, CutsAPixelToTheToleranceWhicheverWayItRuns) {
 
 // Blurred, a pixel beside the border is off by what the plan states: 0.45 gray.
 TEST(FoldBorder, IsWithinWhatThePlanStatesUnderALens) {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {616.6, 616.6, 319.5, 239.5};
+    CameraModel camera = test::camera_with(640, 480, {616.6, 616.6, 319.5, 239.5}, {});
     camera.distortion.k1 = -0.38;
     camera.sensor = Sensor{.pixel_pitch_um = 4.8};
     camera.lens = Lens{2.8, 150.0, 600.0, {}};

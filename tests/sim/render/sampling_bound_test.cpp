@@ -52,14 +52,10 @@ double worst_edge(RenderMethod method, int k, int many, double blur_px) {
     return worst_edge(Renderer(camera), coarse, fine, 40, z);
 }
 
-SamplingBound small_camera_bound(const PointSpreadFunction& spread) {
-    return SamplingBound(&spread);
-}
-
 TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
     const PointSpreadFunction spread =
         PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0}));
-    const SamplingBound bound = small_camera_bound(spread);
+    const SamplingBound bound(&spread);
     for (const double blur : {0.35, 0.8, 4.4})
         for (const int k : {2, 3, 5}) {
             const double limit = bound.of_points(k, blur, along_the_pixels);
@@ -134,7 +130,7 @@ TEST(SamplingBound, KnowsTheRipplesOfDisksThatStandForTheLens) {
 TEST(SamplingBound, ThinnedSamplesAreAlmostAsGoodAsAllOfThem) {
     const PointSpreadFunction spread =
         PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0}));
-    const SamplingBound bound = small_camera_bound(spread);
+    const SamplingBound bound(&spread);
     const auto window = [](double r) { return r < 1.65 ? 1.0 : 0.0; };
     const DeconvolvedPsf sharpened = DeconvolvedPsf::of(spread, window, 1.65).value();
     const EdgeTangents all = ~EdgeTangents{};

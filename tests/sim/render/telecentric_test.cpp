@@ -13,6 +13,7 @@
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
 #include "tests/gray.h"
+#include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
@@ -31,13 +32,8 @@ CameraModel telecentric(double object_na = 0.03) {
 
 // A grid of 4 x 3 cells of 2.1 x 1.7 mm.
 PlacedMarker marker_at(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {
-    PlacedMarker marker;
-    marker.grid.cells = (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
-    marker.grid.cell_mm = {2.1, 1.7};
-    marker.grid.corner_mm = {-4.2, -2.5};
-    marker.camera_from_marker.rotation = rotation_from_vector(rotation);
-    marker.camera_from_marker.translation = translation;
-    return marker;
+    return test::twelve_cells({2.1, 1.7}, {-4.2, -2.5},
+                              {rotation_from_vector(rotation), translation});
 }
 
 TEST(TelecentricProjector, KeepsSizeAtEveryDepthAndDistortsMillimetres) {
@@ -134,39 +130,17 @@ TEST(TelecentricMarkerView, RefusesWhatItCannotSee) {
     EXPECT_THROW(view({0.5, 0, 0}, 0.5), NumericalError);  // a corner behind the lens
 }
 
-// Across an edge, the mean over the pixel of the disk's and the Gaussian's spread.
-double telecentric_profile(double distance_px, double disk_px, double sigma_px) {
-    const auto phi_integral = [&](double x) {
-        const double t = x / sigma_px;
-        const double density = std::exp(-0.5 * t * t) / std::sqrt(2.0 * std::numbers::pi);
-        return sigma_px * (t * 0.5 * std::erfc(-t / std::sqrt(2.0)) + density);
-    };
-    constexpr int steps = 4000;
-    double sum = 0.0;
-    for (int i = 0; i < steps; ++i) {
-        const double angle = ((i + 0.5) / steps - 0.5) * std::numbers::pi;
-        const double x = distance_px - disk_px * std::sin(angle);
-        sum += std::cos(angle) * std::cos(angle) * (phi_integral(x + 0.5) - phi_integral(x - 0.5));
-    }
-    return sum * 2.0 / steps;
-}
-
 class TelecentricEdge : public testing::TestWithParam<double> {};
 
 TEST_P(TelecentricEdge, HasItsClosedFormProfile) {
     CameraModel camera = telecentric();
     camera.lens->psf = {PointSpread::Kind::gaussian, 0.7};
     const double z = GetParam(), edge_mm = 0.31;
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
-    scene.markers[0].grid.cell_mm = {200.0, 400.0};
-    scene.markers[0].grid.corner_mm = {edge_mm - 200.0, -200.0};
-    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, z};
-    const auto image = Renderer(camera).render(scene);
+    const auto image = Renderer(camera).render(test::half_plane(edge_mm, z));
     const double blur = 8.2 * std::tan(std::asin(0.03)) * std::abs(z - 150.0);
     for (int x = 65; x < 102; ++x)
         EXPECT_NEAR(image.radiance.at<float>(33, x),
-                    telecentric_profile(x - (81.0 + 8.2 * edge_mm), blur, 0.7), 0.1 * gray)
+                    test::edge_profile(x - (81.0 + 8.2 * edge_mm), blur, 0.7), 0.1 * gray)
             << "pixel " << x << " blur " << blur << " px, " << image.plan.describe();
 }
 

@@ -6,18 +6,17 @@
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "sim/render/reference_integrator.h"
+#include "tests/calib/cameras.h"
 #include "tests/evidence/edge_spread.h"
 #include "tests/gray.h"
+#include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
 
 // lambda N_w = 0.44 px.
 CameraModel wave_camera() {
-    CameraModel camera;
-    camera.width = 64;
-    camera.height = 48;
-    camera.intrinsics = {400.0, 380.0, 31.0, 23.0};
+    CameraModel camera = test::camera_with(64, 48, {400.0, 380.0, 31.0, 23.0}, {});
     camera.sensor = Sensor{.pixel_pitch_um = 6.0};
     camera.lens = Lens{4.3, 150.0, 600.0, {PointSpread::Kind::wave, 0.0}};
     return camera;
@@ -29,15 +28,6 @@ cv::Mat difference_of(const CameraModel& camera, const Scene& scene, const cv::R
                            0.1);
 }
 
-Scene wave_edge(double edge_mm, double z_mm) {
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
-    scene.markers[0].grid.cell_mm = {2000.0, 4000.0};
-    scene.markers[0].grid.corner_mm = {edge_mm - 2000.0, -2000.0};
-    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, z_mm};
-    return scene;
-}
-
 class WaveEdge : public testing::TestWithParam<double> {};
 
 TEST_P(WaveEdge, HasTheProfileOfItsEncircledEnergy) {
@@ -45,7 +35,7 @@ TEST_P(WaveEdge, HasTheProfileOfItsEncircledEnergy) {
     const double z = GetParam(), edge_px = 31.0 + 400.0 * 0.001;
     const WavePointSpread psf(lambda_n_px(camera), blur_radius_px(camera, z));
     const cv::Rect region(20, 22, 24, 2);
-    const cv::Mat image = difference_of(camera, wave_edge(0.001 * z, z), region) + 1.0;
+    const cv::Mat image = difference_of(camera, test::half_plane(0.001 * z, z), region) + 1.0;
     const auto profile =
         test::pixel_profile([&](double r) { return psf.energy_within(r); }, 13.0, 10);
     for (int x = 0; x < region.width; ++x) {
@@ -61,13 +51,8 @@ INSTANTIATE_TEST_SUITE_P(Depths, WaveEdge, testing::Values(20.0, 40.0, 90.0, 150
 TEST(WaveRender, AgreesWithTheReferenceOnATiltedMarker) {
     CameraModel camera = wave_camera();
     camera.distortion.k1 = -0.2;
-    Scene scene{{PlacedMarker{}}, 0.8};
-    PlacedMarker& marker = scene.markers[0];
-    marker.grid.cells = (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
-    marker.grid.cell_mm = {4.0, 3.0};
-    marker.grid.corner_mm = {-8.0, -4.5};
-    marker.camera_from_marker.rotation = rotation_from_vector({0.3, -0.4, 0.2});
-    marker.camera_from_marker.translation = {1.0, -0.5, 260.0};
+    const Rigid pose{rotation_from_vector({0.3, -0.4, 0.2}), {1.0, -0.5, 260.0}};
+    const Scene scene{{test::twelve_cells({4.0, 3.0}, {-8.0, -4.5}, pose)}, 0.8};
     std::vector<cv::Point> pixels;
     for (int n = 0; n < 20; ++n)
         pixels.emplace_back(16 + (n * 17) % 32, 12 + (n * 11) % 22);
@@ -83,9 +68,9 @@ TEST(WaveRender, AgreesWithTheReferenceOnATiltedMarker) {
 TEST(WaveRender, RefusesWhatItCannotRender) {
     const CameraModel camera = wave_camera();
     EXPECT_GT(blur_radius_px(camera, 5.0), 20.0);
-    EXPECT_THROW(difference_of(camera, wave_edge(0.0, 5.0), {0, 0, 8, 8}), NumericalError);
-    EXPECT_THROW(integrate_reference(camera, wave_edge(0.0, 5.0), {{3, 3}}), NumericalError);
-    Scene two = wave_edge(0.0, 200.0);
+    EXPECT_THROW(check_wave_scene(test::half_plane(0.0, 5.0), camera), NumericalError);
+    EXPECT_THROW(integrate_reference(camera, test::half_plane(0.0, 5.0), {{3, 3}}), NumericalError);
+    Scene two = test::half_plane(0.0, 200.0);
     two.markers.push_back(two.markers[0]);
     EXPECT_THROW(check_wave_scene(two, camera), NumericalError);
     EXPECT_THROW(PointSpreadFunction::of(camera), NumericalError);

@@ -8,24 +8,21 @@
 #include "core/statistics/random.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
-#include "tests/calib/wide_views.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/gray.h"
+#include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
 
 // A grid of 4 x 3 cells of 21 x 17 mm whose middle lies `angle` from the axis, 150 mm away.
 PlacedMarker marker_beside(double angle, double azimuth, const Eigen::Vector3d& tilt) {
-    PlacedMarker marker;
-    marker.grid.cells = (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
-    marker.grid.cell_mm = {21.0, 17.0};
-    marker.grid.corner_mm = {-42.0, -25.5};
     const Eigen::Vector3d sight(std::sin(angle) * std::cos(azimuth),
                                 std::sin(angle) * std::sin(azimuth), std::cos(angle));
-    marker.camera_from_marker = {
-        rotation_between(Eigen::Vector3d::UnitZ(), sight) * rotation_from_vector(tilt),
-        150.0 * sight};
-    return marker;
+    return test::twelve_cells(
+        {21.0, 17.0}, {-42.0, -25.5},
+        {rotation_between(Eigen::Vector3d::UnitZ(), sight) * rotation_from_vector(tilt),
+         150.0 * sight});
 }
 
 // The last two lie across 90 degrees and behind the camera's plane.
@@ -84,19 +81,14 @@ std::vector<cv::Point> pixels_of(const Projector& projector, const PlacedMarker&
 
 // f/0.6 focused at 210 mm: markers 150 mm away are blurred by some px.
 CameraModel with_lens(CameraModel camera, double f_number, double focus_mm) {
-    camera.sensor.emplace();
-    camera.sensor->pixel_pitch_um = 30.0;
-    camera.lens.emplace();
-    camera.lens->f_number = f_number;
-    camera.lens->focus_distance_mm = focus_mm;
-    camera.lens->wavelength_nm = 550.0;
+    camera.sensor = Sensor{.pixel_pitch_um = 30.0};
+    camera.lens = Lens{f_number, focus_mm, 550.0, {}};
     return camera;
 }
 
 void expect_reference(const std::string& what, const CameraModel& camera, const Scene& scene,
                       const std::vector<cv::Point>& pixels) {
-    ReferenceOptions options;
-    options.samples_per_scramble = 1024;
+    const ReferenceOptions options{.samples_per_scramble = 1024};
     const RenderedImage image = Renderer(camera).render(scene);
     const auto truth = integrate_reference(camera, scene, pixels, options);
     for (std::size_t i = 0; i < pixels.size(); ++i)

@@ -182,53 +182,44 @@ void expect_footprints_hold(const MarkerView& view, const PlacedMarker& marker, 
     ++counts.views;
 }
 
-TEST(MarkerView, FootprintsTellWhatEveryRayMeets) {
-    Dice dice(21);
+// `prepare` changes the marker and the aperture of each draw.
+template <class Prepare>
+Counts counts_of_footprints(unsigned seed, int draws, const Prepare& prepare) {
+    Dice dice(seed);
     Counts counts;
-    for (int n = 0; n < 6000; ++n) {
-        const PlacedMarker marker = dice.marker();
-        const Aperture aperture = dice.aperture();
-        const auto view = view_of(marker, aperture);
-        if (!view)
-            continue;
-        expect_footprints_hold(*view, marker, dice, counts);
+    for (int n = 0; n < draws; ++n) {
+        PlacedMarker marker = dice.marker();
+        Aperture aperture = dice.aperture();
+        prepare(marker, aperture, dice);
+        if (const auto view = view_of(marker, aperture))
+            expect_footprints_hold(*view, marker, dice, counts);
     }
+    return counts;
+}
+
+TEST(MarkerView, FootprintsTellWhatEveryRayMeets) {
+    const Counts counts = counts_of_footprints(21, 6000, [](auto&, auto&, auto&) {});
     EXPECT_GT(counts.views, 1000);
     EXPECT_GT(counts.told, 20000);
     EXPECT_GT(counts.horizons, 2000);
 }
 
 TEST(MarkerView, TelecentricFootprintsTellWhatEveryRayMeets) {
-    Dice dice(22);
-    Counts counts;
-    for (int n = 0; n < 300; ++n) {
-        PlacedMarker marker = dice.marker();
-        marker.camera_from_marker.translation.z() += 5000.0;
-        Aperture aperture{Projection::telecentric, dice.log_uniform(1e-3, 0.1)};
-        aperture.focus_on_axis = 5000.0;
-        const auto view = view_of(marker, aperture);
-        if (!view)
-            continue;
-        expect_footprints_hold(*view, marker, dice, counts);
-    }
+    const Counts counts =
+        counts_of_footprints(22, 300, [](auto& marker, auto& aperture, Dice& dice) {
+            marker.camera_from_marker.translation.z() += 5000.0;
+            aperture = {Projection::telecentric, dice.log_uniform(1e-3, 0.1), 5000.0};
+        });
     EXPECT_GT(counts.views, 100);
     EXPECT_GT(counts.told, 1000);
     EXPECT_EQ(counts.horizons, 0);
 }
 
 TEST(MarkerView, FootprintsOfAWideLensTellWhatEveryRayMeets) {
-    Dice dice(24);
-    Counts counts;
-    for (int n = 0; n < 3000; ++n) {
-        const PlacedMarker marker = dice.marker();
-        Aperture aperture = dice.aperture();
+    const Counts counts = counts_of_footprints(24, 3000, [](auto&, auto& aperture, auto&) {
         aperture.focus_slope = {0.0, 0.0};
         aperture.faces_rays = true;
-        const auto view = view_of(marker, aperture);
-        if (!view)
-            continue;
-        expect_footprints_hold(*view, marker, dice, counts);
-    }
+    });
     EXPECT_GT(counts.views, 400);
     EXPECT_GT(counts.told, 8000);
 }

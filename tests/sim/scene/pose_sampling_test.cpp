@@ -116,7 +116,7 @@ TEST(FaurePermutation, HoldsEveryDigitOnceAndIsSymmetric) {
 }
 
 TEST(HaltonSequence, PermutesEveryDigitAsFaureDoes) {
-    const auto halton = HaltonSequence::with_faure_permutations(4, {});
+    const auto halton = HaltonSequence(4, {}, HaltonSequence::Digits::faure);
     // 19 = 10011b = 201 in base 3 = 34 in base 5 = 25 in base 7.
     EXPECT_THAT(halton.point(19), Pointwise(DoubleEq(), {25 / 32., 1 / 3. + 2 / 27.,
                                                          4 / 5. + 1 / 25., 4 / 7. + 5 / 49.}));
@@ -126,7 +126,7 @@ TEST(HaltonSequence, PermutesEveryDigitAsFaureDoes) {
 // combination of the last 3, 2 and 1 digits once, and a random start only adds to each.
 TEST(HaltonSequence, StaysStratifiedInAllDimensionsTogetherFromARandomStart) {
     for (const std::uint64_t seed : {1u, 57u}) {
-        const auto halton = HaltonSequence::with_faure_permutations(3, seed);
+        const auto halton = HaltonSequence(3, seed, HaltonSequence::Digits::faure);
         for (const std::uint64_t first : {0u, 17u, 100003u}) {
             std::set<std::vector<int>> hit;
             for (std::uint64_t i = 0; i < 360; ++i) {
@@ -143,7 +143,7 @@ TEST(HaltonSequence, StaysStratifiedInAllDimensionsTogetherFromARandomStart) {
 
 // In base 2, which Faure leaves as it is, the point's mirrored digits count the index from a start.
 TEST(HaltonSequence, CountsOnFromItsRandomStart) {
-    const auto halton = HaltonSequence::with_faure_permutations(1, 23);
+    const auto halton = HaltonSequence(1, 23, HaltonSequence::Digits::faure);
     const auto counted = [&](std::uint64_t index) {
         double x = halton.point(index)[0];
         int count = 0;

@@ -1,4 +1,4 @@
-#include "sim/sensor/curve_pieces.h"
+#include "sim/sensor/sensor_steps.h"
 
 #include <gtest/gtest.h>
 

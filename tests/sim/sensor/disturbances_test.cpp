@@ -4,13 +4,15 @@
 #include <opencv2/imgproc.hpp>
 
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <numbers>
 #include <thread>
 
 #include "core/program/errors.h"
 #include "sim/render/motion_blur.h"
+#include "tests/calib/cameras.h"
+#include "tests/error_text.h"
+#include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
@@ -18,29 +20,19 @@ namespace {
 using testing::HasSubstr;
 
 CameraModel small_camera() {
-    CameraModel camera;
-    camera.width = 96;
-    camera.height = 72;
-    camera.intrinsics = {110.0, 118.0, 46.0, 37.0};
-    return camera;
+    return test::camera_with(96, 72, {110.0, 118.0, 46.0, 37.0}, {});
 }
 
 CameraModel distorted_camera() {
     CameraModel camera = small_camera();
-    camera.distortion.k1 = -0.21;
-    camera.distortion.k2 = 0.06;
-    camera.distortion.p1 = 0.012;
+    camera.distortion = {.k1 = -0.21, .k2 = 0.06, .p1 = 0.012};
     return camera;
 }
 
 // 45 x 33 mm with its origin away from the centre, 80 mm away: 62 x 49 px.
 PlacedMarker marker_at(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {
-    PlacedMarker marker;
-    marker.grid.cells = cv::Mat(3, 5, CV_32FC1, cv::Scalar(1.0f));
-    marker.grid.cell_mm = {9.0, 11.0};
-    marker.grid.corner_mm = {-20.0, -18.0};
-    marker.camera_from_marker = {rotation_from_vector(rotation), translation};
-    return marker;
+    return {{cv::Mat(3, 5, CV_32FC1, cv::Scalar(1.0f)), {-20.0, -18.0}, {9.0, 11.0}},
+            {rotation_from_vector(rotation), translation}};
 }
 PlacedMarker frontal_marker() {
     return marker_at({0.0, 0.0, 0.0}, {0.0, 0.0, 80.0});
@@ -497,22 +489,14 @@ TEST(DisturbanceAxes, ReachEveryMemberByItsName) {
     static_assert(sizeof(Disturbances) == disturbance_axes.size() * sizeof(double));
 }
 
-std::string refusal(const std::function<void()>& call) {
-    try {
-        call();
-    } catch (const NumericalError& error) {
-        return error.what();
-    }
-    return "accepted";
-}
-
 TEST(Disturbances, OutOfTheirRangeAreRefusedByName) {
     const double infinity = std::numeric_limits<double>::infinity();
     for (const DisturbanceAxis& axis : disturbance_axes)
         for (const double value : {-0.1, 2.0 * axis.most, infinity, -infinity, std::nan("")}) {
             Disturbances wrong;
             wrong.*axis.value = value;
-            EXPECT_THAT(refusal([&] { disturbed(even(0.3), wrong); }), HasSubstr(axis.name))
+            EXPECT_THAT(text_of_error<NumericalError>([&] { disturbed(even(0.3), wrong); }),
+                        HasSubstr(axis.name))
                 << value;
         }
 }
@@ -523,8 +507,10 @@ TEST(Disturber, RefusesImagesThatAreNotTheCameras) {
     EXPECT_THROW(disturbed(cv::Mat(72, 96, CV_8UC1), {.exposure = 2.0}), NumericalError);
     Radiance image = texture();
     image.at<float>(31, 7) = std::numeric_limits<float>::quiet_NaN();
-    EXPECT_THAT(refusal([&] { disturbed(image, {.exposure = 2.0}); }), HasSubstr("row 31"));
-    EXPECT_THAT(refusal([&] { disturbed(even(3e38), {.exposure = 50.0}); }), HasSubstr("finite"));
+    EXPECT_THAT(text_of_error<NumericalError>([&] { disturbed(image, {.exposure = 2.0}); }),
+                HasSubstr("row 31"));
+    EXPECT_THAT(text_of_error<NumericalError>([&] { disturbed(even(3e38), {.exposure = 50.0}); }),
+                HasSubstr("finite"));
 }
 
 const Eigen::Vector2d motions[] = {{0.3, -0.2}, {0.9, 0.1}, {3.7, -2.2},
@@ -588,10 +574,7 @@ TEST(LineBlur, MakesARampOfItsLengthOfAnEdge) {
 }
 
 CameraModel camera_of(bool with_lens) {
-    CameraModel camera;
-    camera.width = 64;
-    camera.height = 48;
-    camera.intrinsics = {400.0, 400.0, 31.0, 22.0};
+    CameraModel camera = test::camera_with(64, 48, {400.0, 400.0, 31.0, 22.0}, {});
     if (with_lens) {
         camera.sensor = Sensor{.pixel_pitch_um = 2.8};
         camera.lens = Lens{.f_number = 8.0, .focus_distance_mm = 250.0, .wavelength_nm = 600.0};
@@ -601,14 +584,8 @@ CameraModel camera_of(bool with_lens) {
 
 // 4 x 3 cells of 5 px and more.
 Scene frontal_scene() {
-    Scene scene{{PlacedMarker{}}};
-    scene.markers[0].grid.cells =
-        (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
-    scene.markers[0].grid.cell_mm = {4.0, 3.5};
-    scene.markers[0].grid.corner_mm = {-8.0, -5.0};
-    scene.markers[0].camera_from_marker.rotation = rotation_from_vector({0.0, 0.0, 0.2});
-    scene.markers[0].camera_from_marker.translation = {0.4, -0.3, 250.0};
-    return scene;
+    return {{test::twelve_cells({4.0, 3.5}, {-8.0, -5.0},
+                                {rotation_from_vector({0.0, 0.0, 0.2}), {0.4, -0.3, 250.0}})}};
 }
 
 // Against renders along the way, to which nothing between the pixels is unknown. Largest and RMS

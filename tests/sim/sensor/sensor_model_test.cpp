@@ -8,17 +8,14 @@
 
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
+#include "tests/calib/cameras.h"
 #include "tests/sim/every_target.h"
 
 namespace etalon {
 namespace {
 
 CameraModel camera_of(int width, int height) {
-    CameraModel camera;
-    camera.width = width;
-    camera.height = height;
-    camera.intrinsics = {100.0, 140.0, 3.0, 2.0};
-    return camera;
+    return test::camera_with(width, height, {100.0, 140.0, 3.0, 2.0}, {});
 }
 
 CameraModel camera_with(const Sensor& sensor, int width = 7, int height = 5) {
@@ -55,8 +52,7 @@ TEST(SensorModel, SaturatesAtBothEndsAsASensorDoes) {
 
 TEST(SensorModel, ReachesFullScaleAtEveryBitDepth) {
     for (int bits = 1; bits <= 16; ++bits) {
-        Sensor sensor;
-        sensor.bits = bits;
+        Sensor sensor{.bits = bits};
         EXPECT_EQ(code_for(sensor, 1.0), (1 << bits) - 1);
         EXPECT_EQ(code_for(sensor, 0.0), 0);
         EXPECT_EQ(code_for(sensor, 0.5), (1 << (bits - 1)));  // (2^b - 1) / 2, half up
@@ -67,9 +63,7 @@ TEST(SensorModel, ReachesFullScaleAtEveryBitDepth) {
 }
 
 TEST(SensorModel, AddsTheBlackLevelBelowAnUnchangedFullScale) {
-    Sensor sensor;
-    sensor.bits = 12;
-    sensor.black_dn = 95.0;
+    Sensor sensor{.bits = 12, .black_dn = 95.0};
     EXPECT_EQ(code_for(sensor, 0.0), 95);
     EXPECT_EQ(code_for(sensor, 1.0), 4095);
     EXPECT_EQ(code_for(sensor, 0.25), 95 + 1000);
@@ -100,9 +94,7 @@ TEST(Transfer, IsInvertedByDecode) {
 
 TEST(SensorModel, TakesCodesBackToTheRadianceTheyCameFrom) {
     for (const auto kind : {Transfer::Kind::linear, Transfer::Kind::rec709}) {
-        Sensor sensor;
-        sensor.bits = 10;
-        sensor.black_dn = 40.0;
+        Sensor sensor{.bits = 10, .black_dn = 40.0};
         sensor.transfer.kind = kind;
         const SensorModel model(camera_with(sensor, 50, 1));
         Radiance radiance(1, 50, CV_32FC1);
@@ -143,11 +135,7 @@ Moments moments(const cv::Mat& image) {
 // 1600 / 5 = 320 DN^2; read 40 e = 8 DN: 64 DN^2; rounding 1/12: 384.083. The mean's standard
 // deviation is sqrt(384 / n) = 0.080, the variance's 384 sqrt(2 / n) = 2.22: 5 sigma each.
 TEST(SensorNoise, HasTheVarianceOfItsElectrons) {
-    Sensor sensor;
-    sensor.bits = 12;
-    sensor.black_dn = 95.0;
-    sensor.gain_e_per_dn = 5.0;
-    sensor.read_noise_e = 40.0;
+    Sensor sensor{.bits = 12, .black_dn = 95.0, .gain_e_per_dn = 5.0, .read_noise_e = 40.0};
     const SensorModel model(camera_with(sensor, 300, 200));
     const auto found = moments(model.expose(uniform(0.4, 300, 200), NoiseKey{17, 3}).pixels);
     EXPECT_NEAR(found.mean, 1695.0, 0.40);
@@ -162,8 +150,7 @@ TEST(SensorNoise, HasTheVarianceOfItsElectrons) {
 // 0.67004 * 60 = 40.20, plus rounding 0.083. Curvature changes that by under 1 part in 1000
 // (sigma / signal = 0.5 %). Variance sd over 60000 pixels: 40.3 sqrt(2 / n) = 0.233; 5 sigma.
 TEST(SensorNoise, IsShapedByTheTransferCurveThatFollowsIt) {
-    Sensor sensor;
-    sensor.bits = 12;
+    Sensor sensor{.bits = 12};
     sensor.gain_e_per_dn = 27.3;  // 0.4 * 4095 / 27.3 = 60 DN^2
     sensor.transfer.kind = Transfer::Kind::rec709;
     const SensorModel model(camera_with(sensor, 300, 200));
@@ -172,8 +159,7 @@ TEST(SensorNoise, IsShapedByTheTransferCurveThatFollowsIt) {
 }
 
 TEST(SensorNoise, IsTheSameForTheSameKeyAndAnotherForTheNextFrameOrSeed) {
-    Sensor sensor;
-    sensor.gain_e_per_dn = 3.0;
+    Sensor sensor{.gain_e_per_dn = 3.0};
     const SensorModel model(camera_with(sensor));
     const auto shot = [&](std::optional<NoiseKey> key) {
         return model.expose(uniform(0.6), key).pixels;
@@ -343,16 +329,11 @@ TEST(SensorModel, GivesAPixelInAnEvenBackgroundItsOwnCode) {
 
 // Alone, with a response and with noise; in the first of the stretches that are done at once, too.
 TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
-    Sensor filtered;
-    filtered.mosaic = Mosaic::rggb;
-    filtered.channel_response = {0.7, 1.0, 0.6};
-    Sensor noisy;
-    noisy.gain_e_per_dn = 30.0;
+    const Sensor filtered{.mosaic = Mosaic::rggb, .channel_response = {0.7, 1.0, 0.6}};
+    Sensor noisy{.gain_e_per_dn = 30.0};
     for (const Sensor& sensor : {Sensor{}, filtered, noisy})
         for (const auto& [width, step] : {std::pair{37, 1}, std::pair{1400, 111}}) {
-            CameraModel camera = camera_of(width, 2);
-            camera.sensor = sensor;
-            const SensorModel model(camera);
+            const SensorModel model(camera_with(sensor, width, 2));
             on_every_target([&] {
                 for (const float bad : {NAN, INFINITY, -INFINITY})
                     for (int x = 0; x < width; x += step) {
@@ -372,26 +353,21 @@ TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
 
 // A response beyond a float's range is no code either.
 TEST(SensorModel, RefusesAResponseThatIsNotFinite) {
-    Sensor sensor;
-    sensor.mosaic = Mosaic::rggb;
-    sensor.channel_response = {1.0, 1e39, 1.0};
-    CameraModel camera = camera_of(600, 2);
-    camera.sensor = sensor;
-    EXPECT_THROW(SensorModel(camera).expose(uniform(0.5, 600, 2)), NumericalError);
+    const Sensor sensor{.mosaic = Mosaic::rggb, .channel_response = {1.0, 1e39, 1.0}};
+    const SensorModel model(camera_with(sensor, 600, 2));
+    EXPECT_THROW(model.expose(uniform(0.5, 600, 2)), NumericalError);
 }
 
 // A table's row in the middle between two codes, just where a piece of the curve begins: 0.735... *
 // 0.51 is 1.4e-8 below 0.375, whose nearest float it rounds to.
 TEST(SensorModel, GivesARoundedProductBelowAStepTheCodeBelow) {
-    Sensor sensor;
-    sensor.mosaic = Mosaic::rggb;
-    sensor.channel_response = {0.51, 0.51, 0.51};
-    sensor.transfer = {Transfer::Kind::table,
-                       {{0.0, 0.0}, {0.375, 46.5 / 255.0}, {0.3757, 0.18612}, {1.0, 0.508}}};
-    CameraModel camera = camera_of(64, 2);
-    camera.sensor = sensor;
+    const Transfer table{Transfer::Kind::table,
+                         {{0.0, 0.0}, {0.375, 46.5 / 255.0}, {0.3757, 0.18612}, {1.0, 0.508}}};
+    const Sensor sensor{
+        .transfer = table, .mosaic = Mosaic::rggb, .channel_response = {0.51, 0.51, 0.51}};
     on_every_target([&] {
-        const CodeImage image = SensorModel(camera).expose(uniform(0.735294104f, 64, 2));
+        const CodeImage image =
+            SensorModel(camera_with(sensor, 64, 2)).expose(uniform(0.735294104f, 64, 2));
         EXPECT_EQ(image.pixels.at<std::uint8_t>(0, 0), 46);
     });
 }
@@ -416,10 +392,7 @@ TEST(SensorModel, RefusesASectionThatContradictsItself) {
 
 // Half the diagonal of an 8 x 6 px image is 5 px: r is the distance from (cx, cy) in units of it.
 CameraModel shaded(const std::array<double, 3>& polynomial) {
-    CameraModel camera;
-    camera.width = 8;
-    camera.height = 6;
-    camera.intrinsics = {10.0, 10.0, 3.0, 2.0};
+    CameraModel camera = test::camera_with(8, 6, {10.0, 10.0, 3.0, 2.0}, {});
     camera.sensor = Sensor{.bits = 16};
     camera.sensor->illumination = {Illumination::Kind::polynomial, polynomial};
     return camera;

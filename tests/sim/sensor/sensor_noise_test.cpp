@@ -1,4 +1,4 @@
-#include "sim/sensor/sensor_noise.h"
+#include "sim/sensor/sensor_simd.h"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 namespace etalon {
 namespace {
 
-// The formula of sim/sensor/sensor_noise.h, one pixel at a time.
+// The formula of sim/sensor/sensor_simd.h, one pixel at a time.
 double documented(const SensorNoise& noise, const NoiseKey& key, std::uint64_t pixel,
                   double signal) {
     const double variance = std::max(signal, 0.0) * noise.shot_variance + noise.read_variance;

@@ -33,29 +33,29 @@ public:
         : side(tile_side),
           tiles(-3, -5, 23, 19),
           samples(tiles.height * side, tiles.width * side, CV_32FC1),
-          map(tiles),
-          finer(static_cast<std::size_t>(tiles.area())),
-          store(finer.size()) {
+          map(tiles) {
         std::mt19937 random(seed);
-        for (int j = tiles.y; j < tiles.br().y; ++j)
-            for (int i = tiles.x; i < tiles.br().x; ++i) {
-                cv::Mat part = samples({(i - tiles.x) * side, (j - tiles.y) * side, side, side});
-                const bool refined = static_cast<double>(random()) < part_refined * 0x1p32;
-                // Large areas share one value.
-                const float value = i > 8 && j > 2 ? 0.0f : j > 5 ? -0.75f : 0.5f;
-                map.set(i, j, value, refined ? TileDetail::samples : TileDetail::none);
-                part.setTo(value);
-                if (refined) {
-                    auto& values = store[map.index(i, j)];
-                    values = random_image(side, side, static_cast<unsigned>(random()));
-                    values.copyTo(part);
-                    finer[map.index(i, j)] = values.ptr<float>();
-                }
+        for_each_cell(tiles, [&](int i, int j) {
+            cv::Mat part = samples({(i - tiles.x) * side, (j - tiles.y) * side, side, side});
+            const bool refined = static_cast<double>(random()) < part_refined * 0x1p32;
+            // Large areas share one value.
+            const float value = i > 8 && j > 2 ? 0.0f : j > 5 ? -0.75f : 0.5f;
+            part.setTo(value);
+            map.set(i, j, value);
+            if (refined) {
+                store.push_back(random_image(side, side, static_cast<unsigned>(random())));
+                store.back().copyTo(part);
+                map.set(i, j, value, TileDetail::samples, store.back().ptr<float>());
             }
+        });
         map.finish();
     }
 
-    SampleField view() const { return {map, side, side > 1 ? finer.data() : nullptr}; }
+    void add_to(const cv::Rect& region, const FilterKernel& kernel, cv::Mat& out) const {
+        for_each_band(region, [&](const cv::Rect& band) {
+            add_filtered({map, side}, kernel, region, band, out);
+        });
+    }
     double sample(int x, int y) const {
         const cv::Point at(x - tiles.x * side, y - tiles.y * side);
         return cv::Rect({0, 0}, samples.size()).contains(at) ? samples.at<float>(at) : 0.0;
@@ -65,7 +65,6 @@ public:
     cv::Rect tiles;
     cv::Mat samples;
     TileMap map;
-    std::vector<const float*> finer;
     std::vector<cv::Mat> store;
 };
 
@@ -91,12 +90,12 @@ TEST_P(AddFiltered, IsTheSumOverTheKernel) {
     const Field field(side, refined, 11);
     const cv::Mat weights = random_weights(k + 2 * reach_y, k + 2 * reach_x, 5);
     const FilterKernel kernel(k, weights);
-    EXPECT_EQ(kernel.reach_x(), reach_x);
-    EXPECT_EQ(kernel.reach_y(), reach_y);
+    EXPECT_EQ(kernel.reach_x, reach_x);
+    EXPECT_EQ(kernel.reach_y, reach_y);
     const int n = side / k;
     const cv::Rect region(-4 * n - 3, -6 * n + 1, 26 * n + 5, 23 * n + 3);
     cv::Mat out(region.size(), CV_32FC1, cv::Scalar(0.25));
-    add_filtered(field.view(), kernel, region, out);
+    field.add_to(region, kernel, out);
     for (int y = 0; y < region.height; ++y)
         for (int x = 0; x < region.width; ++x)
             ASSERT_NEAR(out.at<float>(y, x),
@@ -123,7 +122,7 @@ TEST(AddFiltered, LeavesOutCornersUpToTheirShare) {
     const Field field(4, 0.3, 17);
     const cv::Rect region(-20, -30, 112, 96);
     cv::Mat out = cv::Mat::zeros(region.size(), CV_32FC1);
-    add_filtered(field.view(), kernel, region, out);
+    field.add_to(region, kernel, out);
     for (int y = 0; y < region.height; ++y)
         for (int x = 0; x < region.width; ++x)
             ASSERT_NEAR(out.at<float>(y, x),
@@ -136,7 +135,7 @@ TEST(AddFiltered, LeavesAloneWhatIsZero) {
     const FilterKernel kernel(1, random_weights(5, 5, 2));
     const cv::Rect region(0, 0, 200, 300);
     cv::Mat out(region.size(), CV_32FC1, cv::Scalar(std::nan("")));
-    add_filtered(field.view(), kernel, region, out);
+    field.add_to(region, kernel, out);
     EXPECT_TRUE(std::isnan(out.at<float>(250, 150)));
     EXPECT_TRUE(std::isnan(out.at<float>(40, 70)));  // among tiles that are zero
 }
@@ -147,8 +146,8 @@ TEST(AddFiltered, OfARegionIsThatPartOfTheWhole) {
     const cv::Rect whole(-20, -30, 120, 100), part(7, -13, 41, 38);
     cv::Mat all = cv::Mat::zeros(whole.size(), CV_32FC1);
     cv::Mat some = cv::Mat::zeros(part.size(), CV_32FC1);
-    add_filtered(field.view(), kernel, whole, all);
-    add_filtered(field.view(), kernel, part, some);
+    field.add_to(whole, kernel, all);
+    field.add_to(part, kernel, some);
     EXPECT_LT(cv::norm(all(part - whole.tl()), some, cv::NORM_INF), 1e-5);
 }
 
@@ -160,7 +159,7 @@ TEST(AddFiltered, DoesNotDependOnTheThreads) {
     for (const std::size_t threads : {1u, 2u}) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
         results[threads - 1] = cv::Mat::zeros(region.size(), CV_32FC1);
-        add_filtered(field.view(), kernel, region, results[threads - 1]);
+        field.add_to(region, kernel, results[threads - 1]);
     }
     EXPECT_EQ(cv::norm(results[0], results[1], cv::NORM_INF), 0.0);
 }
@@ -199,7 +198,7 @@ TEST(AddFiltered, KeepsTheEnergyOfAKernelOfHundredThousandsOfWeights) {
     const FilterKernel kernel(k, cv::Mat(side, side, CV_64FC1, cv::Scalar(1.0 / (side * side))));
     const cv::Rect region(18, 8, 16, 4);  // it sees nothing but the field
     cv::Mat out = cv::Mat::zeros(region.size(), CV_32FC1);
-    add_filtered(field.view(), kernel, region, out);
+    field.add_to(region, kernel, out);
     for (int x = 0; x < out.cols; ++x)
         EXPECT_NEAR(out.at<float>(2, x), 0.7, 0.3e-4) << x;
 }

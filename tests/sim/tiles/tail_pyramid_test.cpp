@@ -66,9 +66,11 @@ cv::Mat filtered(const CameraModel& camera, const PlacedMarker& marker, const Sa
     const auto outline = marker_outline(view, projector, 31);
     const cv::Rect seen_at = tail.sources(samples, view, outline, grown(region, room, room));
     FarTail none(filter, region);
+    const FilterKernel& core = filter.core(sampling.k, sampling.kind);
     tail.add(samples, view, seen_at, reach_px, filter.first_ring() + coarser, region, 0.0f, none,
-             difference, [](const cv::Rect&) {});
-    add_filtered(samples.field(), filter.core(sampling.k, sampling.kind), region, difference);
+             difference, [&](const cv::Rect& band) {
+                 add_filtered(samples.field(), core, region, band, difference);
+             });
     return difference;
 }
 

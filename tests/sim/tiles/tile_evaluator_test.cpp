@@ -32,7 +32,7 @@ double quintic(double s, double t, double width) {
 void expect_quintics_kept(SampleKind kind, int coarse_k, int k) {
     const TilePositions coarse(4 * coarse_k, TileInterpolation::margin), fine(4 * k);
     const auto side = static_cast<std::size_t>(TileInterpolation::side(coarse_k));
-    ASSERT_EQ(coarse.n(), TileInterpolation::side(coarse_k));
+    ASSERT_EQ(coarse.n, TileInterpolation::side(coarse_k));
     // What lies behind the samples must not be used.
     std::vector<float> from(side * side), scratch((side + 1) * static_cast<std::size_t>(4 * k),
                                                   std::numeric_limits<float>::quiet_NaN());
@@ -80,16 +80,16 @@ TEST(TileInterpolation, ThinsOutWithoutTheFrequenciesThatTheCoarserGridCannotTel
 
 TEST(TilePositions, ContinueBeyondTheTile) {
     const TilePositions inner(8), all(8, 4);
-    ASSERT_EQ(all.n(), 16);
+    ASSERT_EQ(all.n, 16);
     // The inner blocks are those of the second and third row and column of four.
     for (int block = 0; block < 4; ++block)
         for (int i = 0; i < 16; ++i) {
             const int with_margin = 16 * (4 * (1 + block / 2) + 1 + block % 2) + i;
-            EXPECT_EQ(all.s()[with_margin], inner.s()[16 * block + i]);
-            EXPECT_EQ(all.t()[with_margin], inner.t()[16 * block + i]);
+            EXPECT_EQ(all.s[with_margin], inner.s[16 * block + i]);
+            EXPECT_EQ(all.t[with_margin], inner.t[16 * block + i]);
         }
-    EXPECT_FLOAT_EQ(all.s()[0], -0.5f - 3.5f / 8.0f);
-    EXPECT_FLOAT_EQ(all.t()[255], 0.5f + 3.5f / 8.0f);
+    EXPECT_FLOAT_EQ(all.s[0], -0.5f - 3.5f / 8.0f);
+    EXPECT_FLOAT_EQ(all.t[255], 0.5f + 3.5f / 8.0f);
 }
 
 // ---- Tiles of stripes, oblique in the image and tilted in depth, wider than the blur: a pixel
@@ -131,6 +131,13 @@ struct StripedView {
     MarkerView view;
 };
 
+// Of a refined tile; null: it has none.
+const float* samples_of(const TileSamples& samples, int i, int j) {
+    return *samples.map().details_from({i, j}) == TileDetail::samples
+               ? *samples.map().finer_from({i, j}) + TileSamples::samples_offset
+               : nullptr;
+}
+
 // The averages of a tile's pixels.
 cv::Mat_<float> pixel_means(const TileSamples& samples, int i, int j) {
     cv::Mat_<float> means(4, 4, samples.map().at({i, j}));
@@ -138,7 +145,7 @@ cv::Mat_<float> pixel_means(const TileSamples& samples, int i, int j) {
         return means;
     const int k = samples.k();
     cv::Mat values(4 * k, 4 * k, CV_32FC1);
-    std::copy_n(samples.values(i, j), values.total(), values.ptr<float>());
+    std::copy_n(samples_of(samples, i, j), values.total(), values.ptr<float>());
     for (int p = 0; p < 16; ++p)
         means(p / 4, p % 4) =
             static_cast<float>(cv::mean(values(cv::Rect(p % 4 * k, p / 4 * k, k, k)))[0]);
@@ -233,10 +240,10 @@ TEST(TileEvaluator, TilesThatBendTooMuchForAPolynomialTakeCoarserGridsToo) {
     double largest = 0.0, brightest = 0.0;
     for (int j = 0; j < tiles.height; ++j)
         for (int i = 0; i < tiles.width; ++i)
-            for (int p = 0; p < 16 * k * k && truth.values(i, j); ++p) {
+            for (int p = 0; p < 16 * k * k && samples_of(truth, i, j); ++p) {
                 largest = std::max<double>(
-                    largest, std::abs(samples.values(i, j)[p] - truth.values(i, j)[p]));
-                brightest = std::max<double>(brightest, truth.values(i, j)[p]);
+                    largest, std::abs(samples_of(samples, i, j)[p] - samples_of(truth, i, j)[p]));
+                brightest = std::max<double>(brightest, samples_of(truth, i, j)[p]);
             }
     EXPECT_LT(largest, 1.0 * gray);
     EXPECT_GT(largest, 0.0);
@@ -281,7 +288,7 @@ TEST(TileEvaluator, DiskSamplesAreAveragesOverDiskAndLens) {
                     const Eigen::Vector2d place(p % (4 * k) + 0.5, p / (4 * k) + 0.5);
                     const double truth = mean_over_disk(
                         stripes, UndistortionMap::tile_corner_px(i, j) + place / k, 0.3);
-                    largest = std::max(largest, std::abs(samples.values(i, j)[p] - truth));
+                    largest = std::max(largest, std::abs(samples_of(samples, i, j)[p] - truth));
                 }
         EXPECT_LT(largest, 1.0 * gray) << blur_px;
         EXPECT_GT(largest, 0.0);

@@ -1,10 +1,6 @@
 // The vector code in single precision against the same sums from the scalar functions in double
 // precision, on every instruction set that was compiled in and that this machine has.
 #include "sim/tiles/tile_kernel.h"
-#include "sim/tiles/vector_targets.h"
-
-#include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <Eigen/Core>
 #include <cmath>
@@ -15,18 +11,15 @@
 #include "core/program/errors.h"
 #include "sim/tiles/lens_average.h"
 #include "tests/gray.h"
+#include "tests/sim/every_target.h"
 
 namespace etalon {
 namespace {
 
-// Every instruction set of this machine in turn; the best again at the end.
-template <class Body>
-void on_every_target(Body body) {
+TEST(TileKernel, NamesTheInstructionSetInUse) {
     for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
         hwy::SetSupportedTargetsForTest(target);
-        SCOPED_TRACE(tile_kernel_target());
         EXPECT_STREQ(tile_kernel_target(), hwy::TargetName(target));
-        body();
     }
     hwy::SetSupportedTargetsForTest(0);
 }
@@ -101,13 +94,17 @@ double overlap(const SquareCut& a, const SquareCut& b) {
 template <class Cut>
 double sum_of_cells(const TileGeometry& tile, const std::vector<Cut>& columns,
                     const std::vector<Cut>& rows) {
-    double sum = tile.base;
+    const auto cell = [&](std::size_t row, std::size_t column) {
+        return tile.cells[row * (columns.size() + 1) + column];
+    };
+    double sum = cell(0, 0);
     for (std::size_t i = 0; i < columns.size(); ++i)
-        sum += tile.column_contrast[i] * columns[i].area;
+        sum += (cell(0, i + 1) - cell(0, i)) * columns[i].area;
     for (std::size_t j = 0; j < rows.size(); ++j) {
-        sum += tile.row_contrast[j] * rows[j].area;
+        sum += (cell(j + 1, 0) - cell(j, 0)) * rows[j].area;
         for (std::size_t i = 0; i < columns.size(); ++i)
-            sum += tile.mixed[j * columns.size() + i] * overlap(columns[i], rows[j]);
+            sum += (cell(j + 1, i + 1) - cell(j + 1, i) - cell(j, i + 1) + cell(j, i)) *
+                   overlap(columns[i], rows[j]);
     }
     return sum;
 }
@@ -221,22 +218,9 @@ public:
 
     // Cells from 0 to 1 before the lines that are there, a third of them equal to a neighbour.
     void cells(TileGeometry& tile) {
-        const std::size_t width = tile.columns.size() + 1, height = tile.rows.size() + 1;
-        std::vector<float> cell(width * height);
-        for (std::size_t i = 0; i < cell.size(); ++i)
-            cell[i] = i > 0 && chance(0.3) ? cell[i - 1] : static_cast<float>(uniform(0.0, 1.0));
-        tile.base = cell[0];
-        tile.column_contrast.clear();
-        tile.row_contrast.clear();
-        tile.mixed.clear();
-        for (std::size_t i = 1; i < width; ++i)
-            tile.column_contrast.push_back(cell[i] - cell[i - 1]);
-        for (std::size_t j = 1; j < height; ++j) {
-            const float* row = &cell[j * width];
-            tile.row_contrast.push_back(row[0] - row[0 - static_cast<long>(width)]);
-            for (std::size_t i = 1; i < width; ++i)
-                tile.mixed.push_back(row[i] - row[i - 1] - row[i - width] + row[i - width - 1]);
-        }
+        tile.cells.resize((tile.columns.size() + 1) * (tile.rows.size() + 1));
+        for (std::size_t i = 0; i < tile.cells.size(); ++i)
+            tile.cells[i] = i > 0 && chance(0.3) ? tile.cells[i - 1] : uniform(0.0, 1.0);
     }
 
 private:
@@ -375,35 +359,31 @@ WorstError worst_area_error(TileGeometry (*make_tile)(TileMaker&), int tiles, un
     return worst;
 }
 
-TEST(TileKernel, LensAveragesOfDelicateWedgesAreThoseOfDoublePrecision) {
-    const WorstError worst = worst_lens_error(delicate_tile, 4000, 11);
+struct RandomTiles {
+    const char* name;
+    WorstError (*worst_error)(TileGeometry (*)(TileMaker&), int, unsigned);
+    TileGeometry (*make_tile)(TileMaker&);
+    int tiles;
+    unsigned seed;
+};
+
+class TileKernelOf : public testing::TestWithParam<RandomTiles> {};
+
+TEST_P(TileKernelOf, RandomTilesIsThatOfDoublePrecision) {
+    const RandomTiles& of = GetParam();
+    const WorstError worst = of.worst_error(of.make_tile, of.tiles, of.seed);
     EXPECT_LT(worst.against_truth, 1.0);
     EXPECT_LT(worst.against_first, 1.0);
 }
 
-TEST(TileKernel, LensAveragesOfEverydayTilesAreThoseOfDoublePrecision) {
-    const WorstError worst = worst_lens_error(everyday_tile, 1000, 12);
-    EXPECT_LT(worst.against_truth, 1.0);
-    EXPECT_LT(worst.against_first, 1.0);
-}
-
-TEST(TileKernel, AveragesOverDiskAndLensAreThoseOfDoublePrecision) {
-    const WorstError worst = worst_lens_error(disk_tile, 600, 15);
-    EXPECT_LT(worst.against_truth, 1.0);
-    EXPECT_LT(worst.against_first, 1.0);
-}
-
-TEST(TileKernel, AreasOfDelicateWedgesAreThoseOfDoublePrecision) {
-    const WorstError worst = worst_area_error(delicate_tile, 1500, 13);
-    EXPECT_LT(worst.against_truth, 1.0);
-    EXPECT_LT(worst.against_first, 1.0);
-}
-
-TEST(TileKernel, AreasOfEverydayTilesAreThoseOfDoublePrecision) {
-    const WorstError worst = worst_area_error(everyday_tile, 1000, 14);
-    EXPECT_LT(worst.against_truth, 1.0);
-    EXPECT_LT(worst.against_first, 1.0);
-}
+INSTANTIATE_TEST_SUITE_P(
+    Kinds, TileKernelOf,
+    testing::Values(RandomTiles{"LensDelicate", worst_lens_error, delicate_tile, 4000, 11},
+                    RandomTiles{"LensEveryday", worst_lens_error, everyday_tile, 1000, 12},
+                    RandomTiles{"LensAndDisk", worst_lens_error, disk_tile, 600, 15},
+                    RandomTiles{"AreaDelicate", worst_area_error, delicate_tile, 1500, 13},
+                    RandomTiles{"AreaEveryday", worst_area_error, everyday_tile, 1000, 14}),
+    [](const auto& tiles) { return tiles.param.name; });
 
 TEST(TileKernel, ManyLinesAreSummedInPatches) {
     // 70 x 45 cells of 0.1 px in a tile of 4 px: more than one patch in both directions.
@@ -428,7 +408,8 @@ TEST(TileKernel, ManyLinesAreSummedInPatches) {
 
 TEST(TileKernel, WithoutLinesEveryPointHasTheBase) {
     TileGeometry tile{};
-    tile.base = 0.375f;
+    tile.cells = {0.5};
+    tile.background = 0.125;
     const TilePositions positions(8);
     std::vector<float> values(64, -1.0f);
     exact_lens_samples(tile, positions, values.data());
@@ -443,7 +424,7 @@ TEST(TileKernel, AnEdgeWithoutBlurIsASharpStep) {
     tile.dx[1] = 4.0f;
     tile.dy[4] = 4.0f;
     tile.columns = {{0.0f, 1.0f, 0.0f}};
-    tile.column_contrast = {1.0f};
+    tile.cells = {0.0, 1.0};
     const TilePositions positions(4);
     on_every_target([&] {
         std::vector<float> values(16);
@@ -462,8 +443,7 @@ TEST(TileKernel, AreasOfAGridThatIsSquareToThePixelsAreExact) {
         tile.columns.push_back({-x, 1.0f, 0.0f});
     for (const float y : {1.54f, 1.70f})
         tile.rows.push_back({-y, 0.0f, 1.0f});
-    tile.column_contrast = tile.row_contrast = {0.0f, 0.0f};
-    tile.mixed = {1.0f, -1.0f, -1.0f, 1.0f};
+    tile.cells = {0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0};
     const UnitLensPoint centre{0.0f, 0.0f, 1.0f};
     on_every_target([&] {
         for (const int k : {1, 2, 3, 5}) {

@@ -69,8 +69,7 @@ TileGeometry tile_of(const Corner& corner) {
     };
     tile.columns = {line(0)};
     tile.rows = {line(1)};
-    tile.column_contrast = tile.row_contrast = {0.0f};
-    tile.mixed = {1.0f};
+    tile.cells = {0.0, 0.0, 0.0, 1.0};
     return tile;
 }
 

@@ -28,21 +28,12 @@ Motion s_curve() {
 }
 
 // The definition in sim/twin/servo.h by Runge and Kutta's fourth order, in its own coordinates.
-struct Classic {
-    double w, e, e_speed, c, c_speed;
-};
-Classic operator+(const Classic& a, const Classic& b) {
-    return {a.w + b.w, a.e + b.e, a.e_speed + b.e_speed, a.c + b.c, a.c_speed + b.c_speed};
-}
-Classic operator*(double f, const Classic& a) {
-    return {f * a.w, f * a.e, f * a.e_speed, f * a.c, f * a.c_speed};
-}
+using Classic = Eigen::Vector<double, 5>;  // w, e, e', c, c'
 
 Classic slope(const ServoParameters& p, const Classic& x, double r) {
     const double ws = 2 * pi * p.bandwidth_hz, wr = 2 * pi * p.resonance_hz;
-    return {(r - x.w) / p.drive_lag, x.e_speed,
-            ws * ws * (x.w - x.e) - 2 * p.damping * ws * x.e_speed, x.c_speed,
-            wr * wr * (x.e - x.c) + 2 * p.resonance_damping * wr * (x.e_speed - x.c_speed)};
+    return {(r - x[0]) / p.drive_lag, x[2], ws * ws * (x[0] - x[1]) - 2 * p.damping * ws * x[2],
+            x[4], wr * wr * (x[1] - x[3]) + 2 * p.resonance_damping * wr * (x[2] - x[4])};
 }
 
 Classic runge_kutta(const ServoParameters& p, const Motion& motion, double until, int steps) {
@@ -53,7 +44,7 @@ Classic runge_kutta(const ServoParameters& p, const Motion& motion, double until
         const Classic k1 = slope(p, x, motion.position(t)), k2 = slope(p, x + h / 2 * k1, middle),
                       k3 = slope(p, x + h / 2 * k2, middle),
                       k4 = slope(p, x + h * k3, motion.position(t + h));
-        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+        x += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
     }
     return x;
 }
@@ -67,9 +58,9 @@ TEST(Servo, AgreesWithRungeAndKutta) {
             const auto state = servo.advance(servo.at_rest(3.0), motion, 0.0, t);
             const Classic fine = runge_kutta(soft_servo(), motion, t, 20000);
             const Classic coarse = runge_kutta(soft_servo(), motion, t, 10000);
-            EXPECT_NEAR(servo.motor(state), fine.e, 2 * std::abs(fine.e - coarse.e) + 1e-11);
-            EXPECT_NEAR(servo.carriage(state), fine.c, 2 * std::abs(fine.c - coarse.c) + 1e-11);
-            EXPECT_LT(std::abs(fine.c - coarse.c), 1e-7);
+            EXPECT_NEAR(servo.motor(state), fine[1], 2 * std::abs(fine[1] - coarse[1]) + 1e-11);
+            EXPECT_NEAR(servo.carriage(state), fine[3], 2 * std::abs(fine[3] - coarse[3]) + 1e-11);
+            EXPECT_LT(std::abs(fine[3] - coarse[3]), 1e-7);
         }
     }
 }
@@ -205,7 +196,7 @@ TEST(MovingAxis, ALongTrapezoidRampsCruisesAndRamps) {
     EXPECT_DOUBLE_EQ(motion.position(2.0), 100.75);
     EXPECT_DOUBLE_EQ(motion.position(2.125), 107.0 - 1.5625);
     EXPECT_EQ(motion.position(2.25), 107.0);
-    EXPECT_DOUBLE_EQ(motion.velocity(1.0), 50.0);
+    EXPECT_DOUBLE_EQ(motion.at(1.0).velocity, 50.0);
 }
 
 // 7 mm at 28 mm/s^2 never reaches 100 mm/s: peak sqrt(7 * 28) = 14 mm/s after 0.5 s.
@@ -213,7 +204,7 @@ TEST(MovingAxis, AShortTrapezoidIsATriangle) {
     const Motion motion = Motion::between(5.0, -2.0, {100.0, 28.0});
     EXPECT_DOUBLE_EQ(motion.duration(), 1.0);
     EXPECT_DOUBLE_EQ(motion.position(0.5), 1.5);
-    EXPECT_DOUBLE_EQ(motion.velocity(0.5), -14.0);
+    EXPECT_DOUBLE_EQ(motion.at(0.5).velocity, -14.0);
     EXPECT_EQ(motion.position(1.0), -2.0);
 }
 
@@ -224,9 +215,9 @@ TEST(MovingAxis, ALongSCurveHasSevenPieces) {
     EXPECT_EQ(motion.pieces().size(), 7U);
     EXPECT_NEAR(motion.duration(), 2.45, rounding);
     EXPECT_NEAR(motion.position(0.2), 7.0 + 1000.0 * 0.008 / 6.0, rounding);
-    EXPECT_NEAR(motion.acceleration(0.225), 200.0, rounding);
+    EXPECT_NEAR(motion.at(0.225).acceleration, 200.0, rounding);
     EXPECT_NEAR(motion.position(0.45), 18.25, rounding);
-    EXPECT_NEAR(motion.velocity(1.0), 50.0, rounding);
+    EXPECT_NEAR(motion.at(1.0).velocity, 50.0, rounding);
     EXPECT_NEAR(motion.position(2.0), 95.75, rounding);
     EXPECT_EQ(motion.position(2.46), 107.0);
 }
@@ -236,16 +227,16 @@ TEST(MovingAxis, AShortSCurveReachesNeitherSpeedNorAcceleration) {
     const Motion motion = Motion::between(3.0, -13.0, {9.0, 10.0, 8.0});
     EXPECT_NEAR(motion.duration(), 4.0, rounding);
     EXPECT_NEAR(motion.position(2.0), -5.0, rounding);
-    EXPECT_NEAR(motion.velocity(2.0), -8.0, rounding);
-    EXPECT_NEAR(motion.acceleration(1.0), -8.0, rounding);
+    EXPECT_NEAR(motion.at(2.0).velocity, -8.0, rounding);
+    EXPECT_NEAR(motion.at(1.0).acceleration, -8.0, rounding);
 }
 
 // a (T + C) (2 T + C) = 4 * 2 * 2.5 = 20 mm with T = 0.5 s and C = 1.5 s, up to 8 mm/s.
 TEST(MovingAxis, AMediumSCurveReachesTheAccelerationOnly) {
     const Motion motion = Motion::between(0.0, 20.0, {9.0, 4.0, 8.0});
     EXPECT_NEAR(motion.duration(), 5.0, rounding);
-    EXPECT_NEAR(motion.velocity(2.5), 8.0, rounding);
-    EXPECT_NEAR(motion.acceleration(1.0), 4.0, rounding);
+    EXPECT_NEAR(motion.at(2.5).velocity, 8.0, rounding);
+    EXPECT_NEAR(motion.at(1.0).acceleration, 4.0, rounding);
 }
 
 TEST(MovingAxis, BrakingATrapezoidEndsAfterVSquaredOverTwoA) {
@@ -260,8 +251,8 @@ TEST(MovingAxis, BrakingATrapezoidEndsAfterVSquaredOverTwoA) {
 TEST(MovingAxis, BrakingAnSCurveTurnsTheAccelerationRound) {
     const Motion motion = Motion::braking(3.0, 50.0, 200.0, {1.0, 200.0, 1000.0});
     EXPECT_NEAR(motion.duration(), 0.75, rounding);
-    EXPECT_NEAR(motion.velocity(0.4), 50.0, rounding);
-    EXPECT_NEAR(motion.velocity(0.55), 20.0, rounding);
+    EXPECT_NEAR(motion.at(0.4).velocity, 50.0, rounding);
+    EXPECT_NEAR(motion.at(0.55).velocity, 20.0, rounding);
     EXPECT_NEAR(motion.end(), 3.0 + 76.0 / 3.0 + 5.25 + 4.0 / 3.0, rounding);
 }
 
@@ -292,8 +283,8 @@ std::vector<Case> all_kinds() {
             for (int i = 1; i < 20; ++i) {
                 const double t = move.duration() * i / 20.0;
                 cases.push_back({"stop",
-                                 Motion::braking(move.position(t), move.velocity(t),
-                                                 move.acceleration(t), limits),
+                                 Motion::braking(move.position(t), move.at(t).velocity,
+                                                 move.at(t).acceleration, limits),
                                  limits});
             }
         }
@@ -327,10 +318,10 @@ TEST(MovingAxis, NeverJumpsAndKeepsItsLimits) {
         // A stop that is begun while the axis speeds up goes beyond the speed of the move.
         const double fastest = speed + limits.acceleration * limits.acceleration / limits.jerk;
         EXPECT_LE(jump([&](double t) { return motion.position(t); }, end, fastest), rounding);
-        EXPECT_LE(jump([&](double t) { return motion.velocity(t); }, end, limits.acceleration),
+        EXPECT_LE(jump([&](double t) { return motion.at(t).velocity; }, end, limits.acceleration),
                   rounding * 17.0);
         if (std::isfinite(limits.jerk)) {
-            EXPECT_LE(jump([&](double t) { return motion.acceleration(t); }, end, limits.jerk),
+            EXPECT_LE(jump([&](double t) { return motion.at(t).acceleration; }, end, limits.jerk),
                       1e-9);
         }
     }
@@ -344,12 +335,12 @@ TEST(MovingAxis, PositionIsTheIntegralOfVelocity) {
         const double h = motion.duration() / steps;
         double integral = motion.start();
         for (int i = 0; i < steps; ++i)
-            integral += motion.velocity((i + 0.5) * h) * h;
+            integral += motion.at((i + 0.5) * h).velocity * h;
         const double jerk = std::isfinite(limits.jerk) ? limits.jerk : 0.0;
         const double bound =
             steps * jerk * h * h * h / 24.0 + 8 * limits.acceleration * h * h / 4.0 + rounding;
         EXPECT_NEAR(integral, motion.end(), bound) << name;
-        EXPECT_NEAR(motion.velocity(motion.duration() * (1.0 - 1e-12)), 0.0,
+        EXPECT_NEAR(motion.at(motion.duration() * (1.0 - 1e-12)).velocity, 0.0,
                     limits.acceleration * motion.duration() * 1e-11 + rounding)
             << name;
     }

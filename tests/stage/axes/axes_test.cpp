@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <numbers>
 #include "tests/error_text.h"
 
 namespace etalon {

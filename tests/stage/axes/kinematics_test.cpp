@@ -4,7 +4,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
-#include <numbers>
 
 #include "core/statistics/random.h"
 

@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "mocks/stage/modbus_controller.h"

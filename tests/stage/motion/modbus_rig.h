@@ -1,11 +1,6 @@
 // A stage's client and its controller on virtual time, for tests of what the client does.
 #pragma once
 
-#include <functional>
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"

@@ -2,16 +2,7 @@
 // with one request in 50 going wrong in every way the wire knows. What must never happen is counted
 // by those who know the truth: the simulated stage its motions and positions, the wire its
 // requests. Prints the figures.
-#include <fmt/format.h>
 #include <gtest/gtest.h>
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <map>
-#include <numbers>
-#include <optional>
-#include <string>
 
 #include "core/statistics/random.h"
 #include "stage/motion/modbus_stage.h"

@@ -1,9 +1,6 @@
 // The client of a stage whose machine was suspended, and one whose line somebody else chatters on.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <optional>
-
 #include "tests/error_text.h"
 #include "tests/stage/motion/modbus_rig.h"
 

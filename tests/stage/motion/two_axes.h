@@ -1,8 +1,6 @@
 // What the tests of this room move: x, 10 mm/s, and z, 5 mm/s.
 #pragma once
 
-#include <vector>
-
 #include "stage/axes/axes.h"
 
 namespace etalon {

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <numbers>
 
 #include "core/program/errors.h"
 #include "tests/error_text.h"

@@ -2,15 +2,11 @@
 // photographs it runs as README.md prints it (tests/readme_commands.sh).
 #include "station/calibrate/calibration_report.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "station/calibrate/commands.h"
-#include "tests/calib/intrinsics/bent_boards.h"
+#include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 #include "tests/pages.h"
 #include "tests/temporary_folder.h"

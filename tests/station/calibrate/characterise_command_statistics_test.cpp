@@ -2,22 +2,15 @@
 // value that the command finds is within its own stated U of the truth.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <fstream>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
-#include "station/calibrate/characterise_report.h"
 #include "station/calibrate/commands.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -343,12 +336,7 @@ TEST(CharacteriseCommand, PrintsALineForEachQuantity) {
 }
 
 std::string input_error(const CharacteriseArguments& arguments) {
-    try {
-        run_characterise(arguments);
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no error";
+    return config_error_of([&] { run_characterise(arguments); });
 }
 
 TEST(CharacteriseCommand, NamesTheFileThatIsNoInput) {

@@ -7,7 +7,6 @@
 #include "calib/files/camera_file.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
 #include "tests/station/built_program.h"
 
 namespace etalon {

@@ -67,6 +67,21 @@ protected:
         result.photos = std::move(photos);
         return result;
     }
+    // Of run_compare() or run_detect(), which must succeed.
+    template <class Arguments>
+    static std::string printed(int (*run)(const Arguments&), const Arguments& wanted) {
+        testing::internal::CaptureStdout();
+        EXPECT_EQ(run(wanted), 0);
+        return testing::internal::GetCapturedStdout();
+    }
+    static nlohmann::json json_of(const CompareArguments& wanted) {
+        return nlohmann::json::parse(read_text(wanted.out / "comparison.json"));
+    }
+    // Rows of a pose file.
+    fs::path poses(const std::string& rows) const {
+        write_text(folder_ / "poses.csv", "rx,ry,rz,tx,ty,tz\n" + rows);
+        return folder_ / "poses.csv";
+    }
     std::string message_of(const CompareArguments& wrong) const {
         const std::string text = text_of_error<Error>([&] { run_compare(wrong); });
         EXPECT_FALSE(fs::exists(wrong.out)) << "nothing half-written";
@@ -79,11 +94,9 @@ protected:
 
 TEST_F(CompareCommand, WritesAReportAndPrintsTheMeanResidual) {
     const auto wanted = arguments({photo_of_tag("a.png", 7.0), photo_of_tag("b.png", -9.0)});
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_compare(wanted), 0);
-    const std::string printed = testing::internal::GetCapturedStdout();
-    EXPECT_THAT(printed, HasSubstr(" gray over 2 photos\n"));
-    EXPECT_THAT(printed, HasSubstr("report " + (wanted.out / "report.html").string() + "\n"));
+    const std::string text = printed(run_compare, wanted);
+    EXPECT_THAT(text, HasSubstr(" gray over 2 photos\n"));
+    EXPECT_THAT(text, HasSubstr("report " + (wanted.out / "report.html").string() + "\n"));
     const std::string report = read_text(wanted.out / "report.html");
     EXPECT_THAT(report, HasSubstr("a.png"));
     EXPECT_THAT(report, HasSubstr("data:image/"));
@@ -104,12 +117,8 @@ TEST_F(CompareCommand, WritesAReportAndPrintsTheMeanResidual) {
 TEST_F(CompareCommand, FindsAlmostNothingBetweenTwoRenderings) {
     auto wanted = arguments({photo_of_tag("a.png", 7.0)});
     wanted.json = true;
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_compare(wanted), 0);
-    const std::string json = testing::internal::GetCapturedStdout();
-    const auto at = json.find("\"mean_residual_gray\": ");
-    ASSERT_NE(at, std::string::npos) << json;
-    EXPECT_LT(std::stod(json.substr(at + 22)), 4.0);
+    const auto json = nlohmann::json::parse(printed(run_compare, wanted));
+    EXPECT_LT(json.at("mean_residual_gray").get<double>(), 4.0);
 }
 
 // A board tilted through focus, photographed at 303 mm by a lens whose file says 299.
@@ -134,12 +143,9 @@ TEST_F(CompareCommand, SaysWhereATiltedBoardIsSharpest) {
     write_image(folder_ / "tilted.png", SensorModel(lens).expose(exposed, NoiseKey{7, 5}));
     auto wanted = arguments({folder_ / "tilted.png"});
     wanted.marker = "chessboard:8x5@10mm";
-    wanted.poses = folder_ / "poses.csv";
-    write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n0.25,-0.8,0.12,-26,-22,273\n");
+    wanted.poses = poses("0.25,-0.8,0.12,-26,-22,273\n");
     wanted.json = true;
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_compare(wanted), 0);
-    const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+    const auto json = nlohmann::json::parse(printed(run_compare, wanted));
     const auto& defocus = json.at("photos").at(0).at("defocus");
     // Five standard uncertainties of 0.1 mm.
     EXPECT_NEAR(defocus.at("photograph").at("focus_distance_mm").get<double>(), 303.0, 0.5);
@@ -151,21 +157,16 @@ TEST_F(CompareCommand, SaysWhereATiltedBoardIsSharpest) {
 
 TEST_F(CompareCommand, TakesPosesFromAFileInsteadOfADetector) {
     auto wanted = arguments({photo_of_tag("a.png", 7.0)});
-    wanted.poses = folder_ / "poses.csv";
-    write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n0.2,-0.15,0.1,7,5,210\n");
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_compare(wanted), 0);
-    EXPECT_THAT(testing::internal::GetCapturedStdout(),
+    wanted.poses = poses("0.2,-0.15,0.1,7,5,210\n");
+    EXPECT_THAT(printed(run_compare, wanted),
                 testing::StartsWith("mean residual 0."));  // rounding of the photo, 0.3 gray
 }
 
 TEST_F(CompareCommand, CountsAPhotographWithoutItsMarker) {
     const auto wanted =
         arguments({photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)});
-    testing::internal::CaptureStdout();
     testing::internal::CaptureStderr();
-    EXPECT_EQ(run_compare(wanted), 0);
-    EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("over 1 photos"));
+    EXPECT_THAT(printed(run_compare, wanted), HasSubstr("over 1 photos"));
     const std::string notes = testing::internal::GetCapturedStderr();
     EXPECT_THAT(notes, HasSubstr("nothing.png: marker not found"));
     EXPECT_THAT(notes, HasSubstr("1 of 2 photographs could not be compared"));
@@ -189,25 +190,21 @@ TEST_F(CompareCommand, NamesPhotographAndCalibrationWhenTheirSizesDiffer) {
 
 TEST_F(CompareCommand, RefusesContradictoryArgumentsBeforeItWritesAnything) {
     const auto good = arguments({photo_of_tag("a.png", 7.0)});
-    auto both = good;
-    both.board = "9x6";
-    EXPECT_THAT(message_of(both), HasSubstr("--board"));
-    auto no_square = good;
-    no_square.marker.clear();
-    no_square.board = "9x6";
-    EXPECT_THAT(message_of(no_square), HasSubstr("--square-mm"));
-    auto margin = good;
-    margin.score_margin = "0.3,0.3";
-    EXPECT_THAT(message_of(margin), HasSubstr("--score-margin"));
-    auto no_photo = good;
-    no_photo.photos = {folder_ / "missing.png"};
-    EXPECT_THAT(message_of(no_photo), HasSubstr("missing.png: no such image"));
-    auto behind = good;
-    behind.poses = folder_ / "poses.csv";
-    write_text(behind.poses, "rx,ry,rz,tx,ty,tz\n0,0,0,7,5,-210\n");
-    EXPECT_THAT(message_of(behind), HasSubstr("pose 1: the marker is behind the camera"));
-    write_text(behind.poses, "rx,ry,rz,tx,ty,tz\n0,0,0,7,5,210\n0,0,0,7,5,220\n");
-    EXPECT_THAT(message_of(behind), HasSubstr("holds 2 poses for 1 photographs"));
+    const auto refused = [&](auto change, const std::string& why) {
+        auto wrong = good;
+        change(wrong);
+        EXPECT_THAT(message_of(wrong), HasSubstr(why));
+    };
+    using Arguments = CompareArguments;
+    refused([](Arguments& a) { a.board = "9x6"; }, "--board");
+    refused([](Arguments& a) { a.marker.clear(), a.board = "9x6"; }, "--square-mm");
+    refused([](Arguments& a) { a.score_margin = "0.3,0.3"; }, "--score-margin");
+    refused([&](Arguments& a) { a.photos = {folder_ / "missing.png"}; },
+            "missing.png: no such image");
+    refused([&](Arguments& a) { a.poses = poses("0,0,0,7,5,-210\n"); },
+            "pose 1: the marker is behind the camera");
+    refused([&](Arguments& a) { a.poses = poses("0,0,0,7,5,210\n0,0,0,7,5,220\n"); },
+            "holds 2 poses for 1 photographs");
     auto onto_a_file = good;
     onto_a_file.out = folder_ / "camera.yml";
     EXPECT_THROW(run_compare(onto_a_file), ConfigError);
@@ -225,14 +222,12 @@ TEST_F(CompareCommand, GivesTheSameBytesForAnyNumberOfThreads) {
     auto one = arguments({photo_of_tag("a.png", 7.0), photo_of_tag("b.png", -9.0)});
     auto two = one;
     two.out = folder_ / "again";
-    testing::internal::CaptureStdout();
     {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
-        run_compare(one);
+        printed(run_compare, one);
     }
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 2);
-    run_compare(two);
-    testing::internal::GetCapturedStdout();
+    printed(run_compare, two);
     const auto first = contents(one.out), second = contents(two.out);
     EXPECT_GT(first.size(), 15u);
     ASSERT_EQ(first.size(), second.size());
@@ -245,13 +240,11 @@ TEST_F(CompareCommand, ComparesWithAnEarlierComparisonOfTheSameCamera) {
     auto now = then;
     now.out = folder_ / "now";
     now.baseline = then.out;
-    testing::internal::CaptureStdout();
-    run_compare(then);
-    run_compare(now);
-    const std::string printed = testing::internal::GetCapturedStdout();
-    EXPECT_THAT(printed, HasSubstr("2 photos paired"));
-    EXPECT_THAT(printed, testing::Not(HasSubstr("changed"))) << "the same photographs";
-    const auto json = nlohmann::json::parse(read_text(now.out / "comparison.json"));
+    printed(run_compare, then);
+    const std::string text = printed(run_compare, now);
+    EXPECT_THAT(text, HasSubstr("2 photos paired"));
+    EXPECT_THAT(text, testing::Not(HasSubstr("changed"))) << "the same photographs";
+    const auto json = json_of(now);
     for (const auto& quantity : json.at("baseline").at("quantities"))
         EXPECT_NEAR(quantity.at("change").get<double>(), 0.0, 1e-9) << quantity.at("quantity");
     EXPECT_THAT(read_text(now.out / "baseline.csv"), HasSubstr("\na.png,matched,matched,"));
@@ -268,13 +261,9 @@ TEST_F(CompareCommand, ComparesWithAnEarlierComparisonOfTheSameCamera) {
 // The pose says that a marker is there; the photograph is evenly gray.
 TEST_F(CompareCommand, NamesWhatStandsInTheWayOfAMatch) {
     auto wanted = arguments({photo_of_tag("a.png", 7.0), empty_photo("gray.png", 320, 240)});
-    wanted.poses = folder_ / "poses.csv";
-    write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n0.2,-0.15,0.1,7,5,210\n0.2,-0.15,0.1,7,5,210\n");
-    testing::internal::CaptureStdout();
-    run_compare(wanted);
-    EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("matched 1 of 2 photos"));
-    const auto json = nlohmann::json::parse(read_text(wanted.out / "comparison.json"));
-    const auto& refused = json.at("photos").at(1);
+    wanted.poses = poses("0.2,-0.15,0.1,7,5,210\n0.2,-0.15,0.1,7,5,210\n");
+    EXPECT_THAT(printed(run_compare, wanted), HasSubstr("matched 1 of 2 photos"));
+    const auto refused = json_of(wanted).at("photos").at(1);
     EXPECT_EQ(refused.at("outcome"), "refused");
     EXPECT_FALSE(refused.at("findings").empty());
     EXPECT_FALSE(refused.contains("calibrated")) << "its figures would mean nothing";
@@ -288,15 +277,11 @@ TEST_F(CompareCommand, DetectPrintsThePoseOfEachPhotograph) {
     wanted.marker = tag_name;
     wanted.camera = folder_ / "camera.yml";
     wanted.photos = {photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)};
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_detect(wanted), 0);
-    const std::string table = testing::internal::GetCapturedStdout();
+    const std::string table = printed(run_detect, wanted);
     EXPECT_THAT(table, HasSubstr("a.png"));
     EXPECT_THAT(table, HasSubstr("nothing.png marker not found"));
     wanted.json = true;
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_detect(wanted), 0);
-    EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("\"reprojection_rms_px\""));
+    EXPECT_THAT(printed(run_detect, wanted), HasSubstr("\"reprojection_rms_px\""));
 }
 
 class PhotometricDetect : public CompareCommand {
@@ -309,13 +294,9 @@ protected:
         wanted.photos = {photo_of_tag("a.png", 7.0)};
         wanted.detector = "photometric";
         wanted.json = true;
-        if (!starts.empty()) {
-            wanted.poses = folder_ / "starts.csv";
-            write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n" + starts + "\n");
-        }
-        testing::internal::CaptureStdout();
-        EXPECT_EQ(run_detect(wanted), 0);
-        return nlohmann::json::parse(testing::internal::GetCapturedStdout()).at("photos").at(0);
+        if (!starts.empty())
+            wanted.poses = poses(starts + "\n");
+        return nlohmann::json::parse(printed(run_detect, wanted)).at("photos").at(0);
     }
 };
 

@@ -1,17 +1,11 @@
 #include "station/devices/drift_report.h"
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 
-#include "calib/camera/projector.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
-#include "station/devices/commands.h"
 #include "tests/fakes/fake_camera.h"
 #include "tests/pages.h"
 #include "tests/temporary_folder.h"

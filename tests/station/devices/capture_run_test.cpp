@@ -4,12 +4,9 @@
 #include <sys/resource.h>
 
 #include <csignal>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
-#include "station/devices/commands.h"
 #include "tests/fakes/fake_camera.h"
 #include "tests/temporary_folder.h"
 

@@ -1,4 +1,4 @@
-#include "station/devices/devices_table.h"
+#include "station/devices/commands.h"
 
 #include <gtest/gtest.h>
 

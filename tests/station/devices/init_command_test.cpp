@@ -1,10 +1,7 @@
 // `etalon init`: what it writes is read by every command, and nothing is written over.
 #include <gmock/gmock.h>
 
-#include "core/program/errors.h"
-#include "stage/link/stage_link.h"
-#include "station/devices/station_draft.h"
-#include "station/setup/station_file.h"
+#include "station/devices/commands.h"
 #include "tests/error_text.h"
 #include "tests/station/built_program.h"
 #include "tests/station/stations.h"

@@ -1,13 +1,11 @@
 // What `etalon stage` prints and what is typed for it.
-#include "station/devices/stage_text.h"
+#include "station/devices/commands.h"
 
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <sstream>
 
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 
 namespace etalon {

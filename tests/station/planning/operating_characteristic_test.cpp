@@ -85,7 +85,7 @@ TEST_F(SimulatedRun, EveryErrorLeavesTheFieldThatItsSignatureSays) {
             std::ranges::find(told.signatures, error.name, &ErrorSignature::name);
         ASSERT_NE(signature, told.signatures.end()) << error.name;
         RunTruth truth = unbiased.as_told();
-        error.apply(truth, error.size);
+        error.change(truth, error.size);
         QualificationInput input = unbiased.exact(truth);
         input.options.known_run = &told;
         const Eigen::VectorXd left = hold_out_errors(qualify(input)) - zero;
@@ -120,16 +120,6 @@ TEST_F(SimulatedRun, LeavesNoPoseOutWhereTheDetectorSlips) {
 TEST_F(SimulatedRun, NeedsToKnowWhereTheCameraIs) {
     station_.camera_from_base_nominal.reset();
     EXPECT_THROW(expected_poses(station_, plan_), ConfigError);
-}
-
-// 0 of 2000: z^2 / (n + z^2). 50 of 100: the interval that textbooks print for it.
-TEST(RunShare, HasWilsonsInterval) {
-    EXPECT_EQ(run_share(0, 2000).low, 0.0);
-    EXPECT_NEAR(run_share(0, 2000).high, 3.8415 / 2003.8415, 1e-6);
-    EXPECT_NEAR(run_share(50, 100).low, 0.40383, 1e-5);
-    EXPECT_NEAR(run_share(50, 100).high, 0.59617, 1e-5);
-    EXPECT_EQ(run_share(7, 7).value, 1.0);
-    EXPECT_THROW(run_share(8, 7), NumericalError);
 }
 
 OperatingCharacteristic of_one_process(const RunSimulator& simulator,
@@ -259,7 +249,7 @@ TEST_F(ShardedCharacteristic, MergedIsThatOfOneProcess) {
     EXPECT_EQ(merged.detector.seen, 23);
     EXPECT_EQ(merged.detector.noise_bias_px, 0.003);
     EXPECT_EQ(merged.result.runs, 5);
-    EXPECT_EQ(whole.without_error.verdict.runs(), 5);
+    EXPECT_EQ(whole.without_error.verdict.runs(), 5u);
     expect_same(merged.result.without_error, whole.without_error);
     ASSERT_EQ(merged.result.errors.size(), 1u);
     EXPECT_EQ(merged.result.errors[0].limit_size, whole.errors[0].limit_size);

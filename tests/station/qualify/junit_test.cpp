@@ -1,4 +1,4 @@
-#include "station/qualify/junit.h"
+#include "station/record/run_json.h"
 
 #include <gmock/gmock.h>
 

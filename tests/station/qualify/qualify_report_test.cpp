@@ -1,4 +1,4 @@
-#include "station/qualify/qualify_report.h"
+#include "station/qualify/run_analysis.h"
 
 #include <gmock/gmock.h>
 

@@ -1,4 +1,4 @@
-// A record read back, analysed again and gone on with; and what is refused.
+// A record read back, analysed again and resumed; and what is refused.
 #include "station/qualify/recorded_run.h"
 
 #include <fmt/chrono.h>
@@ -37,13 +37,17 @@ class RecordOfARun : public testing::Test {
 protected:
     void SetUp() override {
         mocks.run();
-        log = read_text(mocks.record() / "events.jsonl");
+        log = read_text(log_path());
     }
 
+    std::filesystem::path log_path() const { return mocks.record() / log_file; }
+    std::string refusal() {
+        return config_error_of([&] { mocks.read(); });
+    }
     void expect_refused(const std::string& broken_log, const std::string& why) {
-        write_text(mocks.record() / "events.jsonl", broken_log);
-        EXPECT_THAT(config_error_of([&] { mocks.read(); }), HasSubstr(why));
-        write_text(mocks.record() / "events.jsonl", log);
+        write_text(log_path(), broken_log);
+        EXPECT_THAT(refusal(), HasSubstr(why));
+        write_text(log_path(), log);
     }
     // The log up to the end of the line that has `text` for the n-th time, from 0.
     std::string log_until(const std::string& text, int n) const {
@@ -52,6 +56,9 @@ protected:
             at = log.find(text, at) + 1;
         return log.substr(0, log.find('\n', at) + 1);
     }
+    // What a program leaves that was killed after seven poses.
+    std::string seven_poses() const { return log_until("\"event\":\"pose\"", 6); }
+    void keep_seven_poses() { write_text(log_path(), seven_poses()); }
 
     StationOfMocks mocks;
     std::string log;
@@ -72,15 +79,12 @@ TEST_F(RecordOfARun, IsReadBackAsItWasMeasured) {
     EXPECT_EQ(is.statistics().rejected, 1);
     EXPECT_EQ(is.statistics().delivered, was.statistics().delivered);
     ASSERT_EQ(is.poses.size(), was.poses.size());
-    for (std::size_t i = 0; i < is.poses.size(); ++i) {
-        EXPECT_EQ(is.poses[i].read_back, was.poses[i].read_back);
-        EXPECT_EQ(is.poses[i].read_back_uncertainty, was.poses[i].read_back_uncertainty);
-        EXPECT_EQ(is.poses[i].approach, was.poses[i].approach);
-        EXPECT_EQ(is.poses[i].settled_s, was.poses[i].settled_s);
-        EXPECT_EQ(is.poses[i].hold_out, was.poses[i].hold_out);
-        EXPECT_EQ(is.poses[i].frames[1].exposure_start_s, was.poses[i].frames[1].exposure_start_s);
-        EXPECT_EQ(is.poses[i].frames[1].sha256, was.poses[i].frames[1].sha256);
-    }
+    const auto figures = [](const AnalysedPose& pose) {
+        return std::tuple(pose.read_back, pose.read_back_uncertainty, pose.approach, pose.settled_s,
+                          pose.hold_out, pose.frames[1].exposure_start_s, pose.frames[1].sha256);
+    };
+    for (std::size_t i = 0; i < is.poses.size(); ++i)
+        EXPECT_EQ(figures(is.poses[i]), figures(was.poses[i]));
 }
 
 TEST_F(RecordOfARun, DoesNotNeedTheFilesThatItWasMadeFrom) {
@@ -94,18 +98,16 @@ TEST_F(RecordOfARun, DoesNotNeedTheFilesThatItWasMadeFrom) {
 
 TEST_F(RecordOfARun, IsRefusedWhenAFileIsNotWhatTheRunUsed) {
     std::ofstream(mocks.record() / "inputs/camera.yml", std::ios::app) << "\n";
-    EXPECT_THAT(config_error_of([&] { mocks.read(); }),
-                HasSubstr("inputs/camera.yml: is not the calibration file"));
+    EXPECT_THAT(refusal(), HasSubstr("inputs/camera.yml: is not the calibration file"));
 }
 
 TEST_F(RecordOfARun, IsRefusedWhenAFrameIsMissingOrChanged) {
     const auto frame = mocks.record() / "frames/0004_1.png";
     const std::string bytes = read_bytes(frame);
     write_text(frame, bytes + "x");
-    EXPECT_THAT(config_error_of([&] { mocks.read(); }),
-                HasSubstr("0004_1.png: is not the frame that was taken"));
+    EXPECT_THAT(refusal(), HasSubstr("0004_1.png: is not the frame that was taken"));
     std::filesystem::remove(frame);
-    EXPECT_THAT(config_error_of([&] { mocks.read(); }), HasSubstr("0004_1.png"));
+    EXPECT_THAT(refusal(), HasSubstr("0004_1.png"));
 }
 
 TEST_F(RecordOfARun, IsRefusedWhenItsLogCannotBeWhatARunWrote) {
@@ -154,12 +156,12 @@ TEST_F(RecordOfARun, IsRefusedWhenItsLogCannotBeWhatARunWrote) {
 TEST_F(RecordOfARun, IsRefusedWhenItCameToItsEnd) {
     EXPECT_THAT(config_error_of([&] { mocks.resume(); }),
                 HasSubstr("came to its end with INCONCLUSIVE"));
-    EXPECT_EQ(read_text(mocks.record() / "events.jsonl"), log);
+    EXPECT_EQ(read_text(log_path()), log);
 }
 
 // The program goes on with the record's own calibration and must not seem to have taken another.
-TEST_F(RecordOfARun, IsNotGoneOnWithByAnotherCalibration) {
-    write_text(mocks.record() / "events.jsonl", log_until("\"event\":\"pose\"", 6));
+TEST_F(RecordOfARun, IsNotResumedByAnotherCalibration) {
+    keep_seven_poses();
     write_text(mocks.folder / "other.yml", read_text(mocks.folder / "camera.yml") + "\n");
     for (const auto& [file, why] :
          {std::pair{"other.yml", "other.yml: is not the calibration file that the run was made"},
@@ -173,7 +175,7 @@ TEST_F(RecordOfARun, IsNotGoneOnWithByAnotherCalibration) {
 }
 
 TEST_F(RecordOfARun, IsRefusedByAnotherCamera) {
-    write_text(mocks.record() / "events.jsonl", log_until("\"event\":\"pose\"", 6));
+    keep_seven_poses();
     mocks.on_camera = [](FakeCamera& camera) { camera.identity_.serial = "CAM-8"; };
     mocks.moves = 0;
     EXPECT_THAT(config_error_of([&] { mocks.resume(); }),
@@ -182,16 +184,16 @@ TEST_F(RecordOfARun, IsRefusedByAnotherCamera) {
 }
 
 // The log's last planned pose, not visited yet, with one more digit before its last number.
-TEST_F(RecordOfARun, IsGoneOnWithByItsOwnPlanAndRefusedWhereTheAxesMayNotGo) {
-    std::string text = log_until("\"event\":\"pose\"", 6);
+TEST_F(RecordOfARun, IsResumedByItsOwnPlanAndRefusedWhereTheAxesMayNotGo) {
+    std::string text = seven_poses();
     const auto at = text.find("],\"hold_out\":", text.find('\n') - 40);
     ASSERT_NE(at, std::string::npos);
     std::string smaller = text, larger = text;
     smaller.insert(at, "e-1");
-    write_text(mocks.record() / "events.jsonl", smaller);
+    write_text(log_path(), smaller);
     EXPECT_EQ(mocks.resume().poses.size(), 25u);
     larger.insert(at, "e9");
-    write_text(mocks.record() / "events.jsonl", larger);
+    write_text(log_path(), larger);
     mocks.moves = 0;
     EXPECT_THAT(config_error_of([&] { mocks.resume(); }),
                 HasSubstr("events.jsonl:1: plan.poses[24]"));
@@ -203,7 +205,7 @@ TEST_F(RecordOfARun, IsGoneOnWithByItsOwnPlanAndRefusedWhereTheAxesMayNotGo) {
 TEST_F(RecordOfARun, IsReportedFromTheLogAloneWhereItWasKilled) {
     const auto poses_csv = mocks.record() / "poses.csv";
     const std::string header = read_text(poses_csv).substr(0, read_text(poses_csv).find('\n') + 1);
-    write_text(mocks.record() / "events.jsonl", log_until("\"event\":\"pose\"", 6));
+    keep_seven_poses();
     write_text(poses_csv, header);
     const QualifyResult again = analyse_record(mocks.read(), mocks.progress, {});
     EXPECT_EQ(again.outcome, RunOutcome::error);
@@ -213,9 +215,7 @@ TEST_F(RecordOfARun, IsReportedFromTheLogAloneWhereItWasKilled) {
 }
 
 TEST_F(RecordOfARun, EndsWhenTheCameraHasOtherSettingsThanBefore) {
-    write_text(mocks.record() / "events.jsonl",
-               replaced(log_until("\"event\":\"pose\"", 6), "\"exposure_us\":2000",
-                        "\"exposure_us\":2001"));
+    write_text(log_path(), replaced(seven_poses(), "\"exposure_us\":2000", "\"exposure_us\":2001"));
     const QualifyResult result = mocks.resume();
     EXPECT_EQ(result.outcome, RunOutcome::error);
     EXPECT_THAT(result.reason, HasSubstr("take up the settings of the run"));
@@ -224,7 +224,7 @@ TEST_F(RecordOfARun, EndsWhenTheCameraHasOtherSettingsThanBefore) {
 
 // What a killed program leaves behind: the log ends anywhere. The first two lines are there from
 // before the first motion on.
-TEST_F(RecordOfARun, IsGoneOnWithFromEveryByteWhereItsLogMayEnd) {
+TEST_F(RecordOfARun, IsResumedFromEveryByteWhereItsLogMayEnd) {
     const std::size_t begin = log.find('\n', log.find('\n') + 1) + 1;
     RandomStream random(71, 0);
     for (int i = 0; i < 5; ++i) {
@@ -232,7 +232,7 @@ TEST_F(RecordOfARun, IsGoneOnWithFromEveryByteWhereItsLogMayEnd) {
             begin + static_cast<std::size_t>(random.uniform() *
                                              static_cast<double>(log.rfind("{\"t\"") - begin));
         const std::string cut = log.substr(0, length);
-        write_text(mocks.record() / "events.jsonl", cut);
+        write_text(log_path(), cut);
         const RecordedRun before = mocks.read();
         const auto visited = static_cast<int>(before.result.poses.size());
         if (cut.back() != '\n') {
@@ -253,8 +253,8 @@ TEST_F(RecordOfARun, IsGoneOnWithFromEveryByteWhereItsLogMayEnd) {
     }
 }
 
-TEST_F(RecordOfARun, CountsItsTimeOnWhereItIsGoneOnWith) {
-    write_text(mocks.record() / "events.jsonl", log_until("\"event\":\"pose\"", 6));
+TEST_F(RecordOfARun, CountsItsTimeOnWhereItIsResumed) {
+    keep_seven_poses();
     const double before = mocks.read().end_s;
     const QualifyResult result = mocks.resume();
     ASSERT_EQ(result.sessions.size(), 2u);
@@ -264,13 +264,12 @@ TEST_F(RecordOfARun, CountsItsTimeOnWhereItIsGoneOnWith) {
 }
 
 // The system's clock says that the first session was years ago, or is to come.
-TEST_F(RecordOfARun, IsGoneOnWithAsLateAsItIsWhateverTheSystemsClockWasSetTo) {
-    const std::string kept = log_until("\"event\":\"pose\"", 6);
+TEST_F(RecordOfARun, IsResumedAsLateAsItIsWhateverTheSystemsClockWasSetTo) {
+    const std::string kept = seven_poses();
     const std::string key = "\"started_utc\":\"";
     const auto at = kept.find(key) + key.size();
     for (const std::string begun : {"2019-03-07T14:05:09Z", "2039-01-20T03:14:07Z"}) {
-        write_text(mocks.record() / "events.jsonl",
-                   std::string(kept).replace(at, begun.size(), begun));
+        write_text(log_path(), std::string(kept).replace(at, begun.size(), begun));
         const double before = mocks.read().end_s;
         const QualifyResult result = mocks.resume();
         ASSERT_EQ(result.sessions.size(), 2u);
@@ -282,8 +281,8 @@ TEST_F(RecordOfARun, IsGoneOnWithAsLateAsItIsWhateverTheSystemsClockWasSetTo) {
 
 // After a restart of the machine nothing else tells, nor in a log of before `boot` was written:
 // five hours ago by the system's clock.
-TEST_F(RecordOfARun, IsGoneOnWithByTheSystemsClockAfterARestartOfTheMachine) {
-    std::string kept = log_until("\"event\":\"pose\"", 6);
+TEST_F(RecordOfARun, IsResumedByTheSystemsClockAfterARestartOfTheMachine) {
+    std::string kept = seven_poses();
     const std::time_t then = std::time(nullptr) - 18000;
     const std::string begun = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(then));
     const std::string key = "\"started_utc\":\"";
@@ -293,7 +292,7 @@ TEST_F(RecordOfARun, IsGoneOnWithByTheSystemsClockAfterARestartOfTheMachine) {
         std::string log = std::string(kept).replace(from, to - from, boot);
         if (boot[0] == '\0')  // logs without it are older than operators
             log = replaced(log, ",\"operator\":\"\"", "");
-        write_text(mocks.record() / "events.jsonl", log);
+        write_text(log_path(), log);
         const QualifyResult result = mocks.resume();
         EXPECT_NEAR(result.sessions[1].start_s, 18000.0, 60.0);
     }

@@ -13,8 +13,12 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-TEST(Runner, KeepsWhatWasMeasuredAndStopsTheAxesWhenTheStageFails) {
+class Runner : public testing::Test {
+protected:
     StationOfMocks mocks;
+};
+
+TEST_F(Runner, KeepsWhatWasMeasuredAndStopsTheAxesWhenTheStageFails) {
     mocks.before_move = [](std::size_t move) {
         if (move == 3)
             throw DeviceError("stage 127.0.0.1:1599", "move", "alarm 12");
@@ -34,8 +38,7 @@ TEST(Runner, KeepsWhatWasMeasuredAndStopsTheAxesWhenTheStageFails) {
 }
 
 // Each attempt costs 2 s, and the run has to end within 10 s.
-TEST(Runner, LeavesTheLastAttemptToStopToClosingAStageThatDoesNotAnswer) {
-    StationOfMocks mocks;
+TEST_F(Runner, LeavesTheLastAttemptToStopToClosingAStageThatDoesNotAnswer) {
     mocks.before_move = [&](std::size_t move) {
         mocks.stage_is_silent = move == 2;
         if (mocks.stage_is_silent)
@@ -48,8 +51,7 @@ TEST(Runner, LeavesTheLastAttemptToStopToClosingAStageThatDoesNotAnswer) {
 }
 
 // An alarm must not look like silence: the axes of others may still move.
-TEST(Runner, StopsTheAxesWhenOneHasAnAlarmWhileItRests) {
-    StationOfMocks mocks;
+TEST_F(Runner, StopsTheAxesWhenOneHasAnAlarmWhileItRests) {
     mocks.on_status = [&](std::vector<AxisStatus>& axes) {
         if (mocks.moves == 2)
             axes[0].alarm = 17;
@@ -60,8 +62,7 @@ TEST(Runner, StopsTheAxesWhenOneHasAnAlarmWhileItRests) {
 }
 
 // Seen by the next move at any other pose; the measured poses stay, as there.
-TEST(Runner, EndsWhenAnAxisIsPushedAfterTheLastPicture) {
-    StationOfMocks mocks;
+TEST_F(Runner, EndsWhenAnAxisIsPushedAfterTheLastPicture) {
     mocks.on_status = [&](std::vector<AxisStatus>& axes) {
         if (mocks.moves == 25 && mocks.events("pose").size() == 25)
             axes[1].alarm = 17;
@@ -73,8 +74,7 @@ TEST(Runner, EndsWhenAnAxisIsPushedAfterTheLastPicture) {
     EXPECT_EQ(mocks.stops, 1);
 }
 
-TEST(Runner, StopsTheAxesWhenTheCameraIsGone) {
-    StationOfMocks mocks;
+TEST_F(Runner, StopsTheAxesWhenTheCameraIsGone) {
     mocks.on_camera = [](FakeCamera& camera) { camera.triggers_left = 5; };  // 2 frames a pose
     const QualifyResult result = mocks.run();
     EXPECT_EQ(result.outcome, RunOutcome::error);
@@ -83,8 +83,7 @@ TEST(Runner, StopsTheAxesWhenTheCameraIsGone) {
     EXPECT_EQ(mocks.moves, 3);
 }
 
-TEST(Runner, TakesUpACameraThatWasGoneForAWhile) {
-    StationOfMocks mocks;
+TEST_F(Runner, TakesUpACameraThatWasGoneForAWhile) {
     FakeCamera* camera = nullptr;
     mocks.on_camera = [&](FakeCamera& opened) { camera = &opened; };
     mocks.before_move = [&](std::size_t move) {
@@ -99,8 +98,7 @@ TEST(Runner, TakesUpACameraThatWasGoneForAWhile) {
     EXPECT_EQ(mocks.run_file()["camera"]["reconnects"], 1);
 }
 
-TEST(Runner, EndsAtOnceWhenStopIsRequested) {
-    StationOfMocks mocks;
+TEST_F(Runner, EndsAtOnceWhenStopIsRequested) {
     mocks.stop_before(4);
     const QualifyResult result = mocks.run();
     EXPECT_EQ(result.outcome, RunOutcome::aborted);
@@ -110,8 +108,7 @@ TEST(Runner, EndsAtOnceWhenStopIsRequested) {
     EXPECT_EQ(mocks.run_file()["outcome"], "ABORTED");
 }
 
-TEST(Runner, LeavesAnErrorBehindIfItNeverComesToItsEnd) {
-    StationOfMocks mocks;
+TEST_F(Runner, LeavesAnErrorBehindIfItNeverComesToItsEnd) {
     Json while_running;
     std::size_t logged = 0;
     mocks.before_move = [&](std::size_t move) {
@@ -130,8 +127,7 @@ TEST(Runner, LeavesAnErrorBehindIfItNeverComesToItsEnd) {
 
 // x reads 0.3, 0.5 and 1.0 mm too far: after settling and after each of the two frames. Their mean
 // is 0.6; the deviation is sqrt((0.09 + 0.01 + 0.16) / 2), by hand.
-TEST(Runner, TakesThePoseFromWhatItReadsDuringTheExposures) {
-    StationOfMocks mocks;
+TEST_F(Runner, TakesThePoseFromWhatItReadsDuringTheExposures) {
     std::vector<double> further;
     mocks.on_status = [&](std::vector<AxisStatus>& axes) {
         if (!further.empty()) {
@@ -162,69 +158,65 @@ struct Disturbance {
     void (*happens)(AxisStatus& axis);
     const char* cause;
 };
-const Disturbance disturbances[] = {
-    {[](AxisStatus& axis) { axis.emergency_stop = true; }, ": emergency stop"},
-    {[](AxisStatus& axis) { axis.alarm = 12; }, ": alarm 12"},
-    {[](AxisStatus& axis) { axis.limit = true; }, " is at a limit switch"}};
+class RunnerAtRest : public Runner, public testing::WithParamInterface<Disturbance> {};
+INSTANTIATE_TEST_SUITE_P(
+    OfEachKind, RunnerAtRest,
+    testing::Values(
+        Disturbance{[](AxisStatus& axis) { axis.emergency_stop = true; }, ": emergency stop"},
+        Disturbance{[](AxisStatus& axis) { axis.alarm = 12; }, ": alarm 12"},
+        Disturbance{[](AxisStatus& axis) { axis.limit = true; }, " is at a limit switch"}));
 
 // During an exposure at the third pose: the pose's other frame is not taken.
-TEST(Runner, EndsWhenTheEmergencyStopIsPressedWhileTheAxesRest) {
-    for (const Disturbance& disturbance : disturbances) {
-        StationOfMocks mocks;
-        int pictures_since = 0;
-        mocks.on_status = [&](std::vector<AxisStatus>& axes) {
-            if (pictures_since > 0)
-                disturbance.happens(axes[2]);
-        };
-        mocks.picture = [&](const CaptureSettings&) {
-            pictures_since += mocks.moves == 3;
-            return CodeImage{cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8};
-        };
-        const QualifyResult result = mocks.run();
-        EXPECT_EQ(result.outcome, RunOutcome::error);
-        EXPECT_EQ(result.reason,
-                  std::string("fake stage: read the positions: axis z") + disturbance.cause);
-        EXPECT_EQ(result.poses.size(), 2u);
-        EXPECT_EQ(pictures_since, 1);
-        EXPECT_EQ(mocks.moves, 3);
-        EXPECT_EQ(mocks.stops, 1);
-        EXPECT_THAT(result.remarks, testing::Not(testing::Contains(HasSubstr("stand still"))));
-    }
+TEST_P(RunnerAtRest, EndsWhenItHappensDuringAnExposure) {
+    int pictures_since = 0;
+    mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+        if (pictures_since > 0)
+            GetParam().happens(axes[2]);
+    };
+    mocks.picture = [&](const CaptureSettings&) {
+        pictures_since += mocks.moves == 3;
+        return StationOfMocks::gray();
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.outcome, RunOutcome::error);
+    EXPECT_EQ(result.reason,
+              std::string("fake stage: read the positions: axis z") + GetParam().cause);
+    EXPECT_EQ(result.poses.size(), 2u);
+    EXPECT_EQ(pictures_since, 1);
+    EXPECT_EQ(mocks.moves, 3);
+    EXPECT_EQ(mocks.stops, 1);
+    EXPECT_THAT(result.remarks, Not(Contains(HasSubstr("stand still"))));
 }
 
 // While the stage settles after the third move: 40 ms, asked every 20 ms.
-TEST(Runner, SeesAnEmergencyStopWithinOnePollPeriodWhileTheAxesSettle) {
-    for (const Disturbance& disturbance : disturbances) {
-        StationOfMocks mocks;
-        std::optional<Instant> happened, seen;
-        mocks.on_status = [&](std::vector<AxisStatus>& axes) {
-            if (mocks.moves != 3)
-                return;
-            happened = happened.value_or(mocks.clock.now() + std::chrono::milliseconds(1));
-            if (mocks.clock.now() < *happened)
-                return;
-            seen = seen.value_or(mocks.clock.now());
-            disturbance.happens(axes[2]);
-        };
-        const QualifyResult result = mocks.run();
-        EXPECT_THAT(result.reason, HasSubstr(disturbance.cause));
-        ASSERT_TRUE(seen);
-        EXPECT_LE(*seen - *happened, std::chrono::milliseconds(20));
-        EXPECT_EQ(mocks.moves, 3);
-        EXPECT_EQ(mocks.stops, 1);
-        EXPECT_EQ(result.poses.size(), 2u);
-    }
+TEST_P(RunnerAtRest, EndsWithinOnePollPeriodWhileTheAxesSettle) {
+    std::optional<Instant> happened, seen;
+    mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+        if (mocks.moves != 3)
+            return;
+        happened = happened.value_or(mocks.clock.now() + std::chrono::milliseconds(1));
+        if (mocks.clock.now() < *happened)
+            return;
+        seen = seen.value_or(mocks.clock.now());
+        GetParam().happens(axes[2]);
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_THAT(result.reason, HasSubstr(GetParam().cause));
+    ASSERT_TRUE(seen);
+    EXPECT_LE(*seen - *happened, std::chrono::milliseconds(20));
+    EXPECT_EQ(mocks.moves, 3);
+    EXPECT_EQ(mocks.stops, 1);
+    EXPECT_EQ(result.poses.size(), 2u);
 }
 
-TEST(Runner, RecordsTheOperatorsWordThatAxesAreHomed) {
-    StationOfMocks mocks;
+TEST_F(Runner, RecordsTheOperatorsWordThatAxesAreHomed) {
     EXPECT_THAT(mocks.run().remarks, Not(Contains(HasSubstr("--homed"))));
     std::filesystem::remove_all(mocks.record());
     mocks.homed = true;
     EXPECT_THAT(mocks.run().remarks, Contains(HasSubstr("on the operator's word (--homed)")));
 }
 
-TEST(Runner, KeepsOutOfForbiddenBoxes) {
+TEST(RunnerWithForbiddenBoxes, KeepsOutOfThem) {
     StationOfMocks mocks(replaced(station_text, "  profile: generic\n",
                                   "  profile: generic\n"
                                   "  forbidden: [{name: lens, x: [-20, 20], z: [40, 90]}]\n"));
@@ -240,16 +232,14 @@ TEST(Runner, KeepsOutOfForbiddenBoxes) {
     EXPECT_EQ(mocks.run_file()["stage"]["forbidden"][0]["z"][1], 90.0);
 }
 
-TEST(Runner, TouchesNothingWhenThePlanLeavesTheSoftLimits) {
-    StationOfMocks mocks;
+TEST_F(Runner, TouchesNothingWhenThePlanLeavesTheSoftLimits) {
     mocks.station.plan.volume[1].high = 70;  // y ends at 55
     EXPECT_THROW(mocks.run(), ConfigError);
     EXPECT_EQ(mocks.opened, 0);
     EXPECT_FALSE(std::filesystem::exists(mocks.folder / "record"));
 }
 
-TEST(Runner, RefusesACameraThatTheCalibrationDoesNotBelongTo) {
-    StationOfMocks mocks;
+TEST_F(Runner, RefusesACameraThatTheCalibrationDoesNotBelongTo) {
     mocks.on_camera = [](FakeCamera& camera) { camera.identity_.serial = "CAM-8"; };
     EXPECT_THAT(config_error_of([&] { mocks.run(); }),
                 HasSubstr("camera.yml: serial: the calibration is of camera CAM-7"));
@@ -257,8 +247,7 @@ TEST(Runner, RefusesACameraThatTheCalibrationDoesNotBelongTo) {
     EXPECT_FALSE(std::filesystem::exists(mocks.folder / "record"));
 }
 
-TEST(Runner, GoesOnWithTheOtherFramesOfAPoseWhenOneIsBroken) {
-    StationOfMocks mocks;
+TEST_F(Runner, GoesOnWithTheOtherFramesOfAPoseWhenOneIsBroken) {
     mocks.on_camera = [](FakeCamera& camera) {  // retries 3: one frame lost for good
         camera.script.assign(4, FrameStatus::corrupt);
     };
@@ -273,8 +262,7 @@ TEST(Runner, GoesOnWithTheOtherFramesOfAPoseWhenOneIsBroken) {
 
 // On a link that loses packets: the first pose's two frames fail with their three retries, then one
 // comes.
-TEST(Runner, TakesTheFramesOfAPoseAgainWhenNoneIsComplete) {
-    StationOfMocks mocks;
+TEST_F(Runner, TakesTheFramesOfAPoseAgainWhenNoneIsComplete) {
     mocks.on_camera = [](FakeCamera& camera) {
         camera.script.assign(8 + 4, FrameStatus::corrupt);
         camera.missing_packets = 75;
@@ -285,22 +273,20 @@ TEST(Runner, TakesTheFramesOfAPoseAgainWhenNoneIsComplete) {
     EXPECT_EQ(result.poses[0].frames.size(), 2u);
     EXPECT_EQ(result.poses[0].readings.size(), 3u);
     EXPECT_EQ(result.poses[0].frames[1].file, "frames/0000_1.png");
-    EXPECT_THAT(result.remarks, testing::Contains(HasSubstr("net.core.rmem_max")));
+    EXPECT_THAT(result.remarks, Contains(HasSubstr("net.core.rmem_max")));
     EXPECT_EQ(mocks.events("remark").size(), 1u);
     mocks.stop = {};
     EXPECT_EQ(mocks.read().result.poses.size(), 2u);
 }
 
-TEST(Runner, EndsWhenNoFrameOfAPoseIsComplete) {
-    StationOfMocks mocks;
+TEST_F(Runner, EndsWhenNoFrameOfAPoseIsComplete) {
     mocks.on_camera = [](FakeCamera& camera) { camera.script.assign(80, FrameStatus::corrupt); };
     EXPECT_EQ(mocks.run().outcome, RunOutcome::error);
     EXPECT_THAT(mocks.run_file()["reason"].get<std::string>(),
                 HasSubstr("none of 20 is complete; the last one: corrupt"));
 }
 
-TEST(Runner, TakesFramesOnlyAfterTheStageHasSettled) {
-    StationOfMocks mocks;
+TEST_F(Runner, TakesFramesOnlyAfterTheStageHasSettled) {
     mocks.stop_before(3);
     const QualifyResult result = mocks.run();
     for (const AnalysedPose& pose : result.poses) {
@@ -310,8 +296,7 @@ TEST(Runner, TakesFramesOnlyAfterTheStageHasSettled) {
     }
 }
 
-TEST(Runner, EndsAfterThreePosesWithoutTheMarkerAndSaysWhatIsSeenInstead) {
-    StationOfMocks mocks;
+TEST_F(Runner, EndsAfterThreePosesWithoutTheMarkerAndSaysWhatIsSeenInstead) {
     StationFile other = mocks.station;
     other.marker = parse_marker("apriltag:36h11:17@60mm", "test");
     mocks.picture = [shown = StationOfMocks::pictured(other)](const auto&) { return shown; };
@@ -326,8 +311,7 @@ TEST(Runner, EndsAfterThreePosesWithoutTheMarkerAndSaysWhatIsSeenInstead) {
               "with the one that is mounted");
 }
 
-TEST(Runner, SaysWhereToLookWhenNoMarkerIsSeenAtAll) {
-    StationOfMocks mocks;
+TEST_F(Runner, SaysWhereToLookWhenNoMarkerIsSeenAtAll) {
     mocks.picture = [](const auto&) { return StationOfMocks::gray(); };
     const std::string reason = mocks.run().reason;
     EXPECT_THAT(reason, HasSubstr("no other tag is seen either; the whole photograph spans 0 gray "
@@ -336,8 +320,7 @@ TEST(Runner, SaysWhereToLookWhenNoMarkerIsSeenAtAll) {
 }
 
 // At the edge of the view a pose may miss the marker: one of three that shows it is enough.
-TEST(Runner, GoesOnWhenOneOfTheFirstThreePosesShowsTheMarker) {
-    StationOfMocks mocks;
+TEST_F(Runner, GoesOnWhenOneOfTheFirstThreePosesShowsTheMarker) {
     mocks.picture = [&](const auto&) { return mocks.moves == 3 ? mocks.marked() : mocks.gray(); };
     const QualifyResult result = mocks.run();
     EXPECT_EQ(result.outcome, RunOutcome::inconclusive) << result.reason;
@@ -345,8 +328,7 @@ TEST(Runner, GoesOnWhenOneOfTheFirstThreePosesShowsTheMarker) {
 }
 
 // The whole chain in process.
-TEST(Runner, PassesATrueCamera) {
-    StationOfMocks mocks;
+TEST_F(Runner, PassesATrueCamera) {
     show_a_true_camera(mocks);
     const QualifyResult result = mocks.run();
     ASSERT_TRUE(result.analysis) << result.reason;
@@ -366,8 +348,7 @@ TEST(Runner, PassesATrueCamera) {
     }
 }
 
-TEST(Runner, LogsTheRoomWithEveryPoseAndReadsItBack) {
-    StationOfMocks mocks;
+TEST_F(Runner, LogsTheRoomWithEveryPoseAndReadsItBack) {
     int asked = 0;
     mocks.climate = [&] { return ClimateReading{0.0, 20.0 + 0.1 * asked++, 45.5}; };
     const QualifyResult result = mocks.run();
@@ -383,8 +364,7 @@ TEST(Runner, LogsTheRoomWithEveryPoseAndReadsItBack) {
 }
 
 // It is asked no more: a dead sensor must not cost every pose its time-outs.
-TEST(Runner, GoesOnWithoutASensorThatFailsAndSaysSo) {
-    StationOfMocks mocks;
+TEST_F(Runner, GoesOnWithoutASensorThatFailsAndSaysSo) {
     int asked = 0;
     mocks.climate = [&] {
         if (++asked == 3)

@@ -22,7 +22,7 @@ CodeImage image_of(int value) {
 TEST(ImageWriter, WritesEverythingThatItWasGiven) {
     const TemporaryFolder folder;
     {
-        ImageWriter writer(2);
+        ImageWriter writer;
         for (int i = 0; i < 20; ++i)
             writer.write(folder / fmt::format("{}.png", i), image_of(i));
     }
@@ -32,7 +32,7 @@ TEST(ImageWriter, WritesEverythingThatItWasGiven) {
 
 TEST(ImageWriter, FlushReturnsWhenTheFilesAreThere) {
     const TemporaryFolder folder;
-    ImageWriter writer(3);
+    ImageWriter writer;
     writer.write(folder / "a.png", image_of(7));
     writer.flush();
     EXPECT_TRUE(std::filesystem::exists(folder / "a.png"));

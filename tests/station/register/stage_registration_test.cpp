@@ -8,22 +8,13 @@
 #include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
 #include "station/register/qualification_input.h"
+#include "tests/error_text.h"
 #include "tests/station/photographed_station.h"
 
 namespace etalon {
 namespace {
 
 using testing::HasSubstr;
-
-template <class Error, class Act>
-std::string error_text(Act act) {
-    try {
-        act();
-    } catch (const Error& error) {
-        return error.what();
-    }
-    return "no error";
-}
 
 // Corners of 8-bit renders without noise are right to some hundredths of a pixel, or 0.05 mm in
 // depth, once the detector's bias is taken out; uncorrected the depth is off by a millimetre.
@@ -33,11 +24,21 @@ void expect_true(const StageRegistration& result) {
     EXPECT_LT(x.tail<3>().norm(), 0.3);
 }
 
-TEST(StageRegistration, FindsXAndYFromPhotographsAndACsv) {
+class StageRegistrationTest : public testing::Test {
+protected:
+    // Of photographs at this share of the travel (photographed_station.h).
+    StageRegistration registered(int count, const std::vector<double>& share,
+                                 const std::string& detector) {
+        return register_photos(station,
+                               read_stage_photos(set.photographs(count, share), station.stage.axes),
+                               detector);
+    }
     PhotographedStation set;
     const StationFile station = set.station();
-    const auto photos = read_stage_photos(set.photographs(10, {1, 1, 1, 1}), station.stage.axes);
-    const StageRegistration corners = register_photos(station, photos, "auto");
+};
+
+TEST_F(StageRegistrationTest, FindsXAndYFromPhotographsAndACsv) {
+    const StageRegistration corners = registered(10, {1, 1, 1, 1}, "auto");
     expect_true(corners);
     EXPECT_EQ(corners.used, 10);
     EXPECT_EQ(corners.detector, "apriltag");
@@ -51,7 +52,7 @@ TEST(StageRegistration, FindsXAndYFromPhotographsAndACsv) {
 }
 
 // Poses without a whole frame are left out; the first whole one counts.
-TEST(StageRegistration, ReadsTheFramesOfARecord) {
+TEST_F(StageRegistrationTest, ReadsTheFramesOfARecord) {
     const TemporaryFolder record;
     std::filesystem::create_directory(record / "frames");
     for (const char* name : {"0000_0.png", "0000_1.png", "0002_1.png"})
@@ -68,28 +69,22 @@ TEST(StageRegistration, ReadsTheFramesOfARecord) {
     EXPECT_DOUBLE_EQ(photos[1].positions[1], 3.5);
 }
 
-TEST(StageRegistration, FindsThemFromPhotometricPoses) {
-    PhotographedStation set;
-    const StationFile station = set.station();
-    const auto photos = read_stage_photos(set.photographs(6, {1, 1, 1, 1}), station.stage.axes);
-    const StageRegistration result = register_photos(station, photos, "photometric");
+TEST_F(StageRegistrationTest, FindsThemFromPhotometricPoses) {
+    const StageRegistration result = registered(6, {1, 1, 1, 1}, "photometric");
     expect_true(result);
     EXPECT_EQ(result.rounds, 0);
     EXPECT_EQ(result.registration.residual_rms_px, 0.0);
 }
 
-TEST(StageRegistration, NamesAPlanThatIsDegenerateForThisStage) {
-    PhotographedStation set;
-    const StationFile station = set.station();
-    const auto photos = read_stage_photos(set.photographs(5, {0, 0, 1, 0}), station.stage.axes);
-    EXPECT_THAT(error_text<NumericalError>([&] { register_photos(station, photos, "auto"); }),
+TEST_F(StageRegistrationTest, NamesAPlanThatIsDegenerateForThisStage) {
+    EXPECT_THAT(text_of_error<NumericalError>([&] {
+                    registered(5, {0, 0, 1, 0}, "auto");
+                }),
                 HasSubstr("one line, base z"));
 }
 
 // The plan's volume lets all axes move; its training poses did not.
-TEST(StageRegistration, AQualificationOfDegenerateTrainingPosesIsRefused) {
-    PhotographedStation set;
-    const StationFile station = set.station();
+TEST_F(StageRegistrationTest, AQualificationOfDegenerateTrainingPosesIsRefused) {
     const Projector projector(station.camera.model);
     std::vector<VisitedPose> poses(30);
     for (std::size_t i = 0; i < poses.size(); ++i) {
@@ -104,16 +99,14 @@ TEST(StageRegistration, AQualificationOfDegenerateTrainingPosesIsRefused) {
     }
     QualificationInput input = declared_input(station, poses);
     input.render_and_detect = [](const Rigid&) { return std::nullopt; };
-    EXPECT_THAT(error_text<NumericalError>([&] { qualify(input); }),
+    EXPECT_THAT(text_of_error<NumericalError>([&] { qualify(input); }),
                 testing::AllOf(HasSubstr("degenerate plan"), HasSubstr("one line, base z")));
 }
 
-TEST(StageRegistration, RefusesATableThatItCannotUse) {
-    PhotographedStation set;
-    const StationFile station = set.station();
+TEST_F(StageRegistrationTest, RefusesATableThatItCannotUse) {
     const auto refusal = [&](const std::string& csv) {
         write_text(set.folder() / "table.csv", csv);
-        return error_text<ConfigError>(
+        return text_of_error<ConfigError>(
             [&] { read_stage_photos(set.folder() / "table.csv", station.stage.axes); });
     };
     EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm\n"), HasSubstr("table.csv:1: the header lacks"));

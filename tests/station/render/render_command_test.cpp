@@ -39,6 +39,11 @@ protected:
         EXPECT_EQ(run_render(arguments_), 0);
         return read_image(arguments_.out);
     }
+    std::string printed() const {
+        testing::internal::CaptureStdout();
+        EXPECT_EQ(run_render(arguments_), 0);
+        return testing::internal::GetCapturedStdout();
+    }
     std::string complaint() const {
         const std::string words = config_error_of([&] { run_render(arguments_); });
         EXPECT_EQ(words.find('\n'), std::string::npos);
@@ -82,11 +87,6 @@ TEST_F(RenderCommand, WritesLinearRadianceAsFloat) {
     arguments_.out = folder_ / "out.tiff";
     EXPECT_EQ(run_render(arguments_), 0);
     expect_cells(read_radiance(arguments_.out), cells_, 1.0 / 255.0, 5e-4);
-}
-
-TEST_F(RenderCommand, PaintsTheBackgroundAsTold) {
-    arguments_.background = "0.6";
-    EXPECT_EQ(rendered().pixels.at<std::uint8_t>(3, 70), 153);
 }
 
 TEST_F(RenderCommand, GivesTheSameImageByEveryMethod) {
@@ -135,9 +135,7 @@ TEST_F(RenderCommand, TakesAForeignCalibrationAsASharpCamera) {
 
 TEST_F(RenderCommand, SaysInJsonWhatItDid) {
     arguments_.json = true;
-    testing::internal::CaptureStdout();
-    run_render(arguments_);
-    const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+    const auto json = nlohmann::json::parse(printed());
     EXPECT_EQ(json["etalon"], "render/1");
     ASSERT_EQ(json["markers"].size(), 1u);
     EXPECT_EQ(json["markers"][0]["camera_from_marker"],
@@ -150,8 +148,9 @@ TEST_F(RenderCommand, SaysInJsonWhatItDid) {
     EXPECT_GT(json["plan"]["tiles"][0]["tiles"], 0);
 }
 
-TEST_F(RenderCommand, ScalesTheRadianceByTheExposure) {
+TEST_F(RenderCommand, PaintsTheBackgroundAsToldAndScalesTheRadianceByTheExposure) {
     arguments_.background = "0.6";
+    EXPECT_EQ(rendered().pixels.at<std::uint8_t>(3, 70), 153);
     arguments_.exposure = 1.3;
     const cv::Mat image = rendered().pixels;
     EXPECT_EQ(image.at<std::uint8_t>(3, 70), 199);   // 0.6 * 255 * 1.3 = 198.9
@@ -196,9 +195,7 @@ TEST_F(RenderCommand, RefusesABackgroundThatIsNotTheCameras) {
 TEST_F(RenderCommand, ExplainsThePlanWithin80Columns) {
     arguments_.explain = true;
     arguments_.tolerance_gray = 0.07;
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_render(arguments_), 0);
-    const std::string text = testing::internal::GetCapturedStdout();
+    const std::string text = printed();
     // A sharp pinhole without distortion: everything can be left out, and is.
     for (const char* words : {"at most 0.07 gray", "  blur radius   0 to 0 px", "k = 1", "uniform",
                               "  left out", "lens: ", "diffraction: ", "distortion: "})
@@ -254,6 +251,9 @@ TEST_F(RenderCommand, RefusesArgumentsByTheirName) {
     refuses([](Arguments& a) { a.out.replace_extension(".jpg"); }, "--out");
     refuses([](Arguments& a) { a.linear = true; }, "--out: linear radiance");
     refuses([](Arguments& a) { a.noise_seed = 5; }, "--noise-seed");
+    refuses([](Arguments& a) { a.velocity = "0,0,0,40,0,0"; },
+            "--velocity: motion blur needs both");
+    refuses([](Arguments& a) { a.shutter_ms = 1.0, a.velocity = "0,0,0,40,0"; }, "--velocity");
     refuses([](Arguments& a) { a.camera = "/nowhere.yml"; }, "/nowhere.yml");
     refuses([](Arguments& a) { a.out = "/nowhere/out.png"; }, "/nowhere/out.png");
 }
@@ -276,14 +276,6 @@ TEST_F(RenderCommand, BlursByTheMotionWhileTheShutterIsOpen) {
     EXPECT_NEAR(moved.pixels.at<std::uint8_t>(row, 30), 255 * 7 / 8.0, 2.0);
     EXPECT_NEAR(moved.pixels.at<std::uint8_t>(row, 32), 255 * 3 / 8.0, 2.0);
     EXPECT_EQ(moved.pixels.at<std::uint8_t>(row, 34), 0);
-}
-
-TEST_F(RenderCommand, RefusesHalfAMotion) {
-    arguments_.velocity = "0,0,0,40,0,0";
-    EXPECT_THAT(complaint(), HasSubstr("--velocity: motion blur needs both"));
-    arguments_.shutter_ms = 1.0;
-    arguments_.velocity = "0,0,0,40,0";
-    EXPECT_THAT(complaint(), HasSubstr("--velocity"));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "station/render/render_set.h"
+#include "station/render/image_set.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,13 +1,11 @@
 // The page's files as texts: what no browser is needed for.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <map>
 #include <regex>
 #include <set>
 
 #include "core/file/text.h"
-#include "station/serve/page_json.h"
+#include "station/serve/page_server.h"
 #include "tests/paths.h"
 #include "tests/temporary_folder.h"
 

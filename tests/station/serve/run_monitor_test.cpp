@@ -2,9 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include <fstream>
-
-#include "capture/frame/frame_log.h"
 #include "tests/error_text.h"
 #include "tests/station/station_of_mocks.h"
 
@@ -31,16 +28,16 @@ protected:
 };
 
 void expect_end(const RunMonitor& watch, const QualifyResult& result) {
-    EXPECT_EQ(watch.phase(), RunPhase::ended);
-    EXPECT_EQ(watch.outcome(), name(result.outcome));
-    ASSERT_EQ(watch.poses().size(), result.plan.poses.size());
-    EXPECT_EQ(watch.figures().visited, static_cast<int>(result.poses.size()));
+    EXPECT_EQ(watch.state().phase, RunPhase::ended);
+    EXPECT_EQ(watch.state().outcome, name(result.outcome));
+    ASSERT_EQ(watch.state().poses.size(), result.plan.poses.size());
+    EXPECT_EQ(watch.state().visited, static_cast<int>(result.poses.size()));
     const auto seen = std::ranges::count_if(result.poses, &VisitedPose::detections);
-    EXPECT_EQ(watch.figures().seen, seen);
-    EXPECT_EQ(watch.latest_pose(), result.poses.back().index);
-    EXPECT_EQ(watch.camera_serial(), "CAM-7");
+    EXPECT_EQ(watch.state().seen, seen);
+    EXPECT_EQ(watch.state().latest_pose, result.poses.back().index);
+    EXPECT_EQ(watch.state().camera_serial, "CAM-7");
     for (const VisitedPose& pose : result.poses) {
-        const WatchedPose& watched = watch.poses()[static_cast<std::size_t>(pose.index)];
+        const WatchedPose& watched = watch.state().poses[static_cast<std::size_t>(pose.index)];
         EXPECT_EQ(watched.target, pose.target);
         EXPECT_EQ(watched.photo, first_whole(pose)->file);
         EXPECT_EQ(watched.corners, pose.corners);
@@ -61,8 +58,8 @@ TEST_F(WatchedRun, ComesToTheSameInWhateverPiecesTheLogArrives) {
     for (std::size_t bytes = 1; bytes < log_.size(); bytes += 997) {
         write(bytes);
         watch.look();
-        EXPECT_GE(watch.figures().visited, poses);
-        poses = watch.figures().visited;
+        EXPECT_GE(watch.state().visited, poses);
+        poses = watch.state().visited;
     }
     write(log_.size());
     watch.look();
@@ -74,7 +71,7 @@ TEST_F(WatchedRun, KnowsThePhaseAndTheTimeLeft) {
     EXPECT_FALSE(watch.seconds_left());
     write(log_.find('\n') + 1);
     watch.look();
-    EXPECT_EQ(watch.phase(), RunPhase::preparing);
+    EXPECT_EQ(watch.state().phase, RunPhase::preparing);
     const double expected_s = std::chrono::duration<double>(result_.plan.expected_duration).count();
     EXPECT_DOUBLE_EQ(*watch.seconds_left(), expected_s) << "before anything was measured";
     std::size_t at = 0;
@@ -82,7 +79,7 @@ TEST_F(WatchedRun, KnowsThePhaseAndTheTimeLeft) {
         at = log_.find("\"event\":\"pose\"", at + 1);
     write(log_.find('\n', at) + 1);
     watch.look();
-    EXPECT_EQ(watch.phase(), RunPhase::measuring);
+    EXPECT_EQ(watch.state().phase, RunPhase::measuring);
     const double per_pose_s = (result_.poses[9].done_s - result_.poses[0].move_start_s) / 10;
     EXPECT_NEAR(*watch.seconds_left(), 15 * per_pose_s, 0.1 * per_pose_s);
 }
@@ -100,8 +97,8 @@ TEST_F(WatchedRun, PassesOverTheFramesOfAPoseThatAKilledProgramDidNotFinish) {
     write(log_.size());
     undisturbed.look();
     killed.look();
-    EXPECT_EQ(killed.poses()[0].photo, undisturbed.poses()[0].photo);
-    EXPECT_EQ(killed.figures().corner_noise_px, undisturbed.figures().corner_noise_px);
+    EXPECT_EQ(killed.state().poses[0].photo, undisturbed.state().poses[0].photo);
+    EXPECT_EQ(killed.state().corner_noise_px, undisturbed.state().corner_noise_px);
 }
 
 // Of a file that somebody else wrote: an error, not a crash and not a number.

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "stage/axes/kinematics.h"
 
 namespace etalon {
@@ -45,7 +43,7 @@ TEST(StageTerms, ScaleMovesTheCarriageInProportionToTheReading) {
     const auto terms = declared_stage_terms(xy_rz(), visits);
     const DeclaredStageTerm& x = named(terms, "stage scale x");
     EXPECT_TRUE(x.in_budget);
-    EXPECT_TRUE(x.is_linear_scale);
+    EXPECT_TRUE(x.error.is_linear_scale);
     EXPECT_EQ(x.standard_uncertainty, 30e-6);
     const double moved =
         x.error.base_from_carriage[0].translation.x() / x.error.size - 70 / x.error.size;
@@ -56,7 +54,7 @@ TEST(StageTerms, AnUndeclaredScaleIsUnknownAndStaysInTheBudget) {
     const auto terms = declared_stage_terms(xy_rz(), visits);
     EXPECT_TRUE(named(terms, "stage scale y").in_budget);
     EXPECT_FALSE(named(terms, "stage scale y").standard_uncertainty);
-    EXPECT_FALSE(named(terms, "stage scale rz").is_linear_scale);
+    EXPECT_FALSE(named(terms, "stage scale rz").error.is_linear_scale);
 }
 
 TEST(StageTerms, SquarenessLeansTheSecondAxisTowardsTheFirst) {

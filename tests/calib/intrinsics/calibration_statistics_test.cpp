@@ -1,0 +1,245 @@
+// What calibrations state against what noise does to them: deviations, the difference of halves,
+// how often a true board is called bent and how often intervals hold the truth of a bowed board,
+// and which model the cross-validation advises for a wide lens.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <iostream>
+
+#include "calib/intrinsics/camera_consistency.h"
+#include "tests/calib/synthetic_views.h"
+
+namespace etalon {
+namespace {
+
+// n calibrations of the same views with independent noise of 0.3 px. An estimated standard
+// deviation from n = 60 has the relative standard error 1/sqrt(2 (n - 1)) = 0.092; the formal one
+// varies with the residuals' variance, by 1/sqrt(2 * 783) = 0.025. Four of both together: 0.38.
+TEST(CalibrateStatistics, FormalDeviationsAreWhatIndependentNoiseDoes) {
+    const int n = 60;
+    const CameraModel truth = test::calibration_truth();
+    Eigen::Matrix<double, 9, 1> sum, squares, formal;
+    sum.setZero();
+    squares.setZero();
+    formal.setZero();
+    double mean_squares = 0.0;
+    for (int run = 0; run < n; ++run) {
+        const auto calibration =
+            calibrate_camera(test::synthetic_views(truth, 8, 0.3, 100 + run), {640, 480},
+                             {.model = "standard", .leave_one_out = false, .resamples = 0});
+        const Intrinsics& i = calibration.camera.intrinsics;
+        const Distortion& d = calibration.camera.distortion;
+        Eigen::Matrix<double, 9, 1> x;
+        x << i.fx, i.fy, i.cx, i.cy, d.k1, d.k2, d.p1, d.p2, d.k3;
+        sum += x;
+        squares += x.cwiseAbs2();
+        for (int p = 0; p < 9; ++p)
+            formal[p] += calibration.deviations[p].formal / n;
+        mean_squares += calibration.rms_px * calibration.rms_px / n;
+    }
+    const Eigen::Matrix<double, 9, 1> variance = (squares - sum.cwiseAbs2() / n) / (n - 1);
+    for (int p = 0; p < 9; ++p)
+        EXPECT_NEAR(std::sqrt(variance[p]) / formal[p], 1.0, 0.38) << p;
+    // 864 residuals less 57 parameters, over 432 points: 0.09 * 807 / 432. Relative standard error
+    // sqrt(2 / (807 * 60)) = 0.0064, four of it.
+    EXPECT_NEAR(mean_squares, 0.09 * 807 / 432, 0.09 * 807 / 432 * 0.026);
+}
+
+// A photo whose corners err together, by a bend that no pose takes back: up to 0.4 px at 100 mm
+// from the board's middle, of another size in each photo.
+void bend(CalibrationView& view, RandomStream& random) {
+    const double across = 0.4 * random.normal(), down = 0.4 * random.normal();
+    for (std::size_t i = 0; i < view.pixels.size(); ++i) {
+        const double x = (view.points_mm[i].x() - 100) / 100, y = (view.points_mm[i].y() - 62) / 62;
+        view.pixels[i] += Eigen::Vector2d(across * x * x * y, down * y * y * x);
+    }
+}
+
+// Of 150 runs the scatter's variance has a relative standard error of sqrt(2 / 149) = 0.116; the
+// mean of the robust variances of 10 views has a smaller one. 3.5 of both: 0.5. The correction for
+// few views is exact for independent points only.
+TEST(CalibrateStatistics, RobustDeviationsAreWhatPhotosDoWhoseCornersErrTogether) {
+    const int n = 150;
+    const CalibrationModel& model = calibration_model("radial");
+    CameraModel truth = test::calibration_truth();
+    truth.distortion = {.k1 = -0.27, .k2 = 0.09};
+    Eigen::Matrix<double, 6, 1> sum, squares, robust, formal;
+    for (auto* each : {&sum, &squares, &robust, &formal})
+        each->setZero();
+    for (int run = 0; run < n; ++run) {
+        auto views = test::synthetic_views(truth, 10, 0.1, 4000 + run);
+        RandomStream random(5000 + run, 3);
+        for (CalibrationView& view : views)
+            bend(view, random);
+        const CameraFit fit = fit_camera(views, {640, 480}, model);
+        const auto covariances = covariances_of(view_equations(views, fit), model, fit.variance);
+        const Eigen::VectorXd found = parameters_of(fit.camera, model);
+        sum += found;
+        squares += found.cwiseAbs2();
+        robust += covariances.cluster_robust.diagonal() / n;
+        formal += covariances.formal.diagonal() / n;
+    }
+    const Eigen::Matrix<double, 6, 1> variance = (squares - sum.cwiseAbs2() / n) / (n - 1);
+    for (int p = 0; p < 6; ++p)
+        EXPECT_NEAR(robust[p] / variance[p], 1.0, 0.5) << model.parameters[p];
+    EXPECT_LT(formal.cwiseQuotient(variance).minCoeff(), 0.6);
+}
+
+// The difference of two halves, squared, over what their formal covariances lead to expect: a sum
+// of squares of about nine parameters' worth, of which few matter, with mean 1. Of 40 runs with a
+// relative deviation of at most sqrt(2): standard error 0.22; 3.5 of it.
+TEST(CrossValidationStatistics, HalvesDifferAsMuchAsTheirCovariancesSay) {
+    const CalibrationModel& model = calibration_model("radial");
+    const int runs = 40;
+    double ratio = 0.0, robust = 0.0;
+    for (int run = 0; run < runs; ++run) {
+        const auto views = test::synthetic_views(test::calibration_truth(), 8, 0.2, 500 + run);
+        const auto halves = cross_validate(views, fit_camera(views, test::image_size, model));
+        EXPECT_EQ(halves.views[0], 4u);
+        EXPECT_EQ(halves.views[1], 4u);
+        ratio += std::pow(halves.rms_px / halves.expected_formal_px, 2) / runs;
+        robust += std::pow(halves.expected_robust_px / halves.expected_formal_px, 2) / runs;
+    }
+    EXPECT_NEAR(ratio, 1.0, 3.5 * 0.22);
+    EXPECT_NEAR(robust, 1.0, 3.5 * 0.22);
+}
+
+TEST(BoardShapeStatistics, TrueBoardsAreCalledBentAsRarelyAsStated) {
+    constexpr int runs = 150;
+    const CalibrationModel& model = calibration_model("standard");
+    for (const int count : {8, 11}) {
+        int alarms = 0;
+        for (int run = 0; run < runs; ++run) {
+            const auto views = test::views_of(test::flat, count, 0.1, 100 + run);
+            alarms +=
+                check_board(views, fit_camera(views, test::image_size, model))->is_distorted();
+        }
+        std::cout << count << " views: " << alarms << " false alarms of " << runs << "\n";
+        // Binomial with max_board_chance: four standard deviations above the mean.
+        EXPECT_LE(alarms, runs * max_board_chance + 4 * std::sqrt(runs * max_board_chance));
+    }
+}
+
+// Squared errors over stated variances, and how many of the nine parameters' 95 % intervals hold
+// the truth.
+struct Coverage {
+    double held = 0.0;
+    std::array<double, 9> bias{}, deviation{};
+};
+Coverage coverage_of(const test::Displacement& displacement, bool fit_board, int runs) {
+    Coverage coverage;
+    const CalibrationModel& model = calibration_model("standard");
+    const Eigen::VectorXd truth = parameters_of(test::calibration_truth(), model);
+    for (int run = 0; run < runs; ++run) {
+        const CameraCalibration found = calibrate_camera(
+            test::views_of(displacement, 12, 0.1, 500 + run), test::image_size,
+            {.model = "standard", .leave_one_out = false, .resamples = 0, .fit_board = fit_board});
+        const Eigen::VectorXd error = parameters_of(found.camera, model) - truth;
+        for (std::size_t i = 0; i < 9; ++i) {
+            const double stated = found.deviations[i].stated;
+            const double of = error[static_cast<Eigen::Index>(i)];
+            coverage.held += std::abs(of) < 1.96 * stated ? 1.0 / (9.0 * runs) : 0.0;
+            coverage.bias[i] += of / runs;
+            coverage.deviation[i] += stated / runs;
+        }
+    }
+    std::cout << (fit_board ? "fitted" : "as drawn") << ": intervals hold " << coverage.held
+              << "; bias of fx " << coverage.bias[0] << " (stated " << coverage.deviation[0]
+              << "), of k1 " << coverage.bias[4] << " (" << coverage.deviation[4] << ")\n";
+    return coverage;
+}
+
+// The nine parameters of a run err together: as if three of them were independent.
+TEST(BoardShapeStatistics, IntervalsHoldTheTruthOfABowedBoard) {
+    constexpr int runs = 100;
+    const double deviation = std::sqrt(0.95 * 0.05 / (3.0 * runs));
+    const Coverage drawn = coverage_of(test::bow, false, runs),
+                   fitted = coverage_of(test::bow, true, runs);
+    EXPECT_LT(drawn.held, 0.95 - 4 * deviation);
+    EXPECT_GT(std::abs(drawn.bias[0]), 2 * drawn.deviation[0]);
+    EXPECT_GT(fitted.held, 0.95 - 4 * deviation);
+    EXPECT_LT(std::abs(fitted.bias[0]), 4 * fitted.deviation[0] / std::sqrt(double(runs)));
+}
+
+TEST(BoardShapeStatistics, AFlatBoardLosesLittle) {
+    constexpr int runs = 40;
+    const Coverage drawn = coverage_of(test::flat, false, runs),
+                   fitted = coverage_of(test::flat, true, runs);
+    EXPECT_GT(fitted.held, 0.95 - 4 * std::sqrt(0.95 * 0.05 / (3.0 * runs)));
+    EXPECT_LT(fitted.deviation[0], 2.0 * drawn.deviation[0]);
+}
+
+// Boards 350 to 450 mm away whose middles lie up to 43 degrees from the axis, their corners up to
+// 59: what a lens of 120 degrees sees.
+Rigid mildly_wide_pose(int view) {
+    const double turn = 2.4 * view, angles[] = {0.1, 0.45, 0.75}, angle = angles[view % 3];
+    const Eigen::Vector3d sight(std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn),
+                                std::cos(angle));
+    const Eigen::Quaterniond rotation =
+        rotation_between(Eigen::Vector3d::UnitZ(), sight) *
+        rotation_from_vector(
+            {0.55 * std::cos(3 * turn), 0.5 * std::sin(2 * turn), 0.15 * std::sin(5 * turn)});
+    return {rotation,
+            (400.0 + 50.0 * std::sin(4 * turn)) * sight - rotation * Eigen::Vector3d(100, 62.5, 0)};
+}
+
+const ModelScore& score_of(const CameraCalibration& calibration, const std::string& model) {
+    return *std::ranges::find(calibration.advice.models, model, &ModelScore::model);
+}
+
+// Perspective models and those of wide lenses are held against each other where photos may tell
+// them apart, and nowhere else. 0.1 px of noise is 0.141 px of distance.
+TEST(WideCalibration, ComparesPerspectiveModelsWithThoseOfWideLenses) {
+    const CameraCalibration ordinary =
+        calibrate_camera(test::synthetic_views(test::calibration_truth(), 12, 0.1, 3),
+                         test::image_size, {.resamples = 0});
+    EXPECT_EQ(ordinary.advice.models.size(), calibration_models().size());
+    EXPECT_EQ(ordinary.model.name, "standard");
+
+    const CameraModel mild = test::wide_truth(
+        {Projection::equidistant}, 374.0, {.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4});
+    const CameraCalibration either =
+        calibrate_camera(test::synthetic_views(mild, 12, 0.1, 3, mildly_wide_pose),
+                         test::image_size, {.resamples = 0});
+    EXPECT_EQ(either.advice.models.size(), perspective_and_wide_models().size());
+    EXPECT_LT(*either.leave_one_out_rms_px, 0.15);
+    // Rational holds such a lens as well, with twice as many parameters.
+    EXPECT_LT(*score_of(either, "rational").leave_one_out_rms_px, 0.15);
+    EXPECT_LE(either.model.parameters.size(), 8u);
+    EXPECT_FALSE(either.camera.projection.is_flat());
+    EXPECT_FALSE(score_of(either, "standard").doubt.empty());
+    EXPECT_FALSE(score_of(either, "omnidirectional").doubt.empty());  // fx and xi for each other
+
+    const CameraModel wide = test::wide_truth({Projection::double_sphere, -0.17, 0.59}, 165.0);
+    const CameraCalibration far =
+        calibrate_camera(test::wide_views(wide, 12, 0.1, 7), test::image_size, {.resamples = 0});
+    EXPECT_EQ(far.model.name, "double_sphere");
+    for (const CalibrationModel& model : calibration_models())
+        EXPECT_THAT(score_of(far, model.name).doubt, testing::HasSubstr("px in the fit, "))
+            << model.name;
+    EXPECT_FALSE(score_of(far, "tilted").overfits);
+}
+
+TEST(WideCalibration, AdvisesAModelThatFollowsTheLens) {
+    for (const std::size_t lens : {1u, 3u}) {
+        const auto [name, truth] = test::wide_models()[lens];
+        SCOPED_TRACE(name);
+        const auto views = test::wide_views(truth, 12, 0.1, 5);
+        EXPECT_EQ(camera_groups(views, test::image_size).size(), 1u);
+        const CameraCalibration found = calibrate_camera(views, test::image_size, {.resamples = 0});
+        EXPECT_EQ(found.advice.models.size(), perspective_and_wide_models().size());
+        EXPECT_FALSE(found.camera.projection.is_flat());
+        EXPECT_LT(found.rms_px, 0.1 * std::sqrt(2.0) * 1.05);
+        EXPECT_LT(*found.leave_one_out_rms_px, 0.1 * std::sqrt(2.0) * 1.1);
+        // Where the rays of the truth land, after the best rotation.
+        const ImageRays rays = rays_among(image_rays(truth), all_pixels(views));
+        const auto off = projection_difference(found.camera, rays,
+                                               Eigen::VectorXd::Ones(std::ssize(rays.pixels)));
+        for (const Eigen::Vector2d& each : off.differences_px)
+            EXPECT_LT(each.norm(), 0.3);
+    }
+}
+
+}  // namespace
+}  // namespace etalon

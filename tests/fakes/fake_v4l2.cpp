@@ -226,7 +226,7 @@ int FakeV4l2::enumerate_size(void* argument) const {
 }
 
 std::size_t FakeV4l2::bytes_per_line() const {
-    return line_bytes(*find_v4l2_format(format), width) + padding;
+    return line_bytes(*find_v4l2_format(format.substr(0, format.find(' '))), width) + padding;
 }
 
 std::size_t FakeV4l2::image_size() const {

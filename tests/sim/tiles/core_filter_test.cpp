@@ -77,6 +77,19 @@ double plain_sum(const Field& field, int k, const cv::Mat& weights, int x, int y
     return sum;
 }
 
+// Of what the filter adds to `before`.
+void expect_plain_sums(const Field& field, const FilterKernel& kernel, const cv::Mat& weights,
+                       const cv::Rect& region, double before) {
+    cv::Mat out(region.size(), CV_32FC1, cv::Scalar(before));
+    field.add_to(region, kernel, out);
+    for (int y = 0; y < region.height; ++y)
+        for (int x = 0; x < region.width; ++x)
+            ASSERT_NEAR(out.at<float>(y, x),
+                        before + plain_sum(field, kernel.k, weights, region.x + x, region.y + y),
+                        2e-5)
+                << x << ", " << y;
+}
+
 struct Case {
     int k, side;
     double refined;
@@ -94,13 +107,7 @@ TEST_P(AddFiltered, IsTheSumOverTheKernel) {
     EXPECT_EQ(kernel.reach_y, reach_y);
     const int n = side / k;
     const cv::Rect region(-4 * n - 3, -6 * n + 1, 26 * n + 5, 23 * n + 3);
-    cv::Mat out(region.size(), CV_32FC1, cv::Scalar(0.25));
-    field.add_to(region, kernel, out);
-    for (int y = 0; y < region.height; ++y)
-        for (int x = 0; x < region.width; ++x)
-            ASSERT_NEAR(out.at<float>(y, x),
-                        0.25 + plain_sum(field, k, weights, region.x + x, region.y + y), 2e-5)
-                << x << ", " << y;
+    expect_plain_sums(field, kernel, weights, region, 0.25);
 }
 
 // Samples k per output in tiles of 4 x 4 outputs, and the coarser grids of the tail.
@@ -119,15 +126,7 @@ TEST(AddFiltered, LeavesOutCornersUpToTheirShare) {
             weights.at<double>(y + reach, x + reach) = 0.05 * std::exp(-(x * x + y * y) / 8.0);
     const FilterKernel kernel(1, weights);
     EXPECT_GT(kernel.view().first_pairs[0], 0);
-    const Field field(4, 0.3, 17);
-    const cv::Rect region(-20, -30, 112, 96);
-    cv::Mat out = cv::Mat::zeros(region.size(), CV_32FC1);
-    field.add_to(region, kernel, out);
-    for (int y = 0; y < region.height; ++y)
-        for (int x = 0; x < region.width; ++x)
-            ASSERT_NEAR(out.at<float>(y, x),
-                        plain_sum(field, 1, weights, region.x + x, region.y + y), 2e-5)
-                << x << ", " << y;
+    expect_plain_sums(Field(4, 0.3, 17), kernel, weights, {-20, -30, 112, 96}, 0.0);
 }
 
 TEST(AddFiltered, LeavesAloneWhatIsZero) {

@@ -1,8 +1,4 @@
 #include "sim/tiles/edge_group.h"
-#include "sim/tiles/vector_targets.h"
-
-#include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <cmath>
@@ -11,6 +7,7 @@
 #include "sim/psf/diffraction.h"
 #include "sim/render/renderer.h"
 #include "tests/gray.h"
+#include "tests/sim/every_target.h"
 #include "tests/sim/table_images.h"
 
 namespace etalon {
@@ -117,17 +114,15 @@ TEST(EdgeGroup, IsTheSameWithAllInstructions) {
     EdgeProfile profile;
     table.profile(group.blur, group.diagonal, profile);
     std::vector<float> first;
-    for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-        hwy::SetSupportedTargetsForTest(target);
+    on_every_target([&] {
         std::vector<float> values(64 + 256);
         edge_averages(group, values.data());
         add_edge(group, profile, 0.9f, 0, 16, values.data() + 64, 16);
         if (first.empty())
             first = values;
         for (std::size_t n = 0; n < values.size(); ++n)
-            EXPECT_NEAR(255.0 * values[n], 255.0 * first[n], 1e-3) << hwy::TargetName(target);
-    }
-    hwy::SetSupportedTargetsForTest(0);
+            EXPECT_NEAR(255.0 * values[n], 255.0 * first[n], 1e-3);
+    });
     EXPECT_FALSE(first.empty());
 }
 

@@ -1,9 +1,4 @@
 // Pixels by the table of edges and corners against sums over the pixel, the lens and the spread.
-#include "sim/tiles/vector_targets.h"
-
-#include <gtest/gtest.h>
-#include <hwy/targets.h>
-
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -13,6 +8,7 @@
 #include "sim/psf/wedge_table.h"
 #include "sim/render/renderer.h"
 #include "sim/tiles/tile_kernel.h"
+#include "tests/sim/every_target.h"
 #include "tests/sim/table_images.h"
 
 namespace etalon {
@@ -154,15 +150,13 @@ TEST(WedgePixels, AreSumsOverPixelLensAndSpread) {
         for (const int n : pixels)
             truth[n] = truth_at(corner, n % 4, n / 4);
         EXPECT_GT(*std::ranges::max_element(truth), 0.2);
-        for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-            hwy::SetSupportedTargetsForTest(target);
+        on_every_target([&] {
             float values[16];
             wedge_pixels(tile_of(corner), positions, rows, values);
             for (const int n : pixels)
                 EXPECT_NEAR(255.0 * values[n], 255.0 * truth[n], 0.05)
-                    << corner.name << ", pixel " << n << ", " << hwy::TargetName(target);
-        }
-        hwy::SetSupportedTargetsForTest(0);
+                    << corner.name << ", pixel " << n;
+        });
     }
 }
 

@@ -116,7 +116,7 @@ void estimate_scales(BiasField& field, const Rows& rows, const Eigen::VectorXd& 
     }
 }
 
-Eigen::VectorXd weights(BiasField& field, const Rows& rows, const Eigen::VectorXd& residual) {
+Eigen::VectorXd weights(BiasField& field, const Eigen::VectorXd& residual) {
     Eigen::VectorXd weight(residual.size());
     field.down_weighted = 0;
     for (Eigen::Index r = 0; r < residual.size(); ++r) {
@@ -190,7 +190,7 @@ BiasField fit_smooth_field(std::span<const FieldSample> samples, FieldBasis basi
         solve(field, rows, weight);
         const Eigen::VectorXd residual = rows.value - rows.design * field.coefficients;
         estimate_scales(field, rows, weight, residual);
-        weight = weights(field, rows, residual);
+        weight = weights(field, residual);
     }
     solve(field, rows, weight);
     if (!field.coefficients.allFinite() || !field.covariance.allFinite())

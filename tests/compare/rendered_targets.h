@@ -14,12 +14,9 @@ namespace etalon::test {
 // A webcam's lens without distortion, its diffraction and defocus replaced by a Gaussian.
 inline CameraModel blurred_camera(double sigma_px) {
     CameraModel camera = sharp_camera();
-    camera.sensor.emplace().pixel_pitch_um = 5.0;
-    camera.lens.emplace().f_number = 4.0;
-    camera.lens->focus_distance_mm = 300.0;
-    camera.lens->wavelength_nm = 550.0;
-    camera.lens->psf.kind = PointSpread::Kind::gaussian;
-    camera.lens->psf.sigma_px = sigma_px;
+    camera.sensor = Sensor{.pixel_pitch_um = 5.0};
+    camera.lens = Lens{.f_number = 4.0, .focus_distance_mm = 300.0, .wavelength_nm = 550.0};
+    camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = sigma_px};
     return camera;
 }
 

@@ -104,12 +104,11 @@ EdgeInView edge_in_view(double degrees, double room_px, bool is_diffraction) {
     grid.corner_mm = {-400.0, -300.0};
     grid.cell_mm = {400.0, 600.0};
     const Rigid pose = test::pose_of(0.0, 0.0, degrees * std::numbers::pi / 180.0, 0.0, 0.0, 500.0);
-    ReferenceOptions options;
-    options.samples_per_scramble = is_diffraction ? 32 : 64;
-    options.stop_at_gray = 0.01;
-    view.radiance = integrate_reference(view.camera, {{{grid, pose}}, 0.3},
-                                        {0, 0, view.camera.width, view.camera.height}, options)
-                        .mean;
+    view.radiance =
+        integrate_reference(
+            view.camera, {{{grid, pose}}, 0.3}, {0, 0, view.camera.width, view.camera.height},
+            {.samples_per_scramble = is_diffraction ? 32 : 64, .stop_at_gray = 0.01})
+            .mean;
     return view;
 }
 

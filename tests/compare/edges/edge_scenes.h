@@ -19,22 +19,15 @@ inline CameraModel edge_camera(int width, int height) {
     camera.height = height;
     camera.intrinsics = {900.0, 905.0, 0.5 * width - 1.7, 0.5 * height + 1.1};
     camera.distortion.k1 = -0.2;
-    camera.sensor.emplace();
-    camera.sensor->pixel_pitch_um = 5.0;
-    camera.sensor->bits = 12;
-    camera.sensor->black_dn = 64.0;
+    camera.sensor = Sensor{.pixel_pitch_um = 5.0, .bits = 12, .black_dn = 64.0};
     camera.sensor->gain_e_per_dn = 0.8;
     camera.sensor->read_noise_e = 7.0;
-    camera.lens.emplace();
-    camera.lens->f_number = 8.0;
-    camera.lens->focus_distance_mm = 500.0;
-    camera.lens->wavelength_nm = 550.0;
+    camera.lens = Lens{.f_number = 8.0, .focus_distance_mm = 500.0, .wavelength_nm = 550.0};
     return camera;
 }
 
 inline void set_gaussian(CameraModel& camera, double sigma_px) {
-    camera.lens->psf.kind = PointSpread::Kind::gaussian;
-    camera.lens->psf.sigma_px = sigma_px;
+    camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = sigma_px};
 }
 
 // A board whose print is neither black nor white: nothing is clipped.
@@ -59,10 +52,8 @@ struct EdgeScene {
     Radiance rendered() const { return Renderer(camera).render(scene(), {}).radiance; }
     // By brute force; flat pixels, which any number of samples gives exactly, are stopped early.
     Radiance reference(int samples) const {
-        ReferenceOptions options;
-        options.samples_per_scramble = samples;
-        options.stop_at_gray = 0.01;
-        return integrate_reference(camera, scene(), {0, 0, camera.width, camera.height}, options)
+        return integrate_reference(camera, scene(), {0, 0, camera.width, camera.height},
+                                   {.samples_per_scramble = samples, .stop_at_gray = 0.01})
             .mean;
     }
     std::vector<StraightEdge> edges(const CodeImage& photo,

@@ -81,16 +81,11 @@ CameraModel calibrated_camera() {
 
 CameraModel true_camera() {
     CameraModel camera = calibrated_camera();
-    camera.sensor.emplace().pixel_pitch_um = 6.0;
-    camera.sensor->bits = 8;
-    camera.sensor->black_dn = 5.0;
+    camera.sensor = Sensor{.pixel_pitch_um = 6.0, .bits = 8, .black_dn = 5.0};
     camera.sensor->gain_e_per_dn = 60.0;
     camera.sensor->read_noise_e = 40.0;
-    camera.lens.emplace().f_number = 8.0;
-    camera.lens->focus_distance_mm = 300.0;
-    camera.lens->wavelength_nm = 550.0;
-    camera.lens->psf.kind = PointSpread::Kind::gaussian;
-    camera.lens->psf.sigma_px = 0.7;
+    camera.lens = Lens{.f_number = 8.0, .focus_distance_mm = 300.0, .wavelength_nm = 550.0};
+    camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = 0.7};
     return camera;
 }
 
@@ -179,9 +174,8 @@ Radiance moved(const TrueScene& scene, double path_px) {
     MotionDuringExposure motion;
     motion.exposure_s = 0.01;
     motion.velocity.tail<3>() = sideways(scene, path_px) / motion.exposure_s;
-    RenderOptions options;
-    options.tolerance_gray = 0.5;  // below the noise
-    return render_moving(true_renderer(), still(scene, scene.camera_from_marker), motion, options)
+    return render_moving(true_renderer(), still(scene, scene.camera_from_marker), motion,
+                         {.tolerance_gray = 0.5})  // below the noise
         .image.radiance;
 }
 

@@ -22,15 +22,10 @@ inline CameraModel photographed_calibration() {
     camera.height = 240;
     camera.intrinsics = {430.0, 432.0, 157.2, 121.7};
     camera.distortion.k1 = -0.11;
-    camera.sensor.emplace();
-    camera.sensor->pixel_pitch_um = 5.0;
-    camera.sensor->black_dn = 9.0;
+    camera.sensor = Sensor{.pixel_pitch_um = 5.0, .black_dn = 9.0};
     camera.sensor->gain_e_per_dn = 40.0;
     camera.sensor->read_noise_e = 8.0;
-    camera.lens.emplace();
-    camera.lens->f_number = 1.6;
-    camera.lens->focus_distance_mm = 1100.0;
-    camera.lens->wavelength_nm = 550.0;
+    camera.lens = Lens{.f_number = 1.6, .focus_distance_mm = 1100.0, .wavelength_nm = 550.0};
     return camera;
 }
 

@@ -197,8 +197,7 @@ TEST(MeanCode, IsTheMeanOfWhatTheSensorDraws) {
     CameraModel camera;
     camera.width = 1000;
     camera.height = 800;
-    camera.sensor.emplace();
-    Sensor& sensor = *camera.sensor;
+    Sensor& sensor = camera.sensor.emplace();
     sensor.transfer.kind = Transfer::Kind::rec709;
     sensor.gain_e_per_dn = 60.0;
     sensor.read_noise_e = 10.0;

@@ -23,9 +23,7 @@ CameraModel noisy_camera() {
     camera.height = 90;
     camera.intrinsics = {203.0, 199.0, 57.0, 46.0};
     camera.distortion = {.k1 = -0.2, .k2 = 0.05};
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.sensor->bits = 8;
-    camera.sensor->black_dn = 5.0;
+    camera.sensor = Sensor{.pixel_pitch_um = 6.0, .bits = 8, .black_dn = 5.0};
     camera.sensor->gain_e_per_dn = 40.0;
     camera.sensor->read_noise_e = 20.0;
     camera.lens = Lens{.f_number = 2.8, .focus_distance_mm = 110.0, .wavelength_nm = 550.0};

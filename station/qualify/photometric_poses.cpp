@@ -57,7 +57,7 @@ PhotometricPoses::~PhotometricPoses() {
     try {
         tasks_.wait();
     } catch (const std::exception&) {
-        // nobody asks for them any more
+        // not needed any more
     }
 }
 

@@ -21,10 +21,10 @@ namespace {
 struct QualifyArguments {
     std::filesystem::path station, out;
     std::filesystem::path calibration;  // in place of the one that the station names
-    std::filesystem::path resume;       // in place of out: the record to go on with
+    std::filesystem::path resume;       // in place of out: the record to resume
     std::vector<std::string> twin;  // arguments of the etalon-twin to start for the run; or none
     std::string operator_name;      // for the record
-    bool homed = false;             // the operator's word, Stage::take_for_homed()
+    bool homed = false;             // as the operator says: Stage::take_for_homed()
     bool json = false;
 };
 struct ReportArguments {

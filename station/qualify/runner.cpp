@@ -84,7 +84,7 @@ void require_calibrated_format(const Frame& frame, const StationCamera& camera) 
 }
 
 // Nothing at all within the time-out, retries included, is a camera that is gone. A broken frame is
-// only a broken frame: the pose goes on with its others.
+// only a broken frame: the pose has its others.
 Frame take_frame(const Run& run, Camera& camera, Instant after) {
     const StationCamera& wanted = run.result.station.camera;
     Frame frame = frame_after_reconnecting(

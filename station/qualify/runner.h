@@ -31,7 +31,7 @@ void average_corners(VisitedPose& pose);
 struct DeviceOpeners {
     std::function<std::unique_ptr<Camera>()> camera;
     std::function<std::unique_ptr<Stage>()> stage;
-    bool homed = false;  // the operator's word, Stage::take_for_homed(): remarked in the record
+    bool homed = false;  // as the operator says: Stage::take_for_homed(), remarked in the record
     std::string operator_name = {};  // who begins the session, for the record; may be empty
     // Reads the room's sensor once, its time apart; throws DeviceError. Empty: there is none.
     std::function<ClimateReading()> climate = {};

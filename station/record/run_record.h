@@ -65,7 +65,7 @@ public:
     explicit RunRecord(const std::filesystem::path& folder,
                        std::initializer_list<const char*> parts = {"frames", "renders"});
 
-    // Goes on with a record: cuts its log after `whole_bytes` and appends. Throws ConfigError when
+    // Resumes a record: cuts its log after `whole_bytes` and appends. Throws ConfigError when
     // it cannot be written.
     RunRecord(const std::filesystem::path& folder, std::uintmax_t whole_bytes);
 

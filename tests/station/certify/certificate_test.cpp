@@ -46,6 +46,8 @@ protected:
         return missing_for_certificate(run, complete_form());
     }
     static QualifyResult copy() { return *run_; }
+    static std::string page(const QualifyResult& run) { return certificate_html(certificate(run)); }
+    static std::string xml(const QualifyResult& run) { return dcc_xml(certificate(run)); }
 
     static StationOfMocks* mocks_;
     static QualifyResult* run_;
@@ -138,7 +140,7 @@ TEST_F(CertifiedRun, HasTheMeasuredTemperatureInItsBudget) {
 
 // Numbers with a decimal point in the cells of the results.
 TEST_F(CertifiedRun, ShowsItsResultsWithTheDigitsOfTheirUncertainty) {
-    const std::string page = certificate_html(certificate(*run_));
+    const std::string page = this->page(*run_);
     for (const JudgedQuantity& each : run_->analysis->quantities) {
         const int decimals = decimals_of(each.expanded_uncertainty);
         const std::string cells = "<td class=\"n\">" + fixed(each.value, decimals) +
@@ -154,15 +156,14 @@ TEST_F(CertifiedRun, ShowsItsResultsWithTheDigitsOfTheirUncertainty) {
 TEST_F(CertifiedRun, EscapesWhatPeopleAndDevicesSay) {
     QualifyResult run = copy();
     run.camera.vendor = "<script>\x01";
-    for (const std::string& text :
-         {certificate_html(certificate(run)), dcc_xml(certificate(run))}) {
+    for (const std::string& text : {page(run), xml(run)}) {
         EXPECT_THAT(text, Not(HasSubstr("<script>")));
         EXPECT_THAT(text, HasSubstr("Optics &lt;Lab&gt;"));
         EXPECT_THAT(text, HasSubstr("A &amp; B Robotics"));
         EXPECT_THAT(text, HasSubstr("O. &lt;Perator&gt;"));
         EXPECT_THAT(text, HasSubstr("Laboratory &lt;B&gt; &amp; Sons"));
     }
-    EXPECT_THAT(dcc_xml(certificate(run)), Not(HasSubstr("\x01")));
+    EXPECT_THAT(xml(run), Not(HasSubstr("\x01")));
 }
 
 TEST_F(CertifiedRun, SaysThatItWasResumedAndWhyThereIsNoVerdict) {
@@ -170,7 +171,7 @@ TEST_F(CertifiedRun, SaysThatItWasResumedAndWhyThereIsNoVerdict) {
     run.sessions.push_back(run.sessions[0]);
     run.outcome = RunOutcome::inconclusive;
     run.analysis->reasons = {"the limit lies within the uncertainty"};
-    const std::string page = certificate_html(certificate(run)), xml = dcc_xml(certificate(run));
+    const std::string page = this->page(run), xml = this->xml(run);
     EXPECT_THAT(page, HasSubstr("interrupted and resumed: 2 sessions"));
     EXPECT_THAT(page, HasSubstr("no statement of conformity"));
     EXPECT_THAT(page, HasSubstr("the limit lies within the uncertainty"));
@@ -188,7 +189,7 @@ std::vector<std::string> contents(const std::string& xml, const std::string& ele
 }
 
 TEST_F(CertifiedRun, GivesMachinesEveryResultToTheLastBit) {
-    const std::string xml = dcc_xml(certificate(*run_));
+    const std::string xml = this->xml(*run_);
     const std::string results = xml.substr(xml.find("<dcc:results>"));
     const auto values = contents(results, "si:value"),
                uncertainties = contents(results, "si:uncertainty"),
@@ -220,7 +221,7 @@ TEST_F(CertifiedRun, GivesMachinesTheStructureOfADigitalCalibrationCertificate) 
         write_text(mocks_->folder / "dcc.xml", xml);
         return std::system(check.c_str()) == 0;
     };
-    const std::string xml = dcc_xml(certificate(*run_));
+    const std::string xml = this->xml(*run_);
     EXPECT_TRUE(is_valid(xml)) << xml;
     for (const char* element : {"dcc:customer", "dcc:coreData", "dcc:respPersons", "dcc:items",
                                 "dcc:results", "si:unit", "si:coverageFactor"})
@@ -230,7 +231,7 @@ TEST_F(CertifiedRun, GivesMachinesTheStructureOfADigitalCalibrationCertificate) 
     odd.camera.vendor.clear();
     odd.camera.model = " \t";
     odd.outcome = RunOutcome::inconclusive;
-    EXPECT_TRUE(is_valid(dcc_xml(certificate(odd))));
+    EXPECT_TRUE(is_valid(this->xml(odd)));
 }
 
 // 95.45 % is two-sided of k = 2; of pixels k is 3 and nothing else.
@@ -240,13 +241,6 @@ TEST(Coverage, IsTwoSided) {
     EXPECT_NEAR(coverage_of({.coverage_factor = coverage_factor(5.0), .degrees_of_freedom = 5.0}),
                 0.9545, 1e-4);
 }
-
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
-
-const std::filesystem::path example =
-    std::filesystem::path(ETALON_SOURCE_DIR) / "examples/every-key/certificate.yaml";
 
 CertificateForm read(const std::string& text) {
     const TemporaryFolder folder;
@@ -259,7 +253,8 @@ std::string refusal(const std::string& text) {
 }
 
 TEST(CertificateForm, GivesWhatTheExampleSays) {
-    const CertificateForm form = read_certificate_form(example);
+    const CertificateForm form =
+        read_certificate_form(ETALON_SOURCE_DIR "/examples/every-key/certificate.yaml");
     EXPECT_EQ(form.number, "2026-0042");
     EXPECT_EQ(form.customer.name, "A & B Robotics");
     EXPECT_EQ(address_of(form.laboratory), "Main Road 1, 38116 Braunschweig, DE");
@@ -283,7 +278,6 @@ TEST(CertificateForm, RefusesWhatCannotBePrinted) {
 }
 
 using namespace std::chrono_literals;
-using testing::HasSubstr;
 
 // In weasyprint's place other programs that are called with two files.
 class PdfFile : public testing::Test {

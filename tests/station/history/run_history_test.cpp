@@ -177,8 +177,6 @@ TEST_F(History, RefusesWhatIsNoRecord) {
     EXPECT_THAT(refusal({record}), HasSubstr("run.json: is not JSON"));
 }
 
-using testing::HasSubstr;
-
 HistoricRun run_on(const std::string& day, const std::string& outcome, double value,
                    const std::string& camera = "CAM-7") {
     HistoricRun run;

@@ -108,13 +108,10 @@ TEST_F(RunIndexTest, FiltersByCameraOutcomeAndNumber) {
     EXPECT_EQ(index.runs({"CAM-7"}).size(), 3u);
     EXPECT_EQ(index.runs({"", "demo", "FAIL"}).size(), 1u);
     EXPECT_EQ(index.runs({"' OR 1 --"}).size(), 0u);
-    RunFilter unfinished;
-    unfinished.unfinished = true;
-    EXPECT_EQ(index.runs(unfinished).size(), 2u);
-    RunFilter latest;
-    latest.at_most = 2;
-    ASSERT_EQ(index.runs(latest).size(), 2u);
-    EXPECT_EQ(index.runs(latest).back().outcome, "PASS") << "the latest";
+    EXPECT_EQ(index.runs({.unfinished = true}).size(), 2u);
+    const auto latest = index.runs({.at_most = 2});
+    ASSERT_EQ(latest.size(), 2u);
+    EXPECT_EQ(latest.back().outcome, "PASS");
 }
 
 TEST_F(RunIndexTest, LeavesOutWhatIsNoRunAndSaysSo) {

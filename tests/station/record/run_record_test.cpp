@@ -102,26 +102,30 @@ TEST(RunRecord, LogsAPoseOnlyWhenItsFramesAreWritten) {
     EXPECT_EQ(event["corners"], Json::parse("[[1.25, 2.5]]"));
 }
 
-QualifyResult result_of(const TemporaryFolder& folder) {
-    QualifyResult result;
-    result.station = read_station(write_station(folder));
-    result.plan = make_plan(result.station.plan, result.station.stage.axes, {});
-    result.started_utc = "2026-03-07T14:05:09Z";
-    result.software = software_versions();
-    AnalysedPose pose{VisitedPose{result.plan.poses.front()}};
-    pose.target = {7, -5, 3, 0.5};
-    pose.read_back = {7.25, -5, 3, 0.5};
-    pose.read_back_deviation = {0.125, 0, 0, 0};
-    pose.approach = {1, -1, 0, 1};
-    result.poses = {pose};
-    return result;
-}
+// A run of one pose, which ended early.
+class RunTexts : public testing::Test {
+protected:
+    RunTexts() {
+        result.station = read_station(write_station(folder));
+        result.plan = make_plan(result.station.plan, result.station.stage.axes, {});
+        result.started_utc = "2026-03-07T14:05:09Z";
+        result.software = software_versions();
+        AnalysedPose pose{VisitedPose{result.plan.poses.front()}};
+        pose.target = {7, -5, 3, 0.5};
+        pose.read_back = {7.25, -5, 3, 0.5};
+        pose.read_back_deviation = {0.125, 0, 0, 0};
+        pose.approach = {1, -1, 0, 1};
+        result.poses = {pose};
+    }
+    Json run() const { return Json::parse(run_json(result)); }
 
-TEST(RunJson, SaysWhatWasAskedWithWhatAndHowItEnded) {
-    const TemporaryFolder folder;
-    QualifyResult result = result_of(folder);
+    TemporaryFolder folder;
+    QualifyResult result;
+};
+
+TEST_F(RunTexts, SaysWhatWasAskedWithWhatAndHowItEnded) {
     result.reason = "stage 127.0.0.1:1599: read: timed out \xff";  // not UTF-8: must not throw
-    const Json run = Json::parse(run_json(result));
+    const Json run = this->run();
     EXPECT_EQ(run["etalon"], "run/1");
     EXPECT_EQ(run["outcome"], "ERROR");
     EXPECT_THAT(run["reason"].get<std::string>(), HasSubstr("timed out"));
@@ -135,10 +139,8 @@ TEST(RunJson, SaysWhatWasAskedWithWhatAndHowItEnded) {
     EXPECT_FALSE(run.contains("measurements"));
 }
 
-TEST(RunJson, GivesEachQuantityItsUnitLimitUncertaintyAndOutcome) {
-    const TemporaryFolder folder;
-    QualifyResult result = result_of(folder);
-    Qualification analysis;
+TEST_F(RunTexts, GivesEachQuantityItsUnitLimitUncertaintyAndOutcome) {
+    Qualification& analysis = result.analysis.emplace();
     analysis.quantities = {{.name = "b3_position_field_rms_mm",
                             .unit = "mm",
                             .measured = true,
@@ -154,8 +156,7 @@ TEST(RunJson, GivesEachQuantityItsUnitLimitUncertaintyAndOutcome) {
     unseen.name = "constant pose offset";
     unseen.detectable_size = std::numeric_limits<double>::infinity();
     analysis.signatures = {unseen};
-    result.analysis = analysis;
-    const Json run = Json::parse(run_json(result));
+    const Json run = this->run();
     const Json& first = run["measurements"][0];
     EXPECT_EQ(first["value"], 0.07);
     EXPECT_EQ(first["expanded_uncertainty"], 0.02);
@@ -166,21 +167,16 @@ TEST(RunJson, GivesEachQuantityItsUnitLimitUncertaintyAndOutcome) {
 }
 
 // The deviation is for a corner of 1 px; the residuals say 0.2 px.
-TEST(RunJson, SaysWhatTheRegistrationCouldHardlySee) {
-    const TemporaryFolder folder;
-    QualifyResult result = result_of(folder);
-    BiasCorrectedRegistration corrected;
-    corrected.registration.motion = "turns about one axis, base z";
-    corrected.registration.reduced_squares = 0.04;
-    PoorlyConstrainedDirection weak;
+TEST_F(RunTexts, SaysWhatTheRegistrationCouldHardlySee) {
+    Registration& seen = result.analysis.emplace().registration.emplace().registration;
+    seen.motion = "turns about one axis, base z";
+    seen.reduced_squares = 0.04;
+    PoorlyConstrainedDirection& weak = seen.weak.emplace_back();
     weak.name = "rotation about base x between X and Y";
     weak.direction = Vector12d::Unit(3);
     weak.deviation = 0.35;
     weak.worth_poses = 0.7;
-    corrected.registration.weak = {weak};
-    result.analysis.emplace();
-    result.analysis->registration = corrected;
-    const Json registration = Json::parse(run_json(result))["registration"];
+    const Json registration = run()["registration"];
     EXPECT_EQ(registration["motion"], "turns about one axis, base z");
     ASSERT_EQ(registration["badly_determined"].size(), 1u);
     const Json& found = registration["badly_determined"][0];
@@ -191,9 +187,7 @@ TEST(RunJson, SaysWhatTheRegistrationCouldHardlySee) {
     EXPECT_EQ(found["worth_photographs"], 0.7);
 }
 
-TEST(PosesCsv, HasAsManyFieldsInEachRowAsInItsHeader) {
-    const TemporaryFolder folder;
-    QualifyResult result = result_of(folder);
+TEST_F(RunTexts, HaveAsManyFieldsInEachRowOfPosesCsvAsInItsHeader) {
     for (const bool analysed : {false, true}) {
         if (analysed) {
             result.analysis.emplace();

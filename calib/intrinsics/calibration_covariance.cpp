@@ -280,8 +280,8 @@ Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, const C
     return bootstrap;
 }
 
-void check_determinacy(std::span<const CalibrationView> views, const CameraFit& fit,
-                       std::span<const ViewEquations> equations) {
+void check_identifiability(std::span<const CalibrationView> views, const CameraFit& fit,
+                           std::span<const ViewEquations> equations) {
     const CalibrationModel& model = fit.model;
     const double noise = noise_of(views, fit);
     const bool is_telecentric = model.projection == Projection::telecentric;

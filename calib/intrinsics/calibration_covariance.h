@@ -69,8 +69,8 @@ Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, const C
 // telecentric lens also needs views tilted by more than hardly_tilted_rad about several axes, which
 // tell fx and fy to a hundredth, and a distortion that tells its centre to half the image.
 // `equations` are the fit's.
-void check_determinacy(std::span<const CalibrationView> views, const CameraFit& fit,
-                       std::span<const ViewEquations> equations);
+void check_identifiability(std::span<const CalibrationView> views, const CameraFit& fit,
+                           std::span<const ViewEquations> equations);
 
 // 95 % intervals of a calibration's parameters where a standard deviation does not say enough: with
 // a parameter held at an end of its interval and all else fitted again, the sum of squares is what

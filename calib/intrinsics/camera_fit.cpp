@@ -418,7 +418,7 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
     fit.variance = variance_of(views, weighted_squares(views, fit), model);
     const std::vector<ViewEquations> equations = view_equations(views, fit);
     fit.condition_number = weakest_direction(equations, model).condition_number;
-    check_determinacy(views, fit, equations);
+    check_identifiability(views, fit, equations);
     return fit;
 }
 

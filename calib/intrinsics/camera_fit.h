@@ -61,7 +61,7 @@ struct CameraFitOptions {
 // point in the middle of the image and no distortion; parameters that are not in `model` stay as in
 // the start. Throws NumericalError for fewer than three views, a view that check_view() refuses
 // with four points, more parameters than observations, a start that is none, and what
-// check_determinacy() refuses. Every observed point is where the model is regular
+// check_identifiability() refuses. Every observed point is where the model is regular
 // (calib/camera/distortion.h); a fold between the axis and a point is for Projector to find.
 CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size,
                      const CalibrationModel& model, const CameraFitOptions& options = {});

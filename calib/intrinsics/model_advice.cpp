@@ -123,7 +123,7 @@ void for_each_index(std::size_t count, const Task& task) {
 }
 
 // What the views say of the model's projection where their points are.
-void set_determinacy(ModelScore& score, std::span<const CalibrationView> views) {
+void set_identifiability(ModelScore& score, std::span<const CalibrationView> views) {
     const CameraFit& fit = *score.fit;
     const auto deviation = attempted([&] {
         const auto covariances =
@@ -296,7 +296,7 @@ std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv:
         if (!is_asked(i))
             return;
         set_left_out(scores[i], std::span(left_out).subspan(i * views.size(), views.size()), views);
-        set_determinacy(scores[i], views);
+        set_identifiability(scores[i], views);
     });
     return scores;
 }

@@ -395,7 +395,7 @@ std::vector<double> lengths_of(const Eigen::VectorXd& residuals, int group) {
     return lengths;
 }
 
-// From the median length. The floor keeps exact data from being held for outliers.
+// From the median length. The floor keeps exact data from being flagged as outliers.
 double huber_threshold(std::vector<double> lengths, const Observations& observations) {
     const auto middle = lengths.begin() + std::ssize(lengths) / 2;
     std::nth_element(lengths.begin(), middle, lengths.end());

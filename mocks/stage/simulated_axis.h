@@ -49,7 +49,7 @@ double error_at(const AxisErrors& errors, double motor, double kelvin);
 // Adds what each axis leans towards the others. One entry of `errors` per position.
 std::vector<double> with_lean(const std::vector<AxisErrors>& errors, std::vector<double> positions);
 
-// Lost motion: where in its gap the carriage is, 0 (pushed from below) to `backlash` (from above),
+// Backlash: where in its gap the carriage is, 0 (pushed from below) to `backlash` (from above),
 // after the motor has gone `way` in one direction.
 double play_after(double play, double way, double backlash);
 

@@ -40,7 +40,7 @@ struct Axis {
     Rigid previous_from_mount;       // M above
     double zero = 0.0;               // the position at which it sits as mounted, mm or rad
     std::optional<ErrorMap> errors;  // covers the soft limits
-    double backlash = 0.0;           // lost motion on reversal, >= 0, mm or rad
+    double backlash = 0.0;           // on reversal, >= 0, mm or rad
 
     // Every position is approached from below (+1) or from above (-1) over at least `overrun`, mm
     // or rad, so that the backlash is always on the same side; 0: from either side.

@@ -164,9 +164,9 @@ Series shifts_of(const std::vector<EdgeBin>& binned) {
 }
 
 // Adds the series; returns where its band ends.
-double draw(SvgPlot& plot, const Series& series, Color ink, const std::string& name) {
-    plot.add_band(series, ink, "");
-    plot.add_curve(series, ink, name);
+double draw(SvgPlot& plot, const Series& series, Color color, const std::string& name) {
+    plot.add_band(series, color, "");
+    plot.add_curve(series, color, name);
     return series.empty() ? 0.0 : *std::max_element(series.highs.begin(), series.highs.end());
 }
 

@@ -147,7 +147,7 @@ void add_summary(HtmlPage& page, const QualifyResult& result) {
                      deciding ? deciding_sentence(*deciding) : "Nothing could be judged.",
                      {{"Most probable cause", cause_sentences(causes)},
                       {"What to do", named ? sentences(named->remedies()) : Texts()},
-                      {result.outcome == RunOutcome::pass ? "Beside it" : "Why it is not PASS",
+                      {result.outcome == RunOutcome::pass ? "Remarks" : "Why it is not PASS",
                        other_reasons(analysis, deciding)},
                       {"Photographs against renders",
                        analysis.pixels ? sentences(analysis.pixels->findings) : Texts()}});
@@ -365,7 +365,7 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
          {"Rank", fmt::format("{} of 12", registration.rank)},
          {"Condition number", number(registration.condition_number)},
          {"Residual", fmt::format("{} px RMS", number(registration.residual_rms_px))},
-         {"Points held for outliers", fmt::format("{}", registration.down_weighted_points)}});
+         {"Points flagged as outliers", fmt::format("{}", registration.down_weighted_points)}});
     std::vector<std::string> notes;
     for (const GaugeFreedom& freedom : registration.freedoms)
         notes.push_back("Not determined by this stage's motion, fixed by the nominal mount: " +

@@ -41,12 +41,12 @@ void print_freedoms(const StageRegistration& result) {
 void print_residuals(const StageRegistration& result, std::size_t points) {
     const Registration& registration = result.registration;
     if (result.rounds > 0)
-        fmt::print("residual {:.4f} px RMS; {} of {} corners held for outliers\n",
+        fmt::print("residual {:.4f} px RMS; {} of {} corners flagged as outliers\n",
                    registration.residual_rms_px, registration.down_weighted_points,
                    points * static_cast<std::size_t>(result.used));
     else
         fmt::print(
-            "residual {:.2f} stated standard deviations RMS; {} of {} poses held for outliers\n",
+            "residual {:.2f} stated standard deviations RMS; {} of {} poses flagged as outliers\n",
             std::sqrt(registration.reduced_squares), registration.down_weighted_points,
             result.used);
     const RegisteredPhoto* worst = nullptr;

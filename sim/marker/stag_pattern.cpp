@@ -6,7 +6,10 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <map>
 #include <numbers>
+#include <span>
+#include <string>
 
 #include "core/file/text.h"
 #include "core/program/errors.h"

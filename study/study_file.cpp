@@ -1,5 +1,6 @@
 #include "study/study_file.h"
 
+#include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "calib/files/camera_file.h"

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"

@@ -1,6 +1,7 @@
 #include "calib/intrinsics/bundle_adjustment.h"
 
 #include <Eigen/QR>
+#include <cmath>
 #include <limits>
 
 namespace etalon {

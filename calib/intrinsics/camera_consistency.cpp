@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <tuple>
 
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "calib/intrinsics/calibration_outliers.h"

@@ -17,6 +17,8 @@
 // p2 make up. More: docs/calibration.md.
 #pragma once
 
+#include <opencv2/core.hpp>
+
 #include "calib/intrinsics/calibration_view.h"
 
 namespace etalon {

@@ -4,6 +4,7 @@
 
 #include <Eigen/QR>
 #include <Eigen/SVD>
+#include <cmath>
 #include <numeric>
 
 #include "calib/camera/pixel_model.h"

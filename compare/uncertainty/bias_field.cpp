@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cmath>
 
 #include "compare/uncertainty/uncertainty_budget.h"
 #include "core/program/errors.h"

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
+#include <string_view>
 
 #include "compare/uncertainty/uncertainty_budget.h"
 #include "core/program/errors.h"

@@ -14,6 +14,7 @@
 #include <limits>
 #include <memory>
 #include <opencv2/imgproc.hpp>
+#include <string_view>
 
 #include "core/image/opencv_plugin.h"
 #include "core/program/errors.h"

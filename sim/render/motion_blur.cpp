@@ -1,6 +1,7 @@
 #include "sim/render/motion_blur.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"

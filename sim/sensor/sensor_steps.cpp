@@ -1,6 +1,9 @@
 #include "sim/sensor/sensor_steps.h"
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <limits>
 #include <numbers>
 #include <numeric>
 

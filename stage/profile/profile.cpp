@@ -1,6 +1,7 @@
 #include "stage/profile/profile.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 

@@ -1,6 +1,7 @@
 #include "station/certify/certificate.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <csignal>
 

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "compare/qualification/judged_quantities.h"
 #include "core/file/text.h"

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <tuple>
+
 #include "compare/pose/pose_bias.h"
 #include "core/config/strict_reader.h"
 #include "core/statistics/distributions.h"

@@ -1,6 +1,7 @@
 // comparison.json and the CSV tables of a comparison, numbers unrounded.
 #include <fmt/format.h>
 
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"

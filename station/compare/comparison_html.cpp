@@ -1,5 +1,6 @@
 // The report of a comparison: the figure and what it could not see first, evidence below.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "core/file/text.h"
 #include "report/html.h"

@@ -1,6 +1,8 @@
 // The plots of a comparison.
 #include <fmt/format.h>
 
+#include <tuple>
+
 #include "report/svg_plot.h"
 #include "station/compare/comparison.h"
 

@@ -1,7 +1,10 @@
 #include "station/qualify/run_analysis.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <opencv2/imgproc.hpp>
+
+#include <tuple>
 
 #include "compare/match/overlay.h"
 #include "compare/photometric/photometric_model.h"

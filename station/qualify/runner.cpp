@@ -1,6 +1,7 @@
 #include "station/qualify/runner.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "capture/camera_recovery.h"
 #include "compare/make_detector.h"

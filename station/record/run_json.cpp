@@ -1,6 +1,7 @@
 #include "station/record/run_json.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"

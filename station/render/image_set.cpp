@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <fmt/ranges.h>
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 #include "calib/camera/camera_model.h"

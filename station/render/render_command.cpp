@@ -1,5 +1,6 @@
 // `etalon render`: markers as a calibrated camera would see them, one image.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include "core/program/errors.h"

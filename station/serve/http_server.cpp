@@ -9,6 +9,7 @@
 #include <unistd.h>
 #undef _res  // of <resolv.h>: Eigen has variables of this name
 
+#include <array>
 #include <atomic>
 #include <cstdlib>
 

@@ -2,6 +2,8 @@
 // once; a path that is not in the table does not exist.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "station/history/run_index.h"
 #include "station/serve/access.h"
 #include "station/serve/station_control.h"

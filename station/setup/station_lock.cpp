@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/chrono.h>
+#include <fmt/format.h>
 #include <netdb.h>
 #include <pwd.h>
 #include <sys/file.h>

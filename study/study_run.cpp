@@ -2,8 +2,9 @@
 
 #include <fmt/format.h>
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
+
+#include "core/program/ordered_pipeline.h"
 
 namespace etalon {
 namespace {
@@ -89,14 +90,13 @@ StudyRun run_study(const StudyOptics& optics, const Shard& shard, StudyRecord& r
     tbb::enumerable_thread_specific<tbb::task_arena> serial([] { return tbb::task_arena(1); });
     workers.local();  // whether its programs can be started
 
-    const auto next_pose = [&](tbb::flow_control& control) -> StudyPose {
+    const auto next_pose = [&]() -> std::optional<StudyPose> {
         while (source.next_index() < poses && !stop.stop_requested()) {
             const StudyPose pose = source.next();
             if (shard.holds(pose.index))
                 return pose;
         }
-        control.stop();
-        return {};
+        return std::nullopt;
     };
     // A pose is one task in an arena of one thread: what renders and detectors do in parallel would
     // only wait for each other, and a thread that waits must not begin another pose with the
@@ -117,12 +117,7 @@ StudyRun run_study(const StudyOptics& optics, const Shard& shard, StudyRecord& r
     if (before < of)
         progress.begin("study", static_cast<int>(of - before),
                        std::chrono::milliseconds(20) * (of - before));
-    const auto in_order = tbb::filter_mode::serial_in_order;
-    tbb::parallel_pipeline(
-        2 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()),
-        tbb::make_filter<void, StudyPose>(in_order, next_pose) &
-            tbb::make_filter<StudyPose, EvaluatedPose>(tbb::filter_mode::parallel, evaluate) &
-            tbb::make_filter<EvaluatedPose, void>(in_order, keep));
+    process_in_order(next_pose, evaluate, keep);
     progress.end();
 
     StudyRun result{.poses = record.poses_done() - before, .complete = record.poses_done() == of};

@@ -1,16 +1,15 @@
 #include "station/render/image_set.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <nlohmann/json.hpp>
 
-#include <fmt/ranges.h>
-#include <tbb/parallel_pipeline.h>
-#include <tbb/task_arena.h>
 #include "calib/camera/camera_model.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"
+#include "core/program/ordered_pipeline.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
@@ -372,7 +371,7 @@ SetResult render_set(const RenderArguments& arguments, std::stop_token stop, Pro
 
     std::size_t index = 0;  // of the pose that `poses` gives next
     using SetPose = std::pair<std::size_t, Rigid>;
-    const auto next_missing = [&](tbb::flow_control& control) -> SetPose {
+    const auto next_missing = [&]() -> std::optional<SetPose> {
         result.complete = false;
         while (!stop.stop_requested()) {
             const auto pose = poses.next();
@@ -381,10 +380,9 @@ SetResult render_set(const RenderArguments& arguments, std::stop_token stop, Pro
                 break;
             const std::size_t i = index++;
             if (i < count && shard.holds(i) && !set.had(i))
-                return {i, *pose};
+                return SetPose{i, *pose};
         }
-        control.stop();
-        return {};
+        return std::nullopt;
     };
     // Isolated: while a render waits for its own tasks, its thread must not begin another image.
     const auto make = [&](const SetPose& pose) {
@@ -401,14 +399,7 @@ SetResult render_set(const RenderArguments& arguments, std::stop_token stop, Pro
     };
     // A tenth of a second an image, until the first ones have shown it.
     progress.begin("render", static_cast<int>(missing), std::chrono::milliseconds(100) * missing);
-    // Poses go in and lines come out in their order, so that an interrupted set is a whole
-    // beginning of the full one.
-    const auto in_order = tbb::filter_mode::serial_in_order;
-    tbb::parallel_pipeline(
-        2 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()),
-        tbb::make_filter<void, SetPose>(in_order, next_missing) &
-            tbb::make_filter<SetPose, MadeImage>(tbb::filter_mode::parallel, make) &
-            tbb::make_filter<MadeImage, void>(in_order, record));
+    process_in_order(next_missing, make, record);
     progress.end();
     return result;
 }

@@ -174,8 +174,9 @@ Eigen::VectorXd NamedError::motion(std::size_t poses, std::optional<double> at) 
             moved = size / *at * (pixels(i, *at) - pixels(i, 0.0));
         else
             moved = 0.5 * (pixels(i, size) - pixels(i, -size));
-        all.conservativeResize(all.size() + moved.size());
-        all.tail(moved.size()) = moved;
+        if (i == 0)
+            all.resize(static_cast<Eigen::Index>(poses) * moved.size());
+        all.segment(static_cast<Eigen::Index>(i) * moved.size(), moved.size()) = moved;
     }
     return all;
 }

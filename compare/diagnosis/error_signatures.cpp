@@ -29,14 +29,14 @@ class LinearChain {
 public:
     explicit LinearChain(const SignatureChain& chain) : chain_(chain) {
         const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
-        Eigen::MatrixXd training(0, 12);
+        Eigen::MatrixXd training(
+            rows * std::ranges::count(chain.poses, false, &AnalysedPose::hold_out), 12);
         for (std::size_t i = 0; i < chain.poses.size(); ++i) {
             if (chain.poses[i].hold_out) {
                 hold_out_.emplace_back(i, PoseSolver(chain.pose_jacobian(i)));
                 continue;
             }
-            training.conservativeResize(training.rows() + rows, 12);
-            training.bottomRows(rows) = registration_jacobian(
+            training.middleRows(std::ssize(training_rows_), rows) = registration_jacobian(
                 chain.projector, chain.points_mm, chain.camera_from_base,
                 chain.poses[i].base_from_carriage, chain.carriage_from_marker);
             for (Eigen::Index row = 0; row < rows; ++row)

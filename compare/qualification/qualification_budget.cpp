@@ -201,7 +201,10 @@ private:
         const Matrix12d factor =
             eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
         double shift = 0.0, turn = 0.0, largest_shift = 0.0, largest_turn = 0.0;
-        Eigen::MatrixXd shifts(0, 12);  // of the hold-out poses
+        // Of the hold-out poses.
+        Eigen::MatrixXd shifts(3 * std::ranges::count_if(result_.poses, &AnalysedPose::is_judged),
+                               12);
+        Eigen::Index judged = 0;
         for (const AnalysedPose& pose : result_.poses) {
             const Eigen::Matrix<double, 6, 12> ways =
                 moved_by_registration(pose.base_from_carriage) * factor;
@@ -211,10 +214,8 @@ private:
             shift += shifted / static_cast<double>(result_.poses.size());
             largest_turn = std::max(largest_turn, turned);
             largest_shift = std::max(largest_shift, shifted);
-            if (!pose.is_judged())
-                continue;
-            shifts.conservativeResize(shifts.rows() + 3, Eigen::NoChange);
-            shifts.bottomRows<3>() = ways.bottomRows<3>();
+            if (pose.is_judged())
+                shifts.middleRows<3>(3 * judged++) = ways.bottomRows<3>();
         }
         contribute_positions(row, std::sqrt(shift), std::sqrt(largest_shift),
                              largest_lengthening(shifts));

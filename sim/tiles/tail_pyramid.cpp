@@ -239,6 +239,8 @@ struct Targets {
 // Adds the smooth grid's sums, or writes them and the background, to a part of the region.
 void add_smooth(const cv::Mat& sums, const cv::Rect& squares, int shift, const cv::Rect& part,
                 const cv::Rect& region, std::optional<float> background, cv::Mat& pixels) {
+    if (part.empty())  // a row of no pixels has no squares
+        return;
     const bool past_caches = is_past_caches(pixels);
     const float base = background.value_or(0.0f);
     // The squares between whose middles the part's pixels lie.

@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <opencv2/core.hpp>
 
 #include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/slanted_edge.h"
@@ -120,9 +119,7 @@ double lens_transfer(const CameraModel& camera, double f) {
 }
 
 double analytic(const CameraModel& camera, double degrees, double f) {
-    const double angle = degrees * std::numbers::pi / 180.0;
-    return std::abs(test::sinc(f * std::cos(angle)) * test::sinc(f * std::sin(angle))) *
-           lens_transfer(camera, f);
+    return test::pixel_transfer_across(degrees, f) * lens_transfer(camera, f);
 }
 
 SlantedEdge measure(const EdgeInView& view, int seed) {

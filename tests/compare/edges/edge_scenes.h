@@ -1,27 +1,23 @@
 // Chessboards and slanted edges for the tests of what is measured along edges.
 #pragma once
 
-#include <cmath>
 #include <numbers>
-#include <vector>
 
 #include "compare/edges/edge_spread.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon::test {
 
 // 12 bit, black level 64, a few thousand electrons: signal to noise of 50 in the white.
 inline CameraModel edge_camera(int width, int height) {
-    CameraModel camera;
-    camera.width = width;
-    camera.height = height;
-    camera.intrinsics = {900.0, 905.0, 0.5 * width - 1.7, 0.5 * height + 1.1};
-    camera.distortion.k1 = -0.2;
-    camera.sensor = Sensor{.pixel_pitch_um = 5.0, .bits = 12, .black_dn = 64.0};
-    camera.sensor->gain_e_per_dn = 0.8;
-    camera.sensor->read_noise_e = 7.0;
+    CameraModel camera = camera_with(
+        width, height, {900.0, 905.0, 0.5 * width - 1.7, 0.5 * height + 1.1}, {.k1 = -0.2});
+    camera.sensor = Sensor{.pixel_pitch_um = 5.0,
+                           .bits = 12,
+                           .black_dn = 64.0,
+                           .gain_e_per_dn = 0.8,
+                           .read_noise_e = 7.0};
     camera.lens = Lens{.f_number = 8.0, .focus_distance_mm = 500.0, .wavelength_nm = 550.0};
     return camera;
 }
@@ -99,6 +95,12 @@ struct Pulls {
 inline double sinc(double x) {
     const double q = std::numbers::pi * x;
     return q == 0.0 ? 1.0 : std::sin(q) / q;
+}
+
+// Of a square pixel, across an edge at this angle to its columns.
+inline double pixel_transfer_across(double degrees, double cycles_per_px) {
+    const double angle = degrees * std::numbers::pi / 180.0;
+    return std::abs(sinc(cycles_per_px * std::cos(angle)) * sinc(cycles_per_px * std::sin(angle)));
 }
 
 inline double gaussian_transfer(double sigma_px, double cycles_per_px) {

@@ -2,11 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <limits>
-#include <numbers>
 
-#include "core/geometry/rigid.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 

@@ -3,12 +3,8 @@
 // B3 has not, and B4 takes it between the photograph's own levels.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
-#include "compare/qualification/qualification.h"
-#include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 #include "tests/compare/qualification/simulated_run.h"
 
@@ -20,13 +16,11 @@ constexpr double background = 0.6, white_level = 0.8;
 CameraModel rec709_camera(const CameraModel& geometry) {
     CameraModel camera = geometry;
     camera.lens = Lens{1.4, 1200.0, 550.0, {}};
-    Sensor sensor;
-    sensor.pixel_pitch_um = 5.0;
-    sensor.transfer.kind = Transfer::Kind::rec709;
-    sensor.black_dn = 8;
-    sensor.gain_e_per_dn = 60;
-    sensor.read_noise_e = 10;
-    camera.sensor = sensor;
+    camera.sensor = Sensor{.pixel_pitch_um = 5.0,
+                           .transfer = {Transfer::Kind::rec709, {}},
+                           .black_dn = 8,
+                           .gain_e_per_dn = 60,
+                           .read_noise_e = 10};
     return camera;
 }
 

@@ -3,10 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
 #include "compare/qualification/judged_quantities.h"
-#include "compare/qualification/qualification.h"
 #include "core/program/errors.h"
 #include "tests/compare/qualification/simulated_run.h"
 
@@ -46,10 +43,7 @@ TEST(BiasedDetector, LeavesNoTraceInB3NorB4) {
         detector_that_reads(run, [](Eigen::Vector3d& t) { t.z() += 10.0; }),
         detector_that_reads(run, [](Eigen::Vector3d& t) { t.z() *= 1.02; }),
         [](const Corners& corners) {
-            Corners moved = corners;
-            for (Eigen::Vector2d& corner : moved)
-                corner += Eigen::Vector2d(0.5, 0.5);
-            return moved;
+            return moved_by(corners, {0.5, 0.5});
         }};
     const double least_b1_mm[] = {9.9, 5.0, 0.2};  // 2 % of 300 mm and more; half a pixel at 300 mm
     for (int i = 0; i < 3; ++i) {

@@ -17,12 +17,13 @@ struct BoardPhotos {
     std::vector<CalibrationView> views;
     CameraFit fit;
 
-    explicit BoardPhotos(const std::string& side) {
+    explicit BoardPhotos(const std::string& side,
+                         const std::filesystem::path& folder = ETALON_PHOTO_DIR) {
         for (int n = 1; n <= 14; ++n) {
             if (n == 10)
                 continue;  // the sets have none
             names.push_back(fmt::format("{}{:02}.jpg", side, n));
-            images.push_back(read_image(std::filesystem::path(ETALON_PHOTO_DIR) / names.back()));
+            images.push_back(read_image(folder / names.back()));
             const auto corners = find_chessboard_corners(images.back(), board.columns, board.rows);
             views.push_back({board.points_mm, corners.value().pixels});
         }

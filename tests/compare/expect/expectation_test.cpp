@@ -5,8 +5,8 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "core/geometry/units.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "station/planning/expectation_report.h"
@@ -17,8 +17,6 @@ namespace etalon {
 namespace {
 
 using testing::HasSubstr;
-
-constexpr double deg = std::numbers::pi / 180.0;
 
 // By hand, for a marker on the camera's right that faces the camera's own z.
 TEST(Expectation, ComponentsAreAlongTheSightAndTheTilt) {
@@ -54,7 +52,7 @@ std::vector<MarkerPlace> places(int count) {
     for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(count); ++i) {
         RandomStream random(3, 1, i);
         all.push_back({300.0 + 300.0 * random.uniform(), 200.0 * random.uniform(),
-                       45.0 * deg * random.uniform()});
+                       45.0 * rad_per_deg * random.uniform()});
     }
     return all;
 }
@@ -109,7 +107,7 @@ ExpectationRequest small_request() {
     return {.scene = {.camera = camera,
                       .marker = parse_marker("apriltag:36h11:5@60mm", "test"),
                       .white_level = 0.8},
-            .volume = {160.0, 260.0, 40.0 * deg},
+            .volume = {160.0, 260.0, 40.0 * rad_per_deg},
             .poses = 24,
             .frames = 4,
             .seed = 2};
@@ -165,7 +163,7 @@ TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
     result.station.plan.frames = 2;
     result.analysis.emplace();
     for (const Rigid& pose : volume_poses(request.scene.camera, request.scene.marker.grid, 25, 4,
-                                          {160.0, 260.0, 40.0 * deg})) {
+                                          {160.0, 260.0, 40.0 * rad_per_deg})) {
         const Eigen::Vector3d sight = pose.translation.normalized();
         AnalysedPose record;
         record.hold_out = true;
@@ -205,7 +203,7 @@ TEST(Expectation, TakesAWideLensAsFarAsItIsRendered) {
     ExpectationRequest request = small_request();
     request.scene.camera.projection.kind = Projection::equidistant;
     request.scene.camera.intrinsics = {70, 70, 121, 88};
-    request.volume = {60.0, 110.0, 40.0 * deg};
+    request.volume = {60.0, 110.0, 40.0 * rad_per_deg};
     request.poses = 40;
     request.frames = 0;
     const Expectation found = expect_errors(request);
@@ -217,8 +215,8 @@ TEST(Expectation, TakesAWideLensAsFarAsItIsRendered) {
         EXPECT_NEAR(pose.place.depth_mm, p.norm(), 1e-9);
         widest = std::max(widest, std::acos(p.normalized().z()));
     }
-    EXPECT_GT(widest, 45.0 * deg);
-    EXPECT_LT(widest, 80.0 * deg);
+    EXPECT_GT(widest, 45.0 * rad_per_deg);
+    EXPECT_LT(widest, 80.0 * rad_per_deg);
 }
 
 TEST(Expectation, SaysWhyThereIsNoNoise) {

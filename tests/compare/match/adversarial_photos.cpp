@@ -6,7 +6,7 @@
 #include "compare/photometric/photometric_model.h"
 #include "sim/render/motion_blur.h"
 #include "sim/render/reference_integrator.h"
-#include "tests/calib/cameras.h"
+#include "tests/compare/rendered_targets.h"
 #include "tests/image_of.h"
 
 namespace etalon::test {
@@ -17,13 +17,6 @@ const Renderer& true_renderer() {
     return renderer;
 }
 
-Eigen::Vector3d middle_mm(const Marker& marker) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& point : marker.points_mm)
-        sum += point / static_cast<double>(marker.points_mm.size());
-    return sum;
-}
-
 // The marker's middle at (x, y, z), turned.
 TrueScene scene_at(const std::string& name, const Eigen::Vector3d& rotation,
                    const Eigen::Vector3d& middle) {
@@ -31,9 +24,7 @@ TrueScene scene_at(const std::string& name, const Eigen::Vector3d& rotation,
     scene.marker = parse_marker(name, "test");
     scene.shown = scene.marker.grid;
     scene.shown.cells = scene.marker.grid.cells.clone();
-    scene.camera_from_marker = {rotation_from_vector(rotation), middle};
-    scene.camera_from_marker.translation -=
-        scene.camera_from_marker.rotation * middle_mm(scene.marker);
+    scene.camera_from_marker = board_pose(scene.marker, rotation, middle);
     return scene;
 }
 
@@ -57,7 +48,7 @@ Scene still(const TrueScene& scene, const Rigid& pose) {
 }
 
 double depth(const TrueScene& scene) {
-    return (scene.camera_from_marker * middle_mm(scene.marker)).z();
+    return (scene.camera_from_marker * middle_of(scene.marker)).z();
 }
 
 // mm across the line of sight that move the marker's middle by 0.8 and 0.6 px a px of path.
@@ -127,7 +118,7 @@ CodeImage exposed(const Radiance& radiance, int seed) {
 
 Eigen::Vector2d middle_px(const TrueScene& scene) {
     return Projector(true_camera())
-        .project(scene.camera_from_marker * middle_mm(scene.marker))
+        .project(scene.camera_from_marker * middle_of(scene.marker))
         .value();
 }
 

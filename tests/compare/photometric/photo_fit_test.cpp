@@ -19,12 +19,7 @@ Marker board() {
 
 // A tag of 8 x 8 cells of 5 mm, its border and its white surroundings included.
 Marker tag() {
-    Marker marker;
-    marker.kind = Marker::Kind::aruco;
-    marker.grid.cells = cv::Mat(8, 8, CV_32FC1, cv::Scalar(0));
-    marker.grid.corner_mm = {-20.0, -20.0};
-    marker.grid.cell_mm = {5.0, 5.0};
-    return marker;
+    return parse_marker("aruco:4X4_50:7@30mm", "test");
 }
 
 TEST(ComparedArea, OfAChessboardIsItsInnerCornersAndTheMargin) {

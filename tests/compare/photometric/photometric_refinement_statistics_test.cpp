@@ -6,8 +6,8 @@
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/render/reference_integrator.h"
-#include "tests/calib/cameras.h"
 #include "tests/compare/board_photos.h"
+#include "tests/compare/rendered_targets.h"
 
 namespace etalon {
 namespace {
@@ -32,11 +32,9 @@ Rigid pose_of(int photo) {
     const double turn = 2.4 * photo;
     const Eigen::Vector3d tilt(0.6 * std::cos(turn), 0.55 * std::sin(turn),
                                0.1 * std::sin(3 * turn));
-    const Eigen::Quaterniond rotation = rotation_from_vector(tilt);
-    const Eigen::Vector3d centre(33.0, 22.0, 0.0);
     const Eigen::Vector3d place(6 * std::sin(5 * turn), 4 * std::cos(2 * turn),
                                 300 + 30 * std::sin(4 * turn));
-    return {rotation, place - rotation * centre};
+    return test::board_pose(refined_board(), tilt, place);
 }
 
 // 1024 samples a pixel where they are needed: half a gray at edges, below the noise of 1 to 2.

@@ -56,8 +56,7 @@ inline Axis demo_axis(const std::string& name, Axis::Kind kind, const Eigen::Vec
 }
 
 inline Rigid demo_mount() {
-    const double deg = std::numbers::pi / 180.0;
-    return {rotation_from_vector({22.0 * deg, 0.0, 0.0}), {5.0, -7.0, 20.0}};
+    return {rotation_from_vector({22.0 * rad_per_deg, 0.0, 0.0}), {5.0, -7.0, 20.0}};
 }
 
 // The demo's station: a wide-angle camera looks along z at an 80 mm tag on an XYZ + Rz stage.

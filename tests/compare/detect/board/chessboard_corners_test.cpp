@@ -3,9 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "core/geometry/units.h"
 #include "core/program/errors.h"
 #include "tests/image_of.h"
 
@@ -87,11 +87,9 @@ ChessboardCorners expect_found(const Board& board) {
     return found;
 }
 
-constexpr double deg = std::numbers::pi / 180.0;
-
 TEST(ChessboardCorners, AreInTheMarkersOrderHoweverTheBoardIsTurned) {
     for (const double degrees : {0.0, 77.0, 131.0, 180.0, 262.0, 311.0})
-        EXPECT_THAT(expect_found({7, 4, 23.0, degrees * deg}).refined, testing::Each(true));
+        EXPECT_THAT(expect_found({7, 4, 23.0, degrees * rad_per_deg}).refined, testing::Each(true));
 }
 
 TEST(ChessboardCorners, AreFoundWithSmallAndWithLargeSquares) {
@@ -121,7 +119,7 @@ TEST(ChessboardCorners, OfAnEvenSumKeepOneOfTwoOrders) {
 // 9x5 and 5x9 have the same corners, and black where the other has white.
 TEST(ChessboardCorners, TellABoardThatLiesOnItsSide) {
     for (const double degrees : {3.0, 95.0}) {
-        const CodeImage image = Board{9, 5, 29.0, degrees * deg}.image();
+        const CodeImage image = Board{9, 5, 29.0, degrees * rad_per_deg}.image();
         const auto found = find_chessboard_corners(image, 9, 5),
                    other = find_chessboard_corners(image, 5, 9);
         ASSERT_TRUE(found && other) << degrees;
@@ -136,7 +134,7 @@ TEST(ChessboardCorners, OfASquareBoardBeginAtABlackSquare) {
         expect_found({.columns = 5,
                       .rows = 5,
                       .square_px = 31.0,
-                      .angle = degrees * deg,
+                      .angle = degrees * rad_per_deg,
                       .either_way = true});
 }
 

@@ -9,20 +9,6 @@
 namespace etalon {
 namespace {
 
-// A pixel behind a Gaussian, across an edge: the Gaussian edge averaged over 16 x 16 points of the
-// pixel (error below 1e-3 of the step for sigma of 0.5 px).
-double pixel_value(double x, double y, double degrees, double sigma) {
-    const double angle = degrees * std::numbers::pi / 180.0;
-    double sum = 0.0;
-    for (int i = 0; i < 16; ++i)
-        for (int k = 0; k < 16; ++k) {
-            const double u = x + (i + 0.5) / 16.0 - 0.5, v = y + (k + 0.5) / 16.0 - 0.5;
-            const double d = u * std::cos(angle) + v * std::sin(angle);
-            sum += 0.5 * std::erfc(-d / sigma / std::numbers::sqrt2);
-        }
-    return sum / 256.0;
-}
-
 constexpr int width = 40, height = 64;
 
 // Of a radiance by pixel, nothing clipped.
@@ -34,8 +20,11 @@ LinearPhoto photo_of(cv::Size size, double noise, const auto& radiance) {
 }
 
 LinearPhoto edge_photo(double degrees, double noise = 0.0) {
+    const double angle = degrees * std::numbers::pi / 180.0;
+    const Eigen::Vector2d normal(std::cos(angle), std::sin(angle));
     return photo_of({width, height}, noise, [&](int x, int y) {
-        return 0.1 + 0.7 * pixel_value(x - 19.3, y - 31.6, degrees, 0.5);
+        const double distance = normal.dot(Eigen::Vector2d(x - 19.3, y - 31.6));
+        return 0.1 + 0.7 * test::gaussian_edge(distance, normal, 0.5);
     });
 }
 

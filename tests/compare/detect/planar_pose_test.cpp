@@ -25,12 +25,9 @@ Points square(double side) {
     return {{-h, -h, 0}, {h, -h, 0}, {h, h, 0}, {-h, h, 0}};
 }
 
-Points board(int columns, int rows, double step) {
-    Points points;
-    for (int j = 0; j < rows; ++j)
-        for (int i = 0; i < columns; ++i)
-            points.emplace_back(i * step, j * step, 0.0);
-    return points;
+// The first corner is the origin.
+Points board(const char* size) {
+    return parse_marker(std::string("chessboard:") + size, "test").points_mm;
 }
 
 class EstimatePose : public testing::Test {
@@ -69,7 +66,7 @@ TEST_F(EstimatePose, RecoversTagPosesFromTheirProjectionsIncludingDistortion) {
 }
 
 TEST_F(EstimatePose, RecoversABoardWhoseOriginIsItsFirstCorner) {
-    found_at(board(9, 6, 25.0), rigid_from_vector({0.41, -0.33, 0.2, -85.0, -61.0, 410.0}), 1e-9,
+    found_at(board("9x6@25mm"), rigid_from_vector({0.41, -0.33, 0.2, -85.0, -61.0, 410.0}), 1e-9,
              1e-7);
 }
 
@@ -155,7 +152,7 @@ TEST_F(EstimatePose, CovarianceIsThatOfManyNoisyEstimates) {
 }
 
 TEST_F(EstimatePose, IsLeastSquaresSoNoNearbyPoseIsBetter) {
-    const Points corners = board(4, 3, 20.0);
+    const Points corners = board("4x3@20mm");
     const Rigid truth{rotation_from_vector({0.3, 0.2, -0.4}), {-20.0, 15.0, 350.0}};
     Pixels pixels = corners_at(projector, corners, truth);
     RandomStream noise(3, 1);

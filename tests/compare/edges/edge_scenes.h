@@ -108,4 +108,24 @@ inline double gaussian_transfer(double sigma_px, double cycles_per_px) {
     return std::exp(-2.0 * q * q);
 }
 
+// Integral of the normal distribution function: what a box's end sees of a Gaussian edge.
+inline double gaussian_ramp(double x, double sigma) {
+    const double u = x / sigma;
+    return x * 0.5 * std::erfc(-u / std::numbers::sqrt2) +
+           sigma * std::exp(-0.5 * u * u) / std::sqrt(2.0 * std::numbers::pi);
+}
+
+// An edge behind a Gaussian and a square pixel, by its definition: the pixel's other width is
+// integrated by the midpoint rule, whose error with 400 steps is below 1e-6.
+inline double gaussian_edge(double distance, const Eigen::Vector2d& normal, double sigma) {
+    constexpr int steps = 400;
+    const double a = std::abs(normal.x()), b = std::abs(normal.y());
+    double sum = 0.0;
+    for (int i = 0; i < steps; ++i) {
+        const double d = distance + b * ((i + 0.5) / steps - 0.5);
+        sum += (gaussian_ramp(d + 0.5 * a, sigma) - gaussian_ramp(d - 0.5 * a, sigma)) / a;
+    }
+    return sum / steps;
+}
+
 }  // namespace etalon::test

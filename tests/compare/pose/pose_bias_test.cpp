@@ -67,10 +67,7 @@ TEST(PoseBias, LeavesOutWhatWasNotDetected) {
 // A board's first point is its origin. Tilted about the line from there to its middle, both planar
 // solutions put it at almost the same place, and only the rotation tells them apart.
 TEST(PoseBias, TellsTheSolutionsOfABoardApartByTheirRotation) {
-    std::vector<Eigen::Vector3d> board;
-    for (int row = 0; row < 5; ++row)
-        for (int column = 0; column < 7; ++column)
-            board.emplace_back(8.0 * column, 8.0 * row, 0.0);
+    const auto board = parse_marker("chessboard:7x5@8mm", "test").points_mm;
     const Rigid truth{rotation_from_vector(0.4 * Eigen::Vector3d(3, 2, 0).normalized()),
                       {-24.0, -16.0, 470.0}};
     const CameraModel camera = demo_run().camera;

@@ -20,19 +20,10 @@ using Undistortion = PublishedMethod::Undistortion;
 // Wide and strongly distorted, so that a fixed-point step more or less shows; blurred by some 2 px;
 // infrared, so that the Airy pattern is as wide as a pixel.
 CameraModel small_camera() {
-    CameraModel camera = test::camera_with(61, 47, {60.0, 68.0, 29.0, 25.5},
-                                           {.k1 = -0.35,
-                                            .k2 = 0.09,
-                                            .p1 = 0.003,
-                                            .p2 = -0.002,
-                                            .k3 = 0.1,
-                                            .k4 = 0.01,
-                                            .k5 = 0.02,
-                                            .k6 = 0.03,
-                                            .s1 = 0.002,
-                                            .s2 = 0.004,
-                                            .s3 = 0.006,
-                                            .s4 = -0.01});
+    CameraModel camera = test::camera_with(
+        61, 47, {60.0, 68.0, 29.0, 25.5},
+        // k1, k2, p1, p2, k3 to k6, s1 to s4
+        {-0.35, 0.09, 0.003, -0.002, 0.1, 0.01, 0.02, 0.03, 0.002, 0.004, 0.006, -0.01});
     camera.sensor = Sensor{.pixel_pitch_um = 40.0};
     camera.lens = Lens{0.5, 60.0, 20000.0, {}};
     return camera;
@@ -259,25 +250,24 @@ TEST(PublishedMethod, ComesNearTheReferenceWhereItsShortcutsDoNoHarm) {
         EXPECT_NEAR(image.radiance.at<float>(pixels[i]), truth[i].mean, 2.0 / 255.0) << pixels[i];
 }
 
-TEST(PublishedMethod, BothVariantsAgreeWhereThereIsNoDistortion) {
-    CameraModel camera = small_camera();
-    camera.distortion = {};
+TEST(PublishedMethod, VariantsDifferLittleAndByDistortionAlone) {
     const Scene scene = two_markers();
-    const auto a = PublishedMethod(camera, 256, Undistortion::per_ray).render(scene);
-    const auto b = PublishedMethod(camera, 256, Undistortion::linearised).render(scene);
-    EXPECT_EQ(a.edge_pixels, b.edge_pixels);
-    // Rounding may put single rays on the other side of a border.
-    EXPECT_LT(cv::norm(a.radiance, b.radiance, cv::NORM_INF), 4.0 / 256.0);
-    EXPECT_LT(cv::norm(a.radiance, b.radiance, cv::NORM_L2) / std::sqrt(a.radiance.total()), 2e-4);
-}
-
-TEST(PublishedMethod, VariantsDifferLittleUnderDistortion) {
-    const CameraModel camera = small_camera();
-    const Scene scene = two_markers();
-    const auto a = PublishedMethod(camera, 256, Undistortion::per_ray).render(scene);
-    const auto b = PublishedMethod(camera, 256, Undistortion::linearised).render(scene);
-    EXPECT_GT(cv::norm(a.radiance, b.radiance, cv::NORM_INF), 0.0);
-    EXPECT_LT(cv::norm(a.radiance, b.radiance, cv::NORM_L2) / std::sqrt(a.radiance.total()), 2e-3);
+    for (const bool is_distorted : {false, true}) {
+        CameraModel camera = small_camera();
+        if (!is_distorted)
+            camera.distortion = {};
+        const auto a = PublishedMethod(camera, 256, Undistortion::per_ray).render(scene);
+        const auto b = PublishedMethod(camera, 256, Undistortion::linearised).render(scene);
+        const double largest = cv::norm(a.radiance, b.radiance, cv::NORM_INF);
+        EXPECT_LT(cv::norm(a.radiance, b.radiance, cv::NORM_L2) / std::sqrt(a.radiance.total()),
+                  is_distorted ? 2e-3 : 2e-4);
+        if (is_distorted) {
+            EXPECT_GT(largest, 0.0);
+        } else {
+            EXPECT_EQ(a.edge_pixels, b.edge_pixels);
+            EXPECT_LT(largest, 4.0 / 256.0);  // rounding moves single rays over a border
+        }
+    }
 }
 
 TEST(PublishedMethod, ShowsTheBackgroundBehindAMarkersBack) {
@@ -291,8 +281,8 @@ TEST(PublishedMethod, ShowsTheBackgroundBehindAMarkersBack) {
 
 TEST(PublishedMethod, RefusesWhatItCannotDo) {
     CameraModel camera = small_camera();
-    EXPECT_THROW(PublishedMethod(camera, 100, Undistortion::per_ray), NumericalError);
-    EXPECT_THROW(PublishedMethod(camera, 32, Undistortion::per_ray), NumericalError);
+    for (const int rays : {100, 32})
+        EXPECT_THROW(PublishedMethod(camera, rays, Undistortion::per_ray), NumericalError);
     camera.distortion.tau_x = 0.01;
     EXPECT_THROW(PublishedMethod(camera, 64, Undistortion::per_ray), NumericalError);
     camera.distortion.tau_x = 0.0;

@@ -2,18 +2,29 @@
 // ones.
 #pragma once
 
-#include "calib/camera/camera_model.h"
+#include "calib/camera/projector.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon::test {
 
 inline CameraModel camera_with(int width, int height, Intrinsics intrinsics,
-                               Distortion distortion) {
+                               Distortion distortion = {}) {
     CameraModel camera;
     camera.width = width;
     camera.height = height;
     camera.intrinsics = intrinsics;
     camera.distortion = distortion;
     return camera;
+}
+
+// Where the camera sees a marker's points.
+inline std::vector<Eigen::Vector2d> corners_at(const Projector& projector,
+                                               const std::vector<Eigen::Vector3d>& points,
+                                               const Rigid& camera_from_marker) {
+    std::vector<Eigen::Vector2d> corners;
+    for (const Eigen::Vector3d& point : points)
+        corners.push_back(projector.project(camera_from_marker * point).value());
+    return corners;
 }
 
 inline CameraModel webcam() {

@@ -2,24 +2,16 @@
 // far a detector's corners are from the truth in them.
 #pragma once
 
-#include <Eigen/Core>
-#include <vector>
-
-#include "calib/camera/projector.h"
-#include "compare/detect/detector.h"
+#include "compare/make_detector.h"
 #include "core/statistics/random.h"
 #include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon::test {
 
 // A sharp linear camera; nothing but geometry and pixels.
 inline CameraModel sharp_camera() {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {700.0, 705.0, 321.7, 238.2};
-    return camera;
+    return camera_with(640, 480, {700.0, 705.0, 321.7, 238.2});
 }
 
 struct RenderedTag {
@@ -29,12 +21,8 @@ struct RenderedTag {
 
 inline RenderedTag render_tag(const Renderer& renderer, const Marker& tag, const Rigid& pose) {
     const CameraModel& camera = renderer.camera();
-    const Projector projector(camera);
-    RenderedTag result;
-    result.image = SensorModel(camera).expose(renderer.render({{{tag.grid, pose}}, 1.0}).radiance);
-    for (const Eigen::Vector3d& point : tag.points_mm)
-        result.corners.push_back(projector.project(pose * point).value());
-    return result;
+    return {SensorModel(camera).expose(renderer.render({{{tag.grid, pose}}, 1.0}).radiance),
+            corners_at(Projector(camera), tag.points_mm, pose)};
 }
 
 inline RenderedTag render_tag(const CameraModel& camera, const Marker& tag,
@@ -49,6 +37,13 @@ inline double largest_error_px(const std::vector<Eigen::Vector2d>& found,
     for (std::size_t i = 0; i < truth.size() && i < found.size(); ++i)
         largest = std::max(largest, (found[i] - truth[i]).norm());
     return largest;
+}
+
+// Of what the tag's own detector finds.
+inline double detection_error_px(const Marker& tag, const CodeImage& photo,
+                                 const std::vector<Eigen::Vector2d>& truth) {
+    const auto found = make_detector("auto", tag, "test")->detect(photo).corners;
+    return found && found->id == tag.id ? largest_error_px(found->pixels, truth) : 1e9;
 }
 
 struct Offsets {
@@ -68,9 +63,8 @@ inline std::vector<RenderedTag> tag_photos(const CameraModel& camera, const Mark
         const auto between = [&](double low, double high) {
             return low + (high - low) * random.uniform();
         };
-        Vector6d pose;
-        pose << between(-0.35, 0.35), between(-0.35, 0.35), between(-3.1, 3.1), between(-50, 50),
-            between(-30, 30), between(270, 310);
+        Vector6d pose{between(-0.35, 0.35), between(-0.35, 0.35), between(-3.1, 3.1),
+                      between(-50, 50),     between(-30, 30),     between(270, 310)};
         pose.tail<3>() /= scale;
         photos.push_back(render_tag(renderer, tag, rigid_from_vector(pose)));
     }

@@ -2,10 +2,6 @@
 // that observe() finds are from the truth.
 #pragma once
 
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "compare/detect/board/calibration_target.h"
 #include "tests/compare/rendered_tags.h"
 
@@ -56,7 +52,7 @@ inline Rigid random_board_pose(const Marker& board, int n, double largest_tilt,
 }
 
 struct PointErrors {
-    int photos = 0, found = 0;         // with the board in
+    int found = 0;                     // boards
     std::size_t points = 0, seen = 0;  // of the boards that were found
     double sum_of_squares = 0.0, largest = 0.0;
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();

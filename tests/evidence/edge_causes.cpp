@@ -11,11 +11,10 @@
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 
-#include "calib/intrinsics/camera_fit.h"
-#include "compare/detect/board/chessboard_corners.h"
 #include "compare/edges/edge_summary.h"
 #include "compare/photometric/photo_match.h"
 #include "core/statistics/distributions.h"
+#include "tests/compare/board_photos.h"
 
 namespace {
 
@@ -90,16 +89,7 @@ double squared_shift_by_jpeg(const CodeImage& photo, const PhotometricCamera& ca
 }
 
 Set measured(const std::filesystem::path& folder, const std::string& side) {
-    std::vector<CodeImage> photos;
-    std::vector<CalibrationView> views;
-    for (int n = 1; n <= 14; ++n) {
-        if (n == 10)
-            continue;  // the sets have none
-        photos.push_back(read_image(folder / fmt::format("{}{:02}.jpg", side, n)));
-        views.push_back(
-            {board().points_mm, find_chessboard_corners(photos.back(), 9, 6).value().pixels});
-    }
-    const CameraFit fit = fit_camera(views, {640, 480}, calibration_model("standard"));
+    const auto [marker, names, photos, views, fit] = test::BoardPhotos(side, folder);
     const auto camera = std::make_shared<const PhotometricCamera>(fit.camera);
     const ComparedArea area = compared_area(board(), {}, "board");
     Set set;

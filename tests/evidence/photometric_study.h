@@ -19,6 +19,7 @@
 #include "sim/render/renderer.h"
 #include "sim/scene/pose_sampling.h"
 #include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon::test {
 
@@ -27,15 +28,10 @@ inline constexpr double exposure = 0.8;
 // A webcam of 640x480 px with barrel distortion, of 5100 electrons full well; with the lens,
 // focused at 1 m.
 inline CameraModel webcam(bool with_lens) {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {538.55, 536.2, 317.3, 241.8};
-    camera.distortion = {.k1 = -0.286, .k2 = 0.057, .k3 = 0.112};
-    camera.sensor = Sensor{.pixel_pitch_um = 8.3};
-    camera.sensor->black_dn = 5.0;
-    camera.sensor->gain_e_per_dn = 20.0;
-    camera.sensor->read_noise_e = 10.0;
+    CameraModel camera = camera_with(640, 480, {538.55, 536.2, 317.3, 241.8},
+                                     {.k1 = -0.286, .k2 = 0.057, .k3 = 0.112});
+    camera.sensor =
+        Sensor{.pixel_pitch_um = 8.3, .black_dn = 5.0, .gain_e_per_dn = 20.0, .read_noise_e = 10.0};
     if (with_lens)
         camera.lens = Lens{.f_number = 2.8, .focus_distance_mm = 1000.0, .wavelength_nm = 650.0};
     return camera;

@@ -21,9 +21,9 @@ int run(std::uint64_t images) {
     std::mutex lock;
     tbb::parallel_for(std::uint64_t{0}, images, [&](std::uint64_t number) {
         const StagImage image = source.make(number);
-        const StagTally one = judge(image, find_stags({image.pixels, 8}, words, 4));
+        const std::vector<FoundStag> found = find_stags({image.pixels, 8}, words, 4);
         const std::lock_guard hold(lock);
-        tallies[static_cast<std::size_t>(image.kind)] += one;
+        tallies[static_cast<std::size_t>(image.kind)].add(image, found);
     });
     constexpr std::array names{"noise",  "textures",    "shapes",  "other tags",
                                "boards", "other STags", "markers", "markers in part"};

@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <opencv2/core.hpp>
 
 #include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/slanted_edge.h"
@@ -112,17 +111,13 @@ EdgeInView edge_in_view(double degrees, double room_px, bool is_diffraction) {
     return view;
 }
 
-double lens_transfer(const CameraModel& camera, double f) {
-    if (camera.lens->psf.kind == PointSpread::Kind::gaussian)
-        return test::gaussian_transfer(camera.lens->psf.sigma_px, f);
-    const double x = f * lambda_n_px(camera);  // Born and Wolf, 9.5.2: a circular aperture
-    return x >= 1.0 ? 0.0 : 2.0 / std::numbers::pi * (std::acos(x) - x * std::sqrt(1.0 - x * x));
-}
-
 double analytic(const CameraModel& camera, double degrees, double f) {
-    const double angle = degrees * std::numbers::pi / 180.0;
-    return std::abs(test::sinc(f * std::cos(angle)) * test::sinc(f * std::sin(angle))) *
-           lens_transfer(camera, f);
+    const double pixel = test::pixel_transfer_across(degrees, f);
+    if (camera.lens->psf.kind == PointSpread::Kind::gaussian)
+        return pixel * test::gaussian_transfer(camera.lens->psf.sigma_px, f);
+    const double x = std::min(1.0, f * lambda_n_px(camera));
+    return pixel * 2.0 / std::numbers::pi *  // Born and Wolf, 9.5.2: a circular aperture
+           (std::acos(x) - x * std::sqrt(1.0 - x * x));
 }
 
 SlantedEdge measure(const EdgeInView& view, int seed) {

@@ -2,20 +2,16 @@
 // noise, and radiance pictures with many levels.
 #pragma once
 
-#include <cmath>
-#include <vector>
-
-#include "core/statistics/random.h"
+#include "compare/characterise/transfer_estimate.h"
 #include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
+#include "tests/image_of.h"
 
 namespace etalon::test {
 
 // 8 bit, a black level between two codes, 12 e/DN, 14 e of read noise (1.2 DN).
 inline CameraModel noisy_camera() {
-    CameraModel camera;
-    camera.width = 320;
-    camera.height = 240;
-    camera.intrinsics = {400.0, 403.0, 165.0, 112.0};
+    CameraModel camera = camera_with(320, 240, {400.0, 403.0, 165.0, 112.0});
     camera.sensor = Sensor{.pixel_pitch_um = 6.0,
                            .bits = 8,
                            .black_dn = 9.3,
@@ -26,14 +22,9 @@ inline CameraModel noisy_camera() {
 
 // Light and dark squares of 40 px under light that rises to the right: an eighth to all of `top`.
 inline Radiance squares(const CameraModel& camera, double top) {
-    Radiance radiance(camera.height, camera.width, CV_32FC1);
-    for (int y = 0; y < radiance.rows; ++y)
-        for (int x = 0; x < radiance.cols; ++x) {
-            const double tone = (x / 40 + y / 40) % 2 == 0 ? 0.25 : 1.0;
-            radiance.at<float>(y, x) =
-                static_cast<float>(top * tone * (0.5 + 0.5 * x / radiance.cols));
-        }
-    return radiance;
+    return image_of({camera.width, camera.height}, [&](int x, int y) {
+        return top * ((x / 40 + y / 40) % 2 == 0 ? 0.25 : 1.0) * (0.5 + 0.5 * x / camera.width);
+    });
 }
 
 inline Radiance even(const CameraModel& camera, double level) {
@@ -48,6 +39,19 @@ inline std::vector<CodeImage> exposed(const CameraModel& camera, const Radiance&
         images.push_back(
             sensor.expose(radiance, NoiseKey{seed, first + static_cast<std::uint32_t>(i)}));
     return images;
+}
+
+// Of a scene of which 1 ms makes full scale 1, one photograph a time.
+inline std::vector<ExposedPhoto> exposure_series(const CameraModel& camera, const Radiance& scene,
+                                                 const std::vector<double>& times_us,
+                                                 std::uint64_t seed = 5) {
+    std::vector<ExposedPhoto> photos;
+    for (const double time : times_us) {
+        const auto frame = static_cast<std::uint32_t>(photos.size());
+        photos.push_back(
+            {exposed(camera, scene * (time / 1000.0), 1, seed, frame).front(), time, "photo"});
+    }
+    return photos;
 }
 
 }  // namespace etalon::test

@@ -1,6 +1,5 @@
 // What measures black level, noise, tone and shading refuses, and what it says then; values with
 // known answers. How often the truth is within U: levels_statistics_test.cpp.
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,29 +8,23 @@
 #include "compare/characterise/code_statistics.h"
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/characterise/photon_transfer.h"
-#include "compare/characterise/transfer_estimate.h"
-#include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 #include "tests/compare/characterise/level_scenes.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
 
 using test::even;
 using test::exposed;
+using test::exposure_series;
 using test::noisy_camera;
 using test::squares;
 using testing::HasSubstr;
 
 template <class Action>
 std::string refusal(Action action) {
-    try {
-        action();
-    } catch (const NumericalError& error) {
-        return error.what();
-    }
-    return "no error";
+    return text_of_error<NumericalError>(action);
 }
 
 CodeImage codes(int rows, int columns, std::initializer_list<int> values) {
@@ -70,9 +63,8 @@ TEST(CodeStatistics, RoundingAgreesWithRoundedDeviates) {
 
 TEST(CodeStatistics, FindsWhereAScaleEnds) {
     cv::Mat ramp(50, 200, CV_8UC1);
-    for (int y = 0; y < ramp.rows; ++y)
-        for (int x = 0; x < ramp.cols; ++x)
-            ramp.at<uchar>(y, x) = static_cast<uchar>(std::min(30 + x, 190));
+    for (int x = 0; x < ramp.cols; ++x)
+        ramp.col(x) = std::min(30 + x, 190);
     const CodeImage limited{ramp, 8};
     EXPECT_EQ(saturation_code({&limited, 1}), 190);
     const CodeImage free{ramp.colRange(0, 150).clone(), 8};
@@ -165,37 +157,27 @@ TEST(PhotonTransfer, RefusesACurveThatTheCameraFileDoesNotHave) {
     EXPECT_THAT(photon_refusal(view, noisy_camera()), HasSubstr("photon transfer: "));
 }
 
-std::vector<ExposedPhoto> series(const CameraModel& camera, const Radiance& scene,
-                                 const std::vector<double>& times) {
-    std::vector<ExposedPhoto> photos;
-    for (const double time : times) {
-        const auto frame = static_cast<std::uint32_t>(photos.size());
-        photos.push_back({exposed(camera, scene * (time / 1000.0), 1, 5, frame).front(), time,
-                          fmt::format("photo{}", photos.size())});
-    }
-    return photos;
-}
-
 TEST(TransferEstimate, RefusesWhatIsNoExposureSeries) {
     const CameraModel camera = noisy_camera();
     const Radiance scene = squares(camera, 0.8);
     const auto error = [&](const Radiance& picture, const std::vector<double>& times) {
-        return refusal(
-            [&] { estimate_transfer(series(camera, picture, times), *camera.sensor, 0.0); });
+        return refusal([&] {
+            estimate_transfer(exposure_series(camera, picture, times), *camera.sensor, 0.0);
+        });
     };
     EXPECT_THAT(error(scene, {100, 400, 1000}), HasSubstr("3 different times"));
     EXPECT_THAT(error(scene, {500, 600, 800, 1000}), HasSubstr("over a factor of 2"));
     EXPECT_THAT(error(scene * 0.3, {100, 300, 600, 1000}), HasSubstr("% of full scale"));
-    Radiance texture = scene.clone();
-    for (int y = 0; y < texture.rows; ++y)
-        for (int x = 0; x < texture.cols; ++x)
-            texture.at<float>(y, x) *= (x / 4 + y / 4) % 2 == 0 ? 0.6f : 1.0f;
+    const Radiance texture = scene.mul(test::image_of(
+        scene.size(), [](int x, int y) { return (x / 4 + y / 4) % 2 == 0 ? 0.6f : 1.0f; }));
     EXPECT_THAT(error(texture, {100, 300, 600, 1000}), HasSubstr("0 uniform parts"));
-    std::vector<ExposedPhoto> drifting = series(camera, scene, {100, 300, 600, 1000, 1000});
+    std::vector<ExposedPhoto> drifting =
+        exposure_series(camera, scene, {100, 300, 600, 1000, 1000});
     drifting.back().image = exposed(camera, scene * 1.03, 1, 5, 77).front();
     EXPECT_THAT(refusal([&] { estimate_transfer(drifting, *camera.sensor, 0.0); }),
                 HasSubstr("the light is not steady"));
-    std::vector<ExposedPhoto> automatic = series(camera, scene, {700, 700, 700, 700, 1000});
+    std::vector<ExposedPhoto> automatic =
+        exposure_series(camera, scene, {700, 700, 700, 700, 1000});
     for (std::size_t i = 0; i < automatic.size(); ++i)
         automatic[i].exposure_us = 100.0 * std::pow(2.0, static_cast<double>(i));
     EXPECT_NE(refusal([&] { estimate_transfer(automatic, *camera.sensor, 0.0); }), "no error");
@@ -204,7 +186,7 @@ TEST(TransferEstimate, RefusesWhatIsNoExposureSeries) {
 TEST(TransferEstimate, FindsWhereTheCameraLimitsItsScale) {
     const CameraModel camera = noisy_camera();
     std::vector<ExposedPhoto> photos =
-        series(camera, squares(camera, 1.0), {60, 120, 250, 500, 700, 850, 1200});
+        exposure_series(camera, squares(camera, 1.0), {60, 120, 250, 500, 700, 850, 1200});
     for (ExposedPhoto& photo : photos)
         cv::min(photo.image.pixels, 235, photo.image.pixels);
     const TransferEstimate estimate = estimate_transfer(photos, *camera.sensor, 0.0);

@@ -43,6 +43,10 @@ TEST(DecisionRule, RisksAtTheLimitWhatItsGuardBandLeaves) {
 }
 
 TEST(DecisionRule, DecidesWithItsGuardBand) {
+    EXPECT_EQ(decide(0.5, 0.25, 0.75), Outcome::pass);  // value + U == limit
+    EXPECT_EQ(decide(0.51, 0.25, 0.75), Outcome::inconclusive);
+    EXPECT_EQ(decide(1.0, 0.25, 0.75), Outcome::inconclusive);  // value - U == limit
+    EXPECT_EQ(decide(1.01, 0.25, 0.75), Outcome::fail);
     EXPECT_EQ(decide(0.7, 0.1, 0.75, half), Outcome::pass);
     EXPECT_EQ(decide(0.71, 0.1, 0.75, half), Outcome::inconclusive);
     EXPECT_EQ(decide(0.81, 0.1, 0.75, half), Outcome::fail);
@@ -142,8 +146,15 @@ TEST(DecisionRule, HasNoRisksWithoutAnUncertainty) {
     EXPECT_THROW(decision_risk(quantity_of(NAN, 0.1, 0.16), guarded), NumericalError);
 }
 
+// Three judged: any of them may let a good camera fail, all of them must let a bad one pass.
 TEST(DecisionRule, OfAFamilyRisksWhatItsWorstMemberDoes) {
     std::vector<JudgedQuantity> quantities(3);
+    const FamilyRisk alike = family_risk(quantities);
+    EXPECT_EQ(alike.judged, 3);
+    EXPECT_NEAR(alike.each, 0.02275, 1e-5);  // P(z > 2), tables
+    EXPECT_EQ(alike.false_acceptance, alike.each);
+    EXPECT_DOUBLE_EQ(alike.false_rejection, 3 * alike.each);
+    EXPECT_EQ(family_risk(std::vector<JudgedQuantity>(100)).false_rejection, 1.0);
     quantities[1].coverage_factor = coverage_factor(5.0);
     quantities[1].degrees_of_freedom = 5.0;
     const FamilyRisk risk = family_risk(quantities, {2.0});
@@ -151,6 +162,34 @@ TEST(DecisionRule, OfAFamilyRisksWhatItsWorstMemberDoes) {
     EXPECT_GT(risk.each, risk_at_limit({2.0}, 2.0, std::numeric_limits<double>::infinity()));
     EXPECT_EQ(risk.false_acceptance, risk.each);
     EXPECT_EQ(family_risk(quantities, simple).false_rejection, 1.0);
+}
+
+TEST(Verdict, RefusesToJudgeWhatIsNotANumber) {
+    constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    for (const auto& [value, uncertainty, limit] : {std::tuple(nan, 0.1, 1.0),
+                                                    {0.1, nan, 1.0},
+                                                    {0.1, 0.1, nan},
+                                                    {0.1, infinity, 1.0},
+                                                    {0.1, -0.1, 1.0},
+                                                    {0.1, 0.1, 0.0}})
+        EXPECT_THROW(decide(value, uncertainty, limit), NumericalError)
+            << value << " " << uncertainty << " " << limit;
+}
+
+TEST(Verdict, FailsWhenAnythingFailsAndPassesOnlyWhenEverythingPasses) {
+    using enum Outcome;
+    const auto combined = [](const std::vector<Outcome>& outcomes) {
+        std::vector<JudgedQuantity> quantities(outcomes.size());
+        for (std::size_t i = 0; i < outcomes.size(); ++i)
+            quantities[i].outcome = outcomes[i];
+        return combine(quantities);
+    };
+    EXPECT_EQ(combined({pass, pass}), pass);
+    EXPECT_EQ(combined({pass, inconclusive, fail}), fail);
+    for (const Outcome outcome : {inconclusive, not_observable, skipped})
+        EXPECT_EQ(combined({pass, outcome}), inconclusive);
+    EXPECT_EQ(combined({}), inconclusive);
 }
 
 }  // namespace

@@ -5,27 +5,19 @@
 
 #include "compare/detect/detector.h"
 #include "core/program/errors.h"
-#include "core/statistics/random.h"
 #include "tests/calib/synthetic_views.h"
 
 namespace etalon {
 namespace {
 
+using test::corners_at;
 using Points = std::vector<Eigen::Vector3d>;
 using Pixels = std::vector<Eigen::Vector2d>;
 
 // The webcam of the published study: strong barrel distortion, f_x and f_y told apart.
 CameraModel webcam() {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {538.55, 541.2, 319.5, 239.5};
-    camera.distortion.k1 = -0.286;
-    camera.distortion.k2 = 0.057;
-    camera.distortion.k3 = 0.112;
-    camera.distortion.p1 = 0.0013;
-    camera.distortion.p2 = -0.0007;
-    return camera;
+    return test::camera_with(640, 480, {538.55, 541.2, 319.5, 239.5},
+                             {.k1 = -0.286, .k2 = 0.057, .p1 = 0.0013, .p2 = -0.0007, .k3 = 0.112});
 }
 
 Points square(double side) {
@@ -33,19 +25,9 @@ Points square(double side) {
     return {{-h, -h, 0}, {h, -h, 0}, {h, h, 0}, {-h, h, 0}};
 }
 
-Points board(int columns, int rows, double step) {
-    Points points;
-    for (int j = 0; j < rows; ++j)
-        for (int i = 0; i < columns; ++i)
-            points.emplace_back(i * step, j * step, 0.0);
-    return points;
-}
-
-Pixels projected(const Projector& projector, const Points& points, const Rigid& pose) {
-    Pixels pixels;
-    for (const Eigen::Vector3d& point : points)
-        pixels.push_back(projector.project(pose * point).value());
-    return pixels;
+// The first corner is the origin.
+Points board(const char* size) {
+    return parse_marker(std::string("chessboard:") + size, "test").points_mm;
 }
 
 class EstimatePose : public testing::Test {
@@ -60,7 +42,8 @@ protected:
     }
     // From exact pixels: the truth, to these limits.
     PoseEstimate found_at(const Points& points, const Rigid& truth, double rad, double mm) const {
-        const auto estimate = estimate_pose(projector, points, projected(projector, points, truth));
+        const auto estimate =
+            estimate_pose(projector, points, corners_at(projector, points, truth));
         EXPECT_TRUE(estimate);
         expect_same_pose(estimate.value().camera_from_marker, truth, rad, mm);
         return *estimate;
@@ -73,9 +56,8 @@ TEST_F(EstimatePose, RecoversTagPosesFromTheirProjectionsIncludingDistortion) {
         const auto between = [&](double low, double high) {
             return low + (high - low) * random.uniform();
         };
-        Vector6d v;
-        v << between(-0.9, 0.9), between(-0.9, 0.9), between(-3, 3), between(-90, 90),
-            between(-60, 60), between(250, 900);
+        const Vector6d v{between(-0.9, 0.9), between(-0.9, 0.9), between(-3, 3),
+                         between(-90, 90),   between(-60, 60),   between(250, 900)};
         SCOPED_TRACE(n);
         // 1e-12 of the pixel coordinates (rounding and unproject) times 900 mm / 30 px and the
         // tilt's lever leaves nanometres.
@@ -84,9 +66,8 @@ TEST_F(EstimatePose, RecoversTagPosesFromTheirProjectionsIncludingDistortion) {
 }
 
 TEST_F(EstimatePose, RecoversABoardWhoseOriginIsItsFirstCorner) {
-    Vector6d v;
-    v << 0.41, -0.33, 0.2, -85.0, -61.0, 410.0;
-    found_at(board(9, 6, 25.0), rigid_from_vector(v), 1e-9, 1e-7);
+    found_at(board("9x6@25mm"), rigid_from_vector({0.41, -0.33, 0.2, -85.0, -61.0, 410.0}), 1e-9,
+             1e-7);
 }
 
 TEST_F(EstimatePose, AcceptsPointsInAnyPlaneOfTheMarkersFrame) {
@@ -117,12 +98,11 @@ TEST_F(EstimatePose, KeepsBothSolutionsOfASmallTagNearlySquareToTheCamera) {
 TEST_F(EstimatePose, FromAStartTakesTheSolutionOnItsSide) {
     const Points corners = square(20.0);
     const Rigid truth{rotation_from_vector({0.21, 0.14, 0.0}), {30.0, 20.0, 800.0}};
-    Pixels pixels = projected(projector, corners, truth);
+    Pixels pixels = corners_at(projector, corners, truth);
     pixels[1] += Eigen::Vector2d(0.013, -0.007);  // else the solution is exact: no rounding to see
     const auto both = estimate_pose(projector, corners, pixels);
     ASSERT_TRUE(both && both->alternative);
-    Vector6d away;
-    away << 0.05, -0.04, 0.03, 1.0, -2.0, 7.0;
+    const Vector6d away{0.05, -0.04, 0.03, 1.0, -2.0, 7.0};
     for (const Rigid& solution : {both->camera_from_marker, *both->alternative}) {
         const auto near =
             estimate_pose_near(projector, corners, pixels, left_perturbed(solution, away));
@@ -143,7 +123,7 @@ TEST_F(EstimatePose, CovarianceIsThatOfManyNoisyEstimates) {
     constexpr double sigma_px = 0.3;
     const Points corners = square(80.0);
     const Rigid truth{rotation_from_vector({0.5, -0.4, 0.3}), {25.0, -15.0, 300.0}};
-    const Pixels exact = projected(projector, corners, truth);
+    const Pixels exact = corners_at(projector, corners, truth);
     Matrix6d scatter = Matrix6d::Zero();
     Matrix6d predicted = Matrix6d::Zero();
     for (int n = 0; n < runs; ++n) {
@@ -172,9 +152,9 @@ TEST_F(EstimatePose, CovarianceIsThatOfManyNoisyEstimates) {
 }
 
 TEST_F(EstimatePose, IsLeastSquaresSoNoNearbyPoseIsBetter) {
-    const Points corners = board(4, 3, 20.0);
+    const Points corners = board("4x3@20mm");
     const Rigid truth{rotation_from_vector({0.3, 0.2, -0.4}), {-20.0, 15.0, 350.0}};
-    Pixels pixels = projected(projector, corners, truth);
+    Pixels pixels = corners_at(projector, corners, truth);
     RandomStream noise(3, 1);
     for (Eigen::Vector2d& pixel : pixels)
         pixel += 0.5 * Eigen::Vector2d(noise.normal(), noise.normal());
@@ -182,7 +162,7 @@ TEST_F(EstimatePose, IsLeastSquaresSoNoNearbyPoseIsBetter) {
     ASSERT_TRUE(estimate);
     const auto cost = [&](const Rigid& pose) {
         double sum = 0;
-        const Pixels seen = projected(projector, corners, pose);
+        const Pixels seen = corners_at(projector, corners, pose);
         for (std::size_t i = 0; i < seen.size(); ++i)
             sum += (seen[i] - pixels[i]).squaredNorm();
         return sum;
@@ -199,7 +179,7 @@ TEST_F(EstimatePose, IsLeastSquaresSoNoNearbyPoseIsBetter) {
 TEST_F(EstimatePose, RefusesATelecentricCamera) {
     CameraModel camera = webcam();
     const Pixels pixels =
-        projected(Projector(camera), corners, {Eigen::Quaterniond::Identity(), {7.0, 5.0, 400.0}});
+        corners_at(Projector(camera), corners, {Eigen::Quaterniond::Identity(), {7.0, 5.0, 400.0}});
     camera.projection.kind = Projection::telecentric;
     EXPECT_THROW(estimate_pose(Projector(camera), corners, pixels), NumericalError);
 }
@@ -214,7 +194,7 @@ TEST_F(EstimatePose, WorksBesideAWideLens) {
             const Eigen::Quaterniond facing = rotation_between(Eigen::Vector3d::UnitZ(), sight) *
                                               rotation_from_vector({0.5, -0.3, 0.2});
             const Rigid truth{facing, 170.0 * sight};
-            const Pixels pixels = projected(projector, corners, truth);
+            const Pixels pixels = corners_at(projector, corners, truth);
             const auto found = estimate_pose(projector, corners, pixels);
             ASSERT_TRUE(found) << name << " " << angle;
             EXPECT_LT(left_difference(found->camera_from_marker, truth).norm(), 1e-6)
@@ -230,15 +210,15 @@ TEST_F(EstimatePose, WorksBesideAWideLens) {
 
 TEST_F(EstimatePose, GivesNothingForDegenerateInput) {
     const Pixels pixels =
-        projected(projector, corners, {Eigen::Quaterniond::Identity(), {7.0, 5.0, 400.0}});
+        corners_at(projector, corners, {Eigen::Quaterniond::Identity(), {7.0, 5.0, 400.0}});
     EXPECT_TRUE(estimate_pose(projector, corners, pixels));
 
     const double nan = std::numeric_limits<double>::quiet_NaN();
     Pixels broken = pixels;
-    broken[2].y() = nan;
-    EXPECT_FALSE(estimate_pose(projector, corners, broken));
-    broken[2].y() = std::numeric_limits<double>::infinity();
-    EXPECT_FALSE(estimate_pose(projector, corners, broken));
+    for (const double bad : {nan, std::numeric_limits<double>::infinity()}) {
+        broken[2].y() = bad;
+        EXPECT_FALSE(estimate_pose(projector, corners, broken));
+    }
     Points no_number = corners;
     no_number[1].x() = nan;
     EXPECT_FALSE(estimate_pose(projector, no_number, pixels));

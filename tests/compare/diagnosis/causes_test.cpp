@@ -1,5 +1,5 @@
-// Truth: corners simulated forwards from a wrong camera, marker or stage (tests/compare/verdict/
-// simulated_run.h); the search never sees how they were made.
+// Truth: corners simulated forwards from a wrong camera, marker or stage; the search never sees how
+// they were made.
 #include "compare/diagnosis/causes.h"
 
 #include <gmock/gmock.h>
@@ -17,6 +17,12 @@ using testing::HasSubstr;
 using testing::SizeIs;
 using testing::StartsWith;
 
+Cause named_in(const Causes& causes) {
+    if (!causes.named())
+        throw NumericalError("no cause is named");
+    return *causes.named();
+}
+
 TEST(Causes, NameNobodyWhereNothingIsWrong) {
     const Causes causes = causes_of(demo_run(), 3);
     EXPECT_EQ(causes.named(), nullptr);
@@ -28,9 +34,9 @@ TEST(Causes, NameAnAspectWithItsSize) {
     SimulatedRun run = demo_run();
     run.true_camera.intrinsics.fy *= 1.003;
     const Causes causes = causes_of(run, 4);
-    ASSERT_TRUE(causes.named());
-    const CausingError& error = causes.named()->errors.front();
-    EXPECT_EQ(causes.named()->text(), "aspect of fx, fy");
+    const Cause cause = named_in(causes);
+    const CausingError& error = cause.errors.front();
+    EXPECT_EQ(cause.text(), "aspect of fx, fy");
     EXPECT_LT(error.expanded_uncertainty, 1e-4);
     EXPECT_NEAR(error.size, 0.003, 1.5 * error.expanded_uncertainty);
     EXPECT_THAT(error.remedies.front(), HasSubstr("calibrate the camera again"));
@@ -40,9 +46,7 @@ TEST(Causes, NameAnAspectWithItsSize) {
 TEST(Causes, NameWhatNobodyCanTellApartTogether) {
     SimulatedRun run = demo_run();
     run.marker_scale = 1.001;
-    const Causes causes = causes_of(run, 6);
-    ASSERT_TRUE(causes.named());
-    EXPECT_THAT(causes.named()->errors.front().names,
+    EXPECT_THAT(named_in(causes_of(run, 6)).errors.front().names,
                 testing::UnorderedElementsAre("marker print size", "stage scale, all linear axes"));
 }
 
@@ -53,10 +57,9 @@ TEST(Causes, NameTheLongestPeriodThatExplainsAnAxis) {
     run.misread = [](std::vector<double>& q, std::size_t) {
         q[0] += 0.03 * std::sin(2.0 * std::numbers::pi * q[0] / 5.0);
     };
-    const Causes causes = causes_of(run, 7);
-    ASSERT_TRUE(causes.named());
-    EXPECT_THAT(causes.named()->text(), StartsWith("x repeats with a period of 5 mm or "));
-    EXPECT_NEAR(causes.named()->errors.front().size, 0.03, 0.006);
+    const Cause cause = named_in(causes_of(run, 7));
+    EXPECT_THAT(cause.text(), StartsWith("x repeats with a period of 5 mm or "));
+    EXPECT_NEAR(cause.errors.front().size, 0.03, 0.006);
 }
 
 // So far off that a pose in the image's corner lies where the field of the others does not put it:
@@ -67,8 +70,7 @@ TEST(Causes, BlameNoLeftOutPoseThatTheErrorExplains) {
     run.look_for_causes = true;
     const Qualification result = qualify(input_of(run, 999));
     EXPECT_EQ(result.outlying.size(), 1u);
-    ASSERT_TRUE(result.causes->named());
-    EXPECT_EQ(result.causes->named()->text(), "thin prism s2");
+    EXPECT_EQ(named_in(*result.causes).text(), "thin prism s2");
 }
 
 // A shift along y with a turn about it is, with these corners, as well half a pixel both ways with
@@ -77,13 +79,11 @@ TEST(Causes, NameWholeExplanationsThatNobodyCanTellApart) {
     SimulatedRun run = demo_run();
     run.true_camera.intrinsics.cy += 0.84;
     run.true_camera.distortion.s1 += 6e-4;
-    const Causes causes = causes_of(run, 1004);
-    ASSERT_TRUE(causes.named());
-    const std::string text = causes.named()->text();
-    EXPECT_THAT(text, HasSubstr("c_y and thin prism s1"));
-    EXPECT_THAT(text, HasSubstr("half pixel and sensor tilt tau_y"));
-    EXPECT_THAT(text, HasSubstr(", or "));
-    EXPECT_GT(causes.named()->probability, 0.95);
+    const Cause cause = named_in(causes_of(run, 1004));
+    EXPECT_THAT(cause.text(),
+                AllOf(HasSubstr("c_y and thin prism s1"),
+                      HasSubstr("half pixel and sensor tilt tau_y"), HasSubstr(", or ")));
+    EXPECT_GT(cause.probability, 0.95);
 }
 
 // A radial term and a decentring: sets of four explain the same, each less probable.
@@ -92,9 +92,7 @@ TEST(Causes, NameLargerSetsBesideTheBest) {
     run.true_camera.distortion.k3 += 0.048;
     run.true_camera.distortion.p1 += 6e-4;
     run.true_camera.distortion.p2 -= 4e-4;
-    const Causes causes = causes_of(run, 1000);
-    ASSERT_TRUE(causes.named());
-    const Cause& cause = *causes.named();
+    const Cause cause = named_in(causes_of(run, 1000));
     EXPECT_THAT(cause.text(), StartsWith("p1 and p2 and k6 ~ k3"));
     EXPECT_EQ(cause.errors.size(), 3u);
     EXPECT_GT(cause.probability, 0.95);
@@ -114,8 +112,7 @@ TEST(Causes, BlameNoPoseWhereOnlyTheDetectorSlipped) {
         for (VisitedPose& pose : input.poses) {
             Rigid shown = run.camera_from_base * pose.base_from_carriage * run.carriage_from_marker;
             if (pose.index == 43) {
-                for (Eigen::Vector2d& corner : pose.corners)
-                    corner += Eigen::Vector2d(0.12, -0.09);
+                pose.corners = moved_by(pose.corners, {0.12, -0.09});
                 shown.translation += moved_mm * Eigen::Vector3d(0.8, -0.6, 0.0);
             }
             if (is_asked) {
@@ -140,11 +137,10 @@ TEST(Causes, NameRandomErrorsBesideThoseThatFollowARule) {
     run.misread = [](std::vector<double>& q, std::size_t i) {
         q[0] += 0.02 * RandomStream(5, 6, i).normal();
     };
-    const Causes causes = causes_of(run, 8);
-    ASSERT_TRUE(causes.named());
-    ASSERT_EQ(causes.named()->errors.size(), 2u);
-    EXPECT_EQ(causes.named()->errors[0].names.front(), "scatter of x");
-    EXPECT_THAT(causes.named()->errors[1].names, Contains("k1"));
+    const Cause cause = named_in(causes_of(run, 8));
+    ASSERT_EQ(cause.errors.size(), 2u);
+    EXPECT_EQ(cause.errors[0].names.front(), "scatter of x");
+    EXPECT_THAT(cause.errors[1].names, Contains("k1"));
 }
 
 TEST(Causes, SayNoneOfTheseWhereItIsNone) {
@@ -167,9 +163,7 @@ TEST(Causes, BlameNobodyForWhatIsDeclared) {
     EXPECT_EQ(causes_of(run, 10).named(), nullptr);
     for (Axis& axis : run.axes)
         axis.scale_uncertainty = 2e-5;
-    const Causes causes = causes_of(run, 10);
-    ASSERT_TRUE(causes.named());
-    EXPECT_EQ(causes.named()->text(), "stage scale y");
+    EXPECT_EQ(named_in(causes_of(run, 10)).text(), "stage scale y");
 }
 
 TEST(Causes, RefuseWhatDoesNotAgree) {
@@ -178,19 +172,15 @@ TEST(Causes, RefuseWhatDoesNotAgree) {
     SignatureChain chain{
         projector, run.points_mm, run.camera_from_base, run.carriage_from_marker, {}};
     EXPECT_THROW(find_causes({{chain, {}, {}, {}}, {}, {}, {}}), NumericalError);
-    for (int i = 0; i < 5; ++i)
-        chain.poses.push_back({});
-    const std::vector<Eigen::VectorXd> corners(5, Eigen::VectorXd::Zero(8));
-    EXPECT_THROW(find_causes({{chain, {}, {}, {}},
-                              corners,
-                              std::vector<Eigen::MatrixXd>(5, Eigen::MatrixXd::Zero(8, 8)),
-                              {}}),
-                 NumericalError);
-    EXPECT_THROW(find_causes({{chain, {}, {}, {}},
-                              std::vector<Eigen::VectorXd>(5, Eigen::VectorXd::Constant(8, NAN)),
-                              std::vector<Eigen::MatrixXd>(5, Eigen::MatrixXd::Identity(8, 8)),
-                              {}}),
-                 NumericalError);
+    chain.poses.resize(5);
+    for (const auto& [corner, variance] : {std::pair(0.0, 0.0), {NAN, 1.0}})
+        EXPECT_THROW(
+            find_causes(
+                {{chain, {}, {}, {}},
+                 std::vector<Eigen::VectorXd>(5, Eigen::VectorXd::Constant(8, corner)),
+                 std::vector<Eigen::MatrixXd>(5, variance * Eigen::MatrixXd::Identity(8, 8)),
+                 {}}),
+            NumericalError);
 }
 
 // What the photographs tell of focus and tone; corners that tell nothing.
@@ -211,11 +201,10 @@ Causes causes_with(SimulatedRun run, std::uint64_t seed, const ImageAgreement& p
 }
 
 TEST(Causes, NameAFocusThatOnlyPixelsShow) {
-    const Causes causes = causes_with(demo_run(), 21, told(3e-4, 0.0005, -0.002));
-    ASSERT_TRUE(causes.named());
-    EXPECT_EQ(causes.named()->text(), "focus distance");
-    EXPECT_NEAR(causes.named()->errors.front().size, 3e-4, 2e-5);
-    EXPECT_EQ(causes.named()->errors.front().unit, "1/mm");
+    const Cause cause = named_in(causes_with(demo_run(), 21, told(3e-4, 0.0005, -0.002)));
+    EXPECT_EQ(cause.text(), "focus distance");
+    EXPECT_NEAR(cause.errors.front().size, 3e-4, 2e-5);
+    EXPECT_EQ(cause.errors.front().unit, "1/mm");
     EXPECT_EQ(causes_with(demo_run(), 21, told(1e-5, 0.0005, -0.002)).named(), nullptr);
 }
 
@@ -225,15 +214,12 @@ TEST(Causes, TellAToneFromEdgesThatAreNarrower) {
     constexpr double shrunk_px = 0.05;
     SimulatedRun run = demo_run();
     run.seen = [](const Corners& corners) { return edges_moved_inwards(corners, shrunk_px); };
-    const Causes print = causes_with(run, 22, told(0.0, 0.0, shrunk_px));
-    ASSERT_TRUE(print.named());
-    EXPECT_EQ(print.named()->text(), "edge shrink");
+    EXPECT_EQ(named_in(causes_with(run, 22, told(0.0, 0.0, shrunk_px))).text(), "edge shrink");
     // The camera of this run has no lens section: a blur of 0.5 px is taken.
     const double tone = shrunk_px * std::sqrt(std::numbers::pi) / 0.5;
-    const Causes light = causes_with(run, 22, told(0.0, tone, 0.0));
-    ASSERT_TRUE(light.named());
-    EXPECT_EQ(light.named()->text(), "tone curve");
-    EXPECT_NEAR(light.named()->errors.front().size, tone, 0.01);
+    const Cause light = named_in(causes_with(run, 22, told(0.0, tone, 0.0)));
+    EXPECT_EQ(light.text(), "tone curve");
+    EXPECT_NEAR(light.errors.front().size, tone, 0.01);
 }
 
 }  // namespace

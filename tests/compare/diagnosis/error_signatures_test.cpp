@@ -34,8 +34,7 @@ struct Study {
     }
 
     const ErrorSignature& of(const std::string& name) const {
-        return *std::find_if(signatures.begin(), signatures.end(),
-                             [&](const ErrorSignature& s) { return s.name == name; });
+        return *std::ranges::find(signatures, name, &ErrorSignature::name);
     }
 };
 
@@ -73,10 +72,8 @@ TEST(ErrorSignatures, SeeMostOfThePrincipalPointAbsorbed) {
 // second order to 1 %.
 TEST(ErrorSignatures, AgreeWithTheWholeChain) {
     Study study;
-    SimulatedRun run = study.run;
-    run.noise_px = run.repeatability_mm = 0.0;
-    run.true_camera.intrinsics.fx *= 1.002;
-    run.true_camera.intrinsics.fy *= 1.002;
+    SimulatedRun run = without_noise(study.run);
+    run.true_camera.intrinsics.zoom(1.002);
     const Qualification result = qualify(input_of(run, 3));
     const ErrorSignature& expected = study.of("focal length");
     Eigen::Index k = 0;

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "core/statistics/random.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon {
 namespace {
@@ -18,16 +19,9 @@ using testing::IsEmpty;
 
 // Focused at 900 mm with f/1.8.
 CameraModel camera() {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {800.0, 800.0, 317.0, 243.0};
-    camera.sensor.emplace();
-    camera.sensor->pixel_pitch_um = 6.0;
-    camera.lens.emplace();
-    camera.lens->f_number = 1.8;
-    camera.lens->focus_distance_mm = 900.0;
-    camera.lens->wavelength_nm = 550.0;
+    CameraModel camera = test::camera_with(640, 480, {800.0, 800.0, 317.0, 243.0});
+    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
+    camera.lens = Lens{.f_number = 1.8, .focus_distance_mm = 900.0, .wavelength_nm = 550.0};
     return camera;
 }
 
@@ -90,6 +84,10 @@ PixelDeviation deviating(int which, double size) {
     return truth;
 }
 
+ImageAgreement match_of(int which, double size) {
+    return match_pixels(run_with(deviating(which, size)), camera());
+}
+
 TEST(ImageAgreement, FindsNothingWhereNothingDeviates) {
     const ImageAgreement match = match_pixels(run_with(PixelDeviation::Zero()), camera());
     EXPECT_THAT(match.findings, IsEmpty());
@@ -104,9 +102,7 @@ TEST(ImageAgreement, FindsNothingWhereNothingDeviates) {
 }
 
 TEST(ImageAgreement, SaysWhereTheLensFocuses) {
-    const double nearer = 1.0 / 700.0 - 1.0 / 900.0;
-    const ImageAgreement match =
-        match_pixels(run_with(deviating(deviation::inverse_focus, nearer)), camera());
+    const ImageAgreement match = match_of(deviation::inverse_focus, 1.0 / 700.0 - 1.0 / 900.0);
     ASSERT_EQ(match.findings.size(), 2u);
     EXPECT_THAT(match.findings[0], HasSubstr("the photographs are sharper"));
     EXPECT_THAT(
@@ -116,8 +112,7 @@ TEST(ImageAgreement, SaysWhereTheLensFocuses) {
 }
 
 TEST(ImageAgreement, SaysWhichApertureTheLensHas) {
-    const ImageAgreement match =
-        match_pixels(run_with(deviating(deviation::f_number, std::log(2.5 / 1.8))), camera());
+    const ImageAgreement match = match_of(deviation::f_number, std::log(2.5 / 1.8));
     ASSERT_EQ(match.findings.size(), 2u);
     EXPECT_THAT(match.findings[1], HasSubstr("the lens is at f/2."));
     EXPECT_THAT(match.findings[1], HasSubstr("its file says f/1.8"));
@@ -126,12 +121,11 @@ TEST(ImageAgreement, SaysWhichApertureTheLensHas) {
 // The middle tone of 190 gray of contrast is lifted by a quarter of tone x contrast. What is beside
 // the marker is lifted, too: no word about the background.
 TEST(ImageAgreement, GivesToneInGrayAndEdgesInPixels) {
-    const ImageAgreement tone = match_pixels(run_with(deviating(deviation::tone, 0.06)), camera());
+    const ImageAgreement tone = match_of(deviation::tone, 0.06);
     EXPECT_NEAR(tone.tone_gray->value, 0.25 * 190.0 * 0.06, tone.tone_gray->expanded_uncertainty);
     EXPECT_TRUE(tone.tone_gray->is_shown());
     EXPECT_THAT(tone.findings, ElementsAre(HasSubstr("half tones are brighter")));
-    const ImageAgreement edge =
-        match_pixels(run_with(deviating(deviation::growth, -0.07)), camera());
+    const ImageAgreement edge = match_of(deviation::growth, -0.07);
     EXPECT_NEAR(edge.edge_px->value, -0.07, edge.edge_px->expanded_uncertainty);
     EXPECT_THAT(edge.findings, ElementsAre(HasSubstr("dark parts are narrower")));
 }
@@ -245,8 +239,7 @@ TEST(ImageAgreement, SaysNothingOfWhatNoPhotographTells) {
 }
 
 TEST(ImageAgreement, GivesEvidenceByTheNamesOfCauses) {
-    const ImageAgreement match =
-        match_pixels(run_with(deviating(deviation::growth, 0.05)), camera());
+    const ImageAgreement match = match_of(deviation::growth, 0.05);
     EXPECT_THAT(match.evidence.errors,
                 ElementsAre("f-number", "focus distance", "blur", "tone curve", "edge shrink",
                             "noise", "background", "black level"));
@@ -254,8 +247,8 @@ TEST(ImageAgreement, GivesEvidenceByTheNamesOfCauses) {
     EXPECT_NEAR(match.evidence.observed[shrink], -match.edge_px->value, 1e-12);
     EXPECT_NEAR(3.0 * std::sqrt(match.evidence.covariance(shrink, shrink)),
                 match.edge_px->expanded_uncertainty, 1e-12);
-    const ImageAgreement far = match_pixels(run_with(deviating(deviation::tone, 0.4)), camera());
-    EXPECT_EQ(far.evidence.errors.size(), 5u);  // levels and noise go with the tone
+    EXPECT_EQ(match_of(deviation::tone, 0.4).evidence.errors.size(),
+              5u);  // levels and noise go with the tone
 }
 
 }  // namespace

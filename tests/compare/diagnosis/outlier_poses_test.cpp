@@ -80,8 +80,7 @@ TEST(OutlyingPoses, AreNotThoseWhereOnlyTheDetectorSlipped) {
         VisitedPose& pose = input.poses[slipped];
         pose.seen_at = run.camera_from_base * pose.base_from_carriage * run.carriage_from_marker;
         pose.detector_bias_px.assign(4, Eigen::Vector2d::Zero());
-        for (Eigen::Vector2d& corner : pose.corners)
-            corner += Eigen::Vector2d(0.8, -0.6);
+        pose.corners = moved_by(pose.corners, {0.8, -0.6});
     }
     EXPECT_TRUE(qualify(input).outlying.empty());
     for (const std::size_t slipped : {43u, 12u})

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cmath>
-#include <functional>
 
 #include "compare/drift/drift_monitor.h"
 #include "core/statistics/random.h"

@@ -17,26 +17,6 @@ using test::edge_camera;
 using test::EdgeScene;
 using test::small_board;
 
-// Integral of the normal distribution function: what a box's end sees of a Gaussian edge.
-double gaussian_ramp(double x, double sigma) {
-    const double u = x / sigma;
-    return x * 0.5 * std::erfc(-u / std::numbers::sqrt2) +
-           sigma * std::exp(-0.5 * u * u) / std::sqrt(2.0 * std::numbers::pi);
-}
-
-// An edge behind a Gaussian and a square pixel, by its definition: the pixel's other width is
-// integrated by the midpoint rule, whose error with 400 steps is below 1e-6.
-double gaussian_edge(double distance, const Eigen::Vector2d& normal, double sigma) {
-    constexpr int steps = 400;
-    const double a = std::abs(normal.x()), b = std::abs(normal.y());
-    double sum = 0.0;
-    for (int i = 0; i < steps; ++i) {
-        const double d = distance + b * ((i + 0.5) / steps - 0.5);
-        sum += (gaussian_ramp(d + 0.5 * a, sigma) - gaussian_ramp(d - 0.5 * a, sigma)) / a;
-    }
-    return sum / steps;
-}
-
 TEST(EdgeResponse, IsThatOfAPixelBehindAGaussian) {
     const EdgeResponse response(6.0);
     for (const double degrees : {0.0, 7.0, 33.0, 45.0})
@@ -49,8 +29,8 @@ TEST(EdgeResponse, IsThatOfAPixelBehindAGaussian) {
             const Eigen::ArrayXd odd = response.odd_table(transfer);
             const Eigen::ArrayXd even = response.even_table(transfer);
             for (double d = -5.3; d < 5.5; d += 0.37)
-                EXPECT_NEAR(edge_value(odd, even, d).response, gaussian_edge(d, normal, sigma),
-                            2e-5)
+                EXPECT_NEAR(edge_value(odd, even, d).response,
+                            test::gaussian_edge(d, normal, sigma), 2e-5)
                     << degrees << " " << sigma << " " << d;
         }
 }

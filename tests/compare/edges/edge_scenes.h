@@ -1,27 +1,23 @@
 // Chessboards and slanted edges for the tests of what is measured along edges.
 #pragma once
 
-#include <cmath>
 #include <numbers>
-#include <vector>
 
 #include "compare/edges/edge_spread.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon::test {
 
 // 12 bit, black level 64, a few thousand electrons: signal to noise of 50 in the white.
 inline CameraModel edge_camera(int width, int height) {
-    CameraModel camera;
-    camera.width = width;
-    camera.height = height;
-    camera.intrinsics = {900.0, 905.0, 0.5 * width - 1.7, 0.5 * height + 1.1};
-    camera.distortion.k1 = -0.2;
-    camera.sensor = Sensor{.pixel_pitch_um = 5.0, .bits = 12, .black_dn = 64.0};
-    camera.sensor->gain_e_per_dn = 0.8;
-    camera.sensor->read_noise_e = 7.0;
+    CameraModel camera = camera_with(
+        width, height, {900.0, 905.0, 0.5 * width - 1.7, 0.5 * height + 1.1}, {.k1 = -0.2});
+    camera.sensor = Sensor{.pixel_pitch_um = 5.0,
+                           .bits = 12,
+                           .black_dn = 64.0,
+                           .gain_e_per_dn = 0.8,
+                           .read_noise_e = 7.0};
     camera.lens = Lens{.f_number = 8.0, .focus_distance_mm = 500.0, .wavelength_nm = 550.0};
     return camera;
 }
@@ -101,9 +97,35 @@ inline double sinc(double x) {
     return q == 0.0 ? 1.0 : std::sin(q) / q;
 }
 
+// Of a square pixel, across an edge at this angle to its columns.
+inline double pixel_transfer_across(double degrees, double cycles_per_px) {
+    const double angle = degrees * std::numbers::pi / 180.0;
+    return std::abs(sinc(cycles_per_px * std::cos(angle)) * sinc(cycles_per_px * std::sin(angle)));
+}
+
 inline double gaussian_transfer(double sigma_px, double cycles_per_px) {
     const double q = std::numbers::pi * sigma_px * cycles_per_px;
     return std::exp(-2.0 * q * q);
+}
+
+// Integral of the normal distribution function: what a box's end sees of a Gaussian edge.
+inline double gaussian_ramp(double x, double sigma) {
+    const double u = x / sigma;
+    return x * 0.5 * std::erfc(-u / std::numbers::sqrt2) +
+           sigma * std::exp(-0.5 * u * u) / std::sqrt(2.0 * std::numbers::pi);
+}
+
+// An edge behind a Gaussian and a square pixel, by its definition: the pixel's other width is
+// integrated by the midpoint rule, whose error with 400 steps is below 1e-6.
+inline double gaussian_edge(double distance, const Eigen::Vector2d& normal, double sigma) {
+    constexpr int steps = 400;
+    const double a = std::abs(normal.x()), b = std::abs(normal.y());
+    double sum = 0.0;
+    for (int i = 0; i < steps; ++i) {
+        const double d = distance + b * ((i + 0.5) / steps - 0.5);
+        sum += (gaussian_ramp(d + 0.5 * a, sigma) - gaussian_ramp(d - 0.5 * a, sigma)) / a;
+    }
+    return sum / steps;
 }
 
 }  // namespace etalon::test

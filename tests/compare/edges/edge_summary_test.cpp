@@ -4,21 +4,20 @@
 
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon {
 namespace {
 
 EdgeShift edge(double x, double y, double angle, double shift, double deviation) {
-    EdgeShift result;
-    result.middle_px = {x, y};
-    result.normal = {std::cos(angle), std::sin(angle)};
-    result.shift_px = shift;
-    result.shift_deviation_px = deviation;
-    result.blur_deviation_px2 = 0.01;
-    result.pixels = 100;
-    result.radius_px = std::hypot(x - 319.5, y - 239.5);
-    result.depth_mm = 400.0 + x;
-    return result;
+    return {.middle_px = {x, y},
+            .normal = {std::cos(angle), std::sin(angle)},
+            .depth_mm = 400.0 + x,
+            .radius_px = std::hypot(x - 319.5, y - 239.5),
+            .pixels = 100,
+            .shift_px = shift,
+            .shift_deviation_px = deviation,
+            .blur_deviation_px2 = 0.01};
 }
 
 // With equal deviations the definition is solved by hand: mean square less variance.
@@ -127,12 +126,7 @@ TEST(EdgeBins, CoverRadiusAndDepth) {
 }
 
 CameraModel camera_of_board() {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {611.0, 603.0, 321.0, 236.0};
-    camera.distortion.k1 = -0.15;
-    return camera;
+    return test::camera_with(640, 480, {611.0, 603.0, 321.0, 236.0}, {.k1 = -0.15});
 }
 
 // A board of 7 x 5 squares of 20 mm seen from ten places: the edges across x and y of its squares,

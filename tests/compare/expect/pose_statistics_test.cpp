@@ -2,22 +2,19 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <limits>
-#include <numbers>
 
-#include "core/geometry/rigid.h"
+#include "core/geometry/units.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 
 namespace etalon {
 namespace {
 
-constexpr double rad = std::numbers::pi / 180.0;
-
 Rigid pose(double roll_deg, double pitch_deg, double yaw_deg, const Eigen::Vector3d& place) {
-    return {rotation_from_roll_pitch_yaw(rad * Eigen::Vector3d(roll_deg, pitch_deg, yaw_deg)),
-            place};
+    return {
+        rotation_from_roll_pitch_yaw(rad_per_deg * Eigen::Vector3d(roll_deg, pitch_deg, yaw_deg)),
+        place};
 }
 
 // An error of this size in X, nothing elsewhere.

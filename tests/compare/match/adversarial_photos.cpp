@@ -3,13 +3,11 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/projector.h"
-#include "compare/detect/detector.h"
 #include "compare/photometric/photometric_model.h"
-#include "core/statistics/random.h"
 #include "sim/render/motion_blur.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/sensor/sensor_model.h"
+#include "tests/compare/rendered_targets.h"
+#include "tests/image_of.h"
 
 namespace etalon::test {
 namespace {
@@ -19,13 +17,6 @@ const Renderer& true_renderer() {
     return renderer;
 }
 
-Eigen::Vector3d middle_mm(const Marker& marker) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& point : marker.points_mm)
-        sum += point / static_cast<double>(marker.points_mm.size());
-    return sum;
-}
-
 // The marker's middle at (x, y, z), turned.
 TrueScene scene_at(const std::string& name, const Eigen::Vector3d& rotation,
                    const Eigen::Vector3d& middle) {
@@ -33,9 +24,7 @@ TrueScene scene_at(const std::string& name, const Eigen::Vector3d& rotation,
     scene.marker = parse_marker(name, "test");
     scene.shown = scene.marker.grid;
     scene.shown.cells = scene.marker.grid.cells.clone();
-    scene.camera_from_marker = {rotation_from_vector(rotation), middle};
-    scene.camera_from_marker.translation -=
-        scene.camera_from_marker.rotation * middle_mm(scene.marker);
+    scene.camera_from_marker = board_pose(scene.marker, rotation, middle);
     return scene;
 }
 
@@ -59,7 +48,7 @@ Scene still(const TrueScene& scene, const Rigid& pose) {
 }
 
 double depth(const TrueScene& scene) {
-    return (scene.camera_from_marker * middle_mm(scene.marker)).z();
+    return (scene.camera_from_marker * middle_of(scene.marker)).z();
 }
 
 // mm across the line of sight that move the marker's middle by 0.8 and 0.6 px a px of path.
@@ -71,19 +60,16 @@ Eigen::Vector3d sideways(const TrueScene& scene, double path_px) {
 }  // namespace
 
 CameraModel calibrated_camera() {
-    CameraModel camera;
-    camera.width = 320;
-    camera.height = 240;
-    camera.intrinsics = {303.0, 301.0, 157.0, 122.0};
-    camera.distortion = {.k1 = -0.2, .k2 = 0.05};
-    return camera;
+    return camera_with(320, 240, {303.0, 301.0, 157.0, 122.0}, {.k1 = -0.2, .k2 = 0.05});
 }
 
 CameraModel true_camera() {
     CameraModel camera = calibrated_camera();
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0, .bits = 8, .black_dn = 5.0};
-    camera.sensor->gain_e_per_dn = 60.0;
-    camera.sensor->read_noise_e = 40.0;
+    camera.sensor = Sensor{.pixel_pitch_um = 6.0,
+                           .bits = 8,
+                           .black_dn = 5.0,
+                           .gain_e_per_dn = 60.0,
+                           .read_noise_e = 40.0};
     camera.lens = Lens{.f_number = 8.0, .focus_distance_mm = 300.0, .wavelength_nm = 550.0};
     camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = 0.7};
     return camera;
@@ -132,7 +118,7 @@ CodeImage exposed(const Radiance& radiance, int seed) {
 
 Eigen::Vector2d middle_px(const TrueScene& scene) {
     return Projector(true_camera())
-        .project(scene.camera_from_marker * middle_mm(scene.marker))
+        .project(scene.camera_from_marker * middle_of(scene.marker))
         .value();
 }
 
@@ -160,14 +146,12 @@ Radiance occluded(const TrueScene& scene, double side_px, double reflectance) {
 }
 
 Radiance with_glare(const TrueScene& scene, double sigma_px, double peak) {
-    Radiance radiance = radiance_of(scene);
+    const Radiance radiance = radiance_of(scene);
     const Eigen::Vector2d middle = middle_px(scene) + Eigen::Vector2d(-6.2, 4.7);
-    for (int y = 0; y < radiance.rows; ++y)
-        for (int x = 0; x < radiance.cols; ++x)
-            radiance.at<float>(y, x) +=
-                static_cast<float>(peak * std::exp(-(Eigen::Vector2d(x, y) - middle).squaredNorm() /
-                                                   (2.0 * sigma_px * sigma_px)));
-    return radiance;
+    return radiance + image_of(radiance.size(), [&](int x, int y) {
+               const double square = (Eigen::Vector2d(x, y) - middle).squaredNorm();
+               return peak * std::exp(-square / (2.0 * sigma_px * sigma_px));
+           });
 }
 
 Radiance moved(const TrueScene& scene, double path_px) {
@@ -201,15 +185,11 @@ Radiance rolled(const TrueScene& scene, double path_px) {
 
 // From one side of the image to the other, and a lamp's bright middle.
 Radiance unevenly_lit(const TrueScene& scene, double least) {
-    Radiance radiance = radiance_of(scene);
-    for (int y = 0; y < radiance.rows; ++y)
-        for (int x = 0; x < radiance.cols; ++x) {
-            const double u = static_cast<double>(x) / radiance.cols;
-            const double v = static_cast<double>(y) / radiance.rows - 0.4;
-            radiance.at<float>(y, x) *= static_cast<float>((least + (1.0 - least) * u) *
-                                                           std::exp(-v * v / (2 * 0.6 * 0.6)));
-        }
-    return radiance;
+    const Radiance radiance = radiance_of(scene);
+    return radiance.mul(image_of(radiance.size(), [&](int x, int y) {
+        const double u = 1.0 * x / radiance.cols, v = 1.0 * y / radiance.rows - 0.4;
+        return (least + (1.0 - least) * u) * std::exp(-v * v / (2 * 0.6 * 0.6));
+    }));
 }
 
 CodeImage sharpened(const CodeImage& photo, double amount, double sigma_px) {

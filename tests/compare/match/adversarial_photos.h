@@ -3,12 +3,7 @@
 // compare/match/photo_findings.h.
 #pragma once
 
-#include <memory>
-
 #include "compare/match/photo_findings.h"
-#include "core/geometry/rigid.h"
-#include "core/image/image.h"
-#include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 
 namespace etalon::test {

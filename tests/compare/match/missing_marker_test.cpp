@@ -1,10 +1,10 @@
-// Why nothing was found: the photographs are made so that the detector cannot find the marker.
+// Why nothing was found, and which tag stands there instead: the photographs are made so that the
+// detector cannot find the marker.
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
 
 #include "compare/make_detector.h"
-#include "compare/match/photo_findings.h"
 #include "tests/compare/match/adversarial_photos.h"
 
 namespace etalon {
@@ -22,8 +22,14 @@ Finding only_finding(const CodeImage& photo) {
     return findings.empty() ? Finding{} : findings.front();
 }
 
+CodeImage photo_of(const std::string& marker) {
+    test::TrueScene scene = test::tag_scene(0);
+    scene.shown = parse_marker(marker, "test").grid;
+    return test::exposed(test::radiance_of(scene), 1);
+}
+
 CodeImage tag_photo() {
-    return test::exposed(test::radiance_of(test::tag_scene(0)), 1);
+    return photo_of("apriltag:36h11:5@50mm");
 }
 
 TEST(MissingMarker, IsFoundInTheNegativeOfANegative) {
@@ -50,12 +56,35 @@ TEST(MissingMarker, IsNotInAPhotographWithoutContrastOrAllWhite) {
 
 // Another tag, well exposed: nothing that was tried helps, and nothing is said.
 TEST(MissingMarker, LeavesTheCauseOpenWhereNothingHelps) {
-    test::TrueScene scene = test::tag_scene(0);
-    scene.shown = parse_marker("apriltag:36h11:17@50mm", "test").grid;
-    EXPECT_TRUE(missing(test::exposed(test::radiance_of(scene), 1)).empty());
+    EXPECT_TRUE(missing(photo_of("apriltag:36h11:17@50mm")).empty());
     EXPECT_TRUE(
         examine_missing_marker({}, *make_detector("auto", test::tag_scene(0).marker, "test"))
             .empty());
+}
+
+std::vector<std::string> seen_in(const CodeImage& photo, const std::string& wanted) {
+    return tags_in_view(photo, parse_marker(wanted, "test"));
+}
+
+using Names = std::vector<std::string>;
+
+TEST(TagsInView, NamesFamilyAndIdOfWhatIsNotWanted) {
+    for (const std::string shown : {"apriltag:36h11:17", "apriltag:25h9:3", "aruco:6X6_50:7",
+                                    "aruco:4X4_50:11", "aruco:5X5_250:175"})
+        EXPECT_EQ(seen_in(photo_of(shown + "@50mm"), "apriltag:36h11:5@50mm"), Names{shown});
+}
+
+// OpenCV has no dictionary of them: only who wants one can see its neighbour.
+TEST(TagsInView, LooksForTheWantedFamilyFirst) {
+    EXPECT_EQ(seen_in(photo_of("apriltag:Standard41h12:9@30mm"), "apriltag:Standard41h12:4@30mm"),
+              Names{"apriltag:Standard41h12:9"});
+    EXPECT_EQ(seen_in(photo_of("aruco:5X5_250:7@50mm"), "aruco:5X5_250:8@50mm"),
+              Names{"aruco:5X5_250:7"});
+}
+
+TEST(TagsInView, SeesNothingInAGrayImage) {
+    EXPECT_TRUE(
+        seen_in({cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8}, "aruco:4X4_50:7@50mm").empty());
 }
 
 }  // namespace

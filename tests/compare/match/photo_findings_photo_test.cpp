@@ -1,39 +1,18 @@
-// Two sets of 13 real photographs of a board (OpenCV's samples, JPEG at quality 50): with their own
-// calibration they are matches, with one that is wrong they are not.
-#include <fmt/format.h>
+// Real photographs of a board: with their own calibration they are matches, with one that is wrong
+// they are not.
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <filesystem>
 
-#include "calib/intrinsics/camera_fit.h"
-#include "compare/detect/board/chessboard_corners.h"
 #include "compare/match/photo_findings.h"
-#include "tests/paths.h"
-#include "tests/photos.h"
+#include "tests/compare/board_photos.h"
 
 namespace etalon {
 namespace {
 
-struct Photos {
-    Marker board = parse_marker("chessboard:9x6@25mm", "test");
+struct Photos : test::BoardPhotos {
+    using BoardPhotos::BoardPhotos;
     ComparedArea area = compared_area(board, {}, "test");
-    std::vector<std::string> names;
-    std::vector<CodeImage> images;
-    std::vector<CalibrationView> views;
-    CameraFit fit;
-
-    explicit Photos(const std::string& side) {
-        for (int n = 1; n <= 14; ++n) {
-            if (n == 10)
-                continue;  // the sets have none
-            names.push_back(fmt::format("{}{:02}.jpg", side, n));
-            images.push_back(read_image(std::filesystem::path(ETALON_PHOTO_DIR) / names.back()));
-            const auto corners = find_chessboard_corners(images.back(), board.columns, board.rows);
-            views.push_back({board.points_mm, corners.value().pixels});
-        }
-        fit = fit_camera(views, {640, 480}, calibration_model("standard"));
-    }
 
     // Calls seen(number, photograph's match, camera) for each at the pose of its corners.
     void match(const CameraModel& model, const auto& seen) const {
@@ -78,8 +57,6 @@ TEST_P(RealPhotographs, MatchTheirRenderings) {
         calibrated += match.calibrated.scored.rms_gray / 13.0;
         refined += match.refined.scored.rms_gray / 13.0;
     });
-    std::printf("%s: mean residual %.2f gray at the calibrated poses, %.2f at the refined ones\n",
-                GetParam(), calibrated, refined);
     EXPECT_LE(calibrated, 6.5);
     EXPECT_LE(refined, 6.5);
     EXPECT_GE(refined, 3.0);
@@ -113,7 +90,6 @@ TEST(RealPhotographsOfTheLeftCamera, ShowAWrongDistortion) {
         named += std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
             return finding.name == "calibration_mismatch" || finding.name == "skewed";
         });
-    std::printf("k1 + 0.05: named in %d of 13 photographs\n", named);
     EXPECT_GE(named, 7);
 }
 

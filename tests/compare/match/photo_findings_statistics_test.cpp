@@ -9,8 +9,8 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
-#include "core/statistics/random.h"
 #include "tests/compare/match/adversarial_photos.h"
+#include "tests/image_of.h"
 
 namespace etalon {
 namespace {
@@ -39,11 +39,9 @@ CodeImage plain(const TrueScene& scene, int seed) {
 // Eight gray more than the camera has.
 CodeImage noisy(const TrueScene& scene, int seed) {
     CodeImage photo = plain(scene, seed);
-    cv::Mat noise(photo.pixels.size(), CV_16SC1);
     RandomStream random(5, 2);
-    for (short& value : cv::Mat_<short>(noise))
-        value = static_cast<short>(std::lround(8.0 * random.normal()));
-    cv::add(photo.pixels, noise, photo.pixels, cv::noArray(), CV_8U);
+    cv::add(photo.pixels, test::normal_noise(photo.pixels.size(), 8.0, random), photo.pixels,
+            cv::noArray(), CV_8U);
     return photo;
 }
 
@@ -174,8 +172,7 @@ CameraModel with_other_distortion() {
 
 CameraModel with_another_focal_length() {
     CameraModel wrong = test::calibrated_camera();
-    wrong.intrinsics.fx *= 1.05;
-    wrong.intrinsics.fy *= 1.05;
+    wrong.intrinsics.zoom(1.05);
     return wrong;
 }
 
@@ -265,18 +262,14 @@ TEST(MatchOutcome, NamesAMarkerThatReachesOutOfTheImage) {
     }
 }
 
-// 200 photographs without a fault, each at a pose of its own. At the stated rate of 1 % two false
-// findings are expected and more than seven come up once in 700 such tests.
+// 200 photographs without a fault, each at a pose of its own. At the stated rate of 1 % two of them
+// would have a finding; with these seeds none has.
 TEST(MatchOutcome, HasFewFalseFindings) {
-    int wrong = 0;
     for (int n = 0; n < 200; ++n) {
         const TrueScene scene = n % 2 == 0 ? test::tag_scene(2 + n) : test::board_scene(2 + n);
         const Findings findings = found_in(plain(scene, n), scene, n);
-        wrong += is_matched(findings) ? 0 : 1;
         EXPECT_TRUE(is_matched(findings)) << n << ": " << names(findings);
     }
-    std::printf("%d of 200 photographs without a fault have a finding\n", wrong);
-    EXPECT_LE(wrong, 7);
 }
 
 }  // namespace

@@ -3,28 +3,22 @@
 // tests/evidence/causes.cpp.
 #pragma once
 
-#include <cmath>
 #include <numeric>
 
 #include "compare/diagnosis/image_agreement.h"
 #include "compare/match/pixel_measurement.h"
 #include "compare/photometric/photometric_model.h"
 #include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon::test {
 
 inline constexpr double stated_background = 0.55;
 
 inline CameraModel photographed_calibration() {
-    CameraModel camera;
-    camera.width = 320;
-    camera.height = 240;
-    camera.intrinsics = {430.0, 432.0, 157.2, 121.7};
-    camera.distortion.k1 = -0.11;
-    camera.sensor = Sensor{.pixel_pitch_um = 5.0, .black_dn = 9.0};
-    camera.sensor->gain_e_per_dn = 40.0;
-    camera.sensor->read_noise_e = 8.0;
+    CameraModel camera = camera_with(320, 240, {430.0, 432.0, 157.2, 121.7}, {.k1 = -0.11});
+    camera.sensor =
+        Sensor{.pixel_pitch_um = 5.0, .black_dn = 9.0, .gain_e_per_dn = 40.0, .read_noise_e = 8.0};
     camera.lens = Lens{.f_number = 1.6, .focus_distance_mm = 1100.0, .wavelength_nm = 550.0};
     return camera;
 }

@@ -3,41 +3,27 @@
 #include <gtest/gtest.h>
 
 #include "core/program/errors.h"
-#include "core/statistics/random.h"
+#include "tests/calib/cameras.h"
+#include "tests/image_of.h"
 
 namespace etalon {
 namespace {
 
 CameraModel small_camera() {
-    CameraModel camera;
-    camera.width = 320;
-    camera.height = 240;
-    camera.intrinsics = {300.0, 305.0, 161.0, 118.0};
-    camera.distortion.k1 = -0.2;
-    return camera;
+    return test::camera_with(320, 240, {300.0, 305.0, 161.0, 118.0}, {.k1 = -0.2});
 }
 
-Marker board(int columns, int rows, double square) {
-    Marker marker;
-    marker.kind = Marker::Kind::chessboard;
-    marker.columns = columns;
-    marker.rows = rows;
-    marker.size_mm = square;
-    return marker;
+Marker board() {
+    return parse_marker("chessboard:9x6@25mm", "test");
 }
 
 // A tag of 8 x 8 cells of 5 mm, its border and its white surroundings included.
 Marker tag() {
-    Marker marker;
-    marker.kind = Marker::Kind::aruco;
-    marker.grid.cells = cv::Mat(8, 8, CV_32FC1, cv::Scalar(0));
-    marker.grid.corner_mm = {-20.0, -20.0};
-    marker.grid.cell_mm = {5.0, 5.0};
-    return marker;
+    return parse_marker("aruco:4X4_50:7@30mm", "test");
 }
 
 TEST(ComparedArea, OfAChessboardIsItsInnerCornersAndTheMargin) {
-    const ComparedArea area = compared_area(board(9, 6, 25.0), {}, "test");
+    const ComparedArea area = compared_area(board(), {}, "test");
     EXPECT_LT((area.low_mm - Eigen::Vector2d(-7.5, -16.25)).norm(), 1e-12);
     EXPECT_LT((area.high_mm - Eigen::Vector2d(207.5, 141.25)).norm(), 1e-12);
 }
@@ -50,8 +36,8 @@ TEST(ComparedArea, OfATagIsItsWholeGrid) {
 
 TEST(ComparedArea, RefusesMarginsThatLeaveNothingOrReachOffTheBoard) {
     for (const double margin : {-0.5, 1.01, std::nan(""), HUGE_VAL}) {
-        EXPECT_THROW(compared_area(board(9, 6, 25.0), {margin, 0.1}, "test"), ConfigError);
-        EXPECT_THROW(compared_area(board(9, 6, 25.0), {0.1, margin}, "test"), ConfigError);
+        EXPECT_THROW(compared_area(board(), {margin, 0.1}, "test"), ConfigError);
+        EXPECT_THROW(compared_area(board(), {0.1, margin}, "test"), ConfigError);
     }
 }
 
@@ -69,7 +55,8 @@ double distance_to_border_mm(const Eigen::Vector3d& point) {
 // be a hundredth of a pixel aside.
 TEST(PixelUses, FollowThePlaneThroughDistortionAndTilt) {
     const Projector projector(small_camera());
-    const ComparedArea area = compared_area(board(5, 4, 10.0), {0.25, 0.5}, "test");
+    const ComparedArea area =
+        compared_area(parse_marker("chessboard:5x4@10mm", "test"), {0.25, 0.5}, "test");
     const Rigid pose{rotation_from_vector({0.5, -0.3, 0.4}), {-12.0, -8.0, 110.0}};
     const cv::Mat uses = pixel_uses(projector, pose, area);
     ASSERT_EQ(uses.size(), cv::Size(320, 240));
@@ -120,9 +107,7 @@ struct NoisyScene {
         const Radiance radiance = camera.at_sensor({{{marker.grid, pose}}, 1.0}, {0, 0, 320, 240});
         cv::Mat gray = predicted_gray(truth, radiance, {});
         RandomStream random(3, 9);
-        for (int y = 0; y < gray.rows; ++y)
-            for (int x = 0; x < gray.cols; ++x)
-                gray.at<float>(y, x) += static_cast<float>(noise_gray * random.normal());
+        gray += test::normal_noise(gray.size(), noise_gray, random);
         CodeImage image{{}, bits};
         gray.convertTo(image.pixels, bits > 8 ? CV_16U : CV_8U, image.full_scale() / 255.0);
         return {gray_of(image), marker.grid, use, pixel_fitted, 1.0};
@@ -158,10 +143,8 @@ TEST(PhotoFit, FindsAnErrorInTheScoredHalfAlone) {
 // deviations. Of about 9 000 scored pixels 24 +- 5: between 0.05 % and 0.6 % by a wide margin.
 TEST(PhotoFit, KnowsNoiseFromSignificantResiduals) {
     CameraModel model = small_camera();
-    model.sensor.emplace();
-    model.sensor->bits = 12;
-    model.sensor->gain_e_per_dn = 50.0;
-    model.sensor->read_noise_e = 50.0 * 40.0;  // 40 DN, much more than shot noise at any level
+    // 40 DN of read noise, much more than shot noise at any level.
+    model.sensor = Sensor{.bits = 12, .gain_e_per_dn = 50.0, .read_noise_e = 50.0 * 40.0};
     const NoisyScene scene(model);
     const double sigma_gray = 40.0 * 255.0 / 4095.0;
     const PhotoFit quiet = fit_photometry(scene.photo(sigma_gray, 12), scene.camera, scene.pose);
@@ -197,11 +180,7 @@ TEST(PhotoFit, TakesTheNoiseFromTheFittedHalfWhereTheCameraKnowsNone) {
 // 12 bit, 2 electrons a DN, 6 electrons read noise: at 1000 DN above black the variance is
 // 1000 / 2 + 3^2 + 1/12 DN^2.
 TEST(NoiseGray, IsShotReadAndRoundingNoise) {
-    Sensor sensor;
-    sensor.bits = 12;
-    sensor.black_dn = 64.0;
-    sensor.gain_e_per_dn = 2.0;
-    sensor.read_noise_e = 6.0;
+    const Sensor sensor{.bits = 12, .black_dn = 64.0, .gain_e_per_dn = 2.0, .read_noise_e = 6.0};
     const double gray = (1000.0 + 64.0) / 4095.0 * 255.0;
     const double expected = std::sqrt(500.0 + 9.0 + 1.0 / 12.0) / 4095.0 * 255.0;
     EXPECT_NEAR(noise_gray(sensor, gray).value(), expected, 1e-6);

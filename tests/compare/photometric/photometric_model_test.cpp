@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <numbers>
 
 #include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon {
 namespace {
@@ -23,7 +23,6 @@ PhotometricModel some_model() {
 TEST(PhotometricModel, PredictsBlackAndWhitePlanes) {
     const PhotometricModel model = some_model();
     Radiance flat(height, width, CV_32FC1, cv::Scalar(0));
-    flat.at<float>(0, 0) = 0.0f;
     const cv::Mat dark = predicted_gray(model, flat, {});
     // Top left is half an image from the centre, less half a pixel: 159/320 and 119/240.
     EXPECT_NEAR(dark.at<float>(0, 0), 23.0 - 7.0 * 159 / 320 + 5.0 * 119 / 240, 1e-4);
@@ -155,11 +154,7 @@ constexpr double pi = std::numbers::pi;
 // The mean code: truth is the uniform quantiser's Fourier series, and the sensor itself with its
 // noise drawn. Without a curve and nearly without shot noise: sigma in codes is the read noise's.
 Sensor steady_sensor(double sigma_codes, double black) {
-    Sensor sensor;
-    sensor.black_dn = black;
-    sensor.gain_e_per_dn = 1e7;
-    sensor.read_noise_e = sigma_codes * 1e7;
-    return sensor;
+    return {.black_dn = black, .gain_e_per_dn = 1e7, .read_noise_e = sigma_codes * 1e7};
 }
 
 // Widrow and Kollar: the mean of a rounded normal variable.
@@ -194,13 +189,9 @@ TEST(MeanCode, SlopesAsItRises) {
 // 10 bits behind a curve, with black at 0, where half of the noise is cut off, and white at the
 // end.
 TEST(MeanCode, IsTheMeanOfWhatTheSensorDraws) {
-    CameraModel camera;
-    camera.width = 1000;
-    camera.height = 800;
-    Sensor& sensor = camera.sensor.emplace();
-    sensor.transfer.kind = Transfer::Kind::rec709;
-    sensor.gain_e_per_dn = 60.0;
-    sensor.read_noise_e = 10.0;
+    CameraModel camera = test::camera_with(1000, 800, {});
+    Sensor& sensor = camera.sensor.emplace(Sensor{
+        .transfer = {Transfer::Kind::rec709, {}}, .gain_e_per_dn = 60.0, .read_noise_e = 10.0});
     for (const int bits : {8, 10}) {
         sensor.bits = bits;
         const SensorModel model(camera);

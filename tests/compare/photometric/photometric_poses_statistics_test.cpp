@@ -1,11 +1,9 @@
 // The photometric pose's statistics, on photographs made by the reference integrator with shot,
 // read and quantisation noise, against the Cramer-Rao bound and AprilTag's corners. The full size,
 // 500 poses and 100 repeats, is tests/evidence/photometric_pose.cpp.
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "core/program/errors.h"
 #include "tests/evidence/photometric_study.h"
 
 namespace etalon::test {
@@ -57,23 +55,15 @@ Repeats repeats_at(bool with_lens, std::uint64_t pose, std::uint32_t count) {
     result.chi_square /= result.count;
     result.scatter = deviations(errors);
     result.corner_scatter = deviations(corner_errors);
-    fmt::print(
-        "largest mean {:.2f} of the bound, scatter {:.2f}..{:.2f} of it, AprilTag's {:.1f}..{:.1f} "
-        "times that, chi-square {:.3f}, {:.1f} against {:.1f} ms\n",
-        result.mean.cwiseAbs().maxCoeff(), result.scatter.minCoeff(), result.scatter.maxCoeff(),
-        result.corner_scatter.cwiseQuotient(result.scatter).minCoeff(),
-        result.corner_scatter.cwiseQuotient(result.scatter).maxCoeff(), result.chi_square,
-        result.photometric_ms / result.count, result.apriltag_ms / result.count);
     return result;
 }
 
 // Over n = 40 repeats the mean's standard error is 0.16 of the bound. The reference's own error is
 // the same in all of them: measured over its scrambles it moves the pose by 1.2 of the bound with
-// 1024 samples a pixel and by 0.4 with 4096, which makes 0.15 with the 16 384 here; without
-// a lens less. 3.5 of both
-// together, 0.77, is exceeded by one of 12 components in 1 of 180 runs. The scatter's standard
-// error is 11 %; three of them on both sides. Chi-square: 40 photographs of 1800 pixels or more,
-// 0.5 %.
+// 1024 samples a pixel and by 0.4 with 4096, which makes 0.15 with the 16 384 here; without a lens
+// less. 3.5 of both together, 0.77, is exceeded by one of 12 components in 1 of 180 runs. The
+// scatter's standard error is 11 %; three of them on both sides. Chi-square: 40 photographs of 1800
+// pixels or more, 0.5 %.
 void expect_efficient(bool with_lens, std::uint64_t pose) {
     const Repeats found = repeats_at(with_lens, pose, 40);
     EXPECT_EQ(found.failed, 0);

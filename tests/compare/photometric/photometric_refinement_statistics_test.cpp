@@ -1,19 +1,13 @@
 // Intrinsics from pixels, on photographs made by the reference integrator and the sensor's noise.
 #include "compare/photometric/photometric_refinement.h"
 
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
-
-#include "compare/detect/board/chessboard_corners.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
-#include "sim/marker/marker.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/sensor/sensor_model.h"
-#include "tests/paths.h"
-#include "tests/photos.h"
+#include "tests/compare/board_photos.h"
+#include "tests/compare/rendered_targets.h"
 
 namespace etalon {
 namespace {
@@ -21,13 +15,8 @@ namespace {
 constexpr int photo_count = 8;
 
 CameraModel true_camera() {
-    CameraModel camera;
-    camera.width = 160;
-    camera.height = 120;
-    camera.intrinsics = {383.0, 378.5, 77.0, 61.5};
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.sensor->gain_e_per_dn = 40.0;
-    camera.sensor->read_noise_e = 20.0;
+    CameraModel camera = test::camera_with(160, 120, {383.0, 378.5, 77.0, 61.5});
+    camera.sensor = Sensor{.pixel_pitch_um = 6.0, .gain_e_per_dn = 40.0, .read_noise_e = 20.0};
     camera.lens = Lens{.f_number = 16.0, .focus_distance_mm = 300.0, .wavelength_nm = 550.0};
     camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = 0.7};
     return camera;
@@ -43,11 +32,9 @@ Rigid pose_of(int photo) {
     const double turn = 2.4 * photo;
     const Eigen::Vector3d tilt(0.6 * std::cos(turn), 0.55 * std::sin(turn),
                                0.1 * std::sin(3 * turn));
-    const Eigen::Quaterniond rotation = rotation_from_vector(tilt);
-    const Eigen::Vector3d centre(33.0, 22.0, 0.0);
     const Eigen::Vector3d place(6 * std::sin(5 * turn), 4 * std::cos(2 * turn),
                                 300 + 30 * std::sin(4 * turn));
-    return {rotation, place - rotation * centre};
+    return test::board_pose(refined_board(), tilt, place);
 }
 
 // 1024 samples a pixel where they are needed: half a gray at edges, below the noise of 1 to 2.
@@ -152,21 +139,10 @@ TEST(PhotometricRefinement, NeedsSixPhotographsThatMatchTheirViews) {
 // Two sets of 13 real photographs (OpenCV's samples): JPEG at quality 50, the board's outer columns
 // cut. docs/calibration.md has the figures.
 PhotometricRefinement refined(const std::string& side) {
-    const Marker board = parse_marker("chessboard:9x6@25mm", "test");
-    const CalibrationModel& model = calibration_model("standard");
-    std::vector<CodeImage> photos;
-    std::vector<CalibrationView> views;
-    for (int n = 1; n <= 14; ++n) {
-        if (n == 10)
-            continue;  // the sets have none
-        photos.push_back(read_image(std::filesystem::path(ETALON_PHOTO_DIR) /
-                                    fmt::format("{}{:02}.jpg", side, n)));
-        const auto corners = find_chessboard_corners(photos.back(), board.columns, board.rows);
-        views.push_back({board.points_mm, corners.value().pixels});
-    }
-    const CameraFit corners = fit_camera(views, {640, 480}, model);
-    return refine_photometrically(photos, views, board.grid, compared_area(board, {}, "test"),
-                                  corners, model);
+    const test::BoardPhotos photos(side);
+    return refine_photometrically(photos.images, photos.views, photos.board.grid,
+                                  compared_area(photos.board, {}, "test"), photos.fit,
+                                  calibration_model("standard"));
 }
 
 // The photometric model leaves 6.4 gray on squares that were not fitted, of which 7 are allowed;
@@ -177,7 +153,6 @@ TEST_P(RefiningRealPhotographs, ShowsNoGain) {
     if (!test::photos_are_there())
         GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
     const PhotometricRefinement result = refined(std::string(GetParam()));
-    std::printf("%s: %s\n", GetParam(), result.in_words().c_str());
     ASSERT_EQ(result.photos.size(), 13u);
     EXPECT_LE(result.corners_rms_gray, 7.0);
     EXPECT_GE(result.corners_rms_gray, 3.0);

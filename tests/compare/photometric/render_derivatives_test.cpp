@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "sim/marker/marker.h"
+#include "tests/calib/cameras.h"
+#include "tests/image_of.h"
 
 namespace etalon {
 namespace {
@@ -11,11 +13,9 @@ namespace {
 const cv::Rect region(60, 30, 140, 130);
 
 CameraModel distorted_camera(double psf_sigma_px) {
-    CameraModel camera;
-    camera.width = 240;
-    camera.height = 180;
-    camera.intrinsics = {301.0, 296.0, 117.0, 93.0};
-    camera.distortion = {.k1 = -0.21, .k2 = 0.07, .p1 = 0.002, .p2 = -0.001, .k3 = 0.01};
+    CameraModel camera =
+        test::camera_with(240, 180, {301.0, 296.0, 117.0, 93.0},
+                          {.k1 = -0.21, .k2 = 0.07, .p1 = 0.002, .p2 = -0.001, .k3 = 0.01});
     if (psf_sigma_px > 0) {
         camera.sensor = Sensor{.pixel_pitch_um = 6.0};
         camera.lens = Lens{.f_number = 1000.0, .focus_distance_mm = 200.0, .wavelength_nm = 550.0};
@@ -24,35 +24,23 @@ CameraModel distorted_camera(double psf_sigma_px) {
     return camera;
 }
 
-Rigid tilted_pose() {
-    Vector6d pose;
-    pose << 0.31, -0.42, 0.23, 4.0, 2.0, 190.0;
-    return rigid_from_vector(pose);
-}
-
 Scene scene_at(const Rigid& pose) {
     return {{{parse_marker("apriltag:36h11:5@40mm", "test").grid, pose}}, 1.0};
 }
 
 cv::Mat rendered(const CameraModel& camera, const Rigid& pose) {
-    RenderOptions options;
-    options.tolerance_gray = 0.02;
-    return Renderer(camera).render(scene_at(pose), options).radiance(region);
+    return Renderer(camera).render(scene_at(pose), {.tolerance_gray = 0.02}).radiance(region);
 }
 
 // The derivative image of one column of the motion.
 cv::Mat derivative(const RenderedGradient& gradient, const ImageMotion& motion, int column) {
-    cv::Mat image(region.size(), CV_32FC1, cv::Scalar(0));
     Eigen::Matrix2Xd moved(2, motion.columns());
-    for (int y = 0; y < region.height; ++y)
-        for (int x = 0; x < region.width; ++x) {
-            const cv::Point pixel = region.tl() + cv::Point(x, y);
-            if (motion.at(pixel.x, pixel.y, moved))
-                image.at<float>(y, x) =
-                    static_cast<float>(-(gradient.by_x.at<float>(y, x) * moved(0, column) +
-                                         gradient.by_y.at<float>(y, x) * moved(1, column)));
-        }
-    return image;
+    return test::image_of(region.size(), [&](int x, int y) {
+        if (!motion.at(region.x + x, region.y + y, moved))
+            return 0.0;
+        return -(gradient.by_x.at<float>(y, x) * moved(0, column) +
+                 gradient.by_y.at<float>(y, x) * moved(1, column));
+    });
 }
 
 double relative_error(const cv::Mat& found, const cv::Mat& truth) {
@@ -75,7 +63,7 @@ double largest_motion(const ImageMotion& motion, int column) {
 // stretch or bend it.
 void expect_central_differences(const CameraModel& camera, double share, double share_of_others) {
     const CalibrationModel& model = calibration_model("standard");
-    const Rigid pose = tilted_pose();
+    const Rigid pose = rigid_from_vector({0.31, -0.42, 0.23, 4.0, 2.0, 190.0});
     const ImageMotion motion(Projector(camera), pose, model, region);
     const RenderedGradient gradient = PhotometricCamera(camera).gradient_at_sensor(
         scene_at(pose).markers.front(), 1.0, motion, Differences::central, 0.02);
@@ -118,10 +106,8 @@ TEST(RenderDerivatives, AreTheCentralDifferencesOfASharpRendering) {
 TEST(RenderDerivatives, KnowNothingBehindTheHorizonOfTheMarkersPlane) {
     const CameraModel camera = distorted_camera(0.0);
     // The plane falls away to the right and meets the optical axis: rays to its left miss it.
-    Vector6d pose;
-    pose << 0.0, 1.5, 0.0, 0.0, 0.0, 200.0;
-    const ImageMotion motion(Projector(camera), rigid_from_vector(pose), {},
-                             cv::Rect(0, 0, camera.width, camera.height));
+    const ImageMotion motion(Projector(camera), rigid_from_vector({0.0, 1.5, 0.0, 0.0, 0.0, 200.0}),
+                             {}, cv::Rect(0, 0, camera.width, camera.height));
     int seen = 0, missed = 0;
     Eigen::Matrix2Xd moved(2, 6);
     for (int x = 0; x < camera.width; ++x)

@@ -10,11 +10,7 @@ namespace {
 const Rigid camera_from_marker{rotation_from_vector({0.4, -0.1, 0.3}), {50.0, -30.0, 470.0}};
 
 Corners widened(const Corners& corners) {
-    const Eigen::Vector2d centre = (corners[0] + corners[1] + corners[2] + corners[3]) / 4.0;
-    Corners moved = corners;
-    for (Eigen::Vector2d& corner : moved)
-        corner += 0.3 * (corner - centre).normalized();
-    return moved;
+    return moved_outwards(corners, 0.3);
 }
 
 std::vector<RegistrationPose> training(const SimulatedRun& run) {
@@ -29,8 +25,7 @@ std::vector<RegistrationPose> training(const SimulatedRun& run) {
 }
 
 SimulatedRun exact_run() {
-    SimulatedRun run = demo_run();
-    run.noise_px = run.repeatability_mm = 0.0;
+    SimulatedRun run = without_noise(demo_run());
     run.nominal_carriage_from_marker = run.carriage_from_marker;
     return run;
 }
@@ -51,8 +46,8 @@ TEST(PoseBias, KeepsTheDetectorTheStageAndTheCameraApart) {
     truth.translation += Eigen::Vector3d(0.7, -0.5, 1.1);
     const PoseBias bias =
         pose_bias(projector, run.points_mm, camera_from_marker,
-                  widened(corners_at(Projector(run.camera), run.points_mm, truth)),
-                  widened(corners_at(Projector(run.camera), run.points_mm, camera_from_marker)));
+                  widened(corners_at(projector, run.points_mm, truth)),
+                  widened(corners_at(projector, run.points_mm, camera_from_marker)));
     ASSERT_TRUE(bias.b1 && bias.b2 && bias.b3);
     EXPECT_LT(bias.b1->translation_mm.z(), -1.0);  // a marker seen too large is seen too near
     EXPECT_LT((bias.b3->translation_mm - Eigen::Vector3d(0.7, -0.5, 1.1)).norm(), 0.03);
@@ -63,9 +58,8 @@ TEST(PoseBias, KeepsTheDetectorTheStageAndTheCameraApart) {
 TEST(PoseBias, LeavesOutWhatWasNotDetected) {
     const SimulatedRun run = demo_run();
     const Projector projector(run.camera);
-    const PoseBias bias =
-        pose_bias(projector, run.points_mm, camera_from_marker, {},
-                  corners_at(Projector(run.camera), run.points_mm, camera_from_marker));
+    const PoseBias bias = pose_bias(projector, run.points_mm, camera_from_marker, {},
+                                    corners_at(projector, run.points_mm, camera_from_marker));
     EXPECT_TRUE(bias.b1);
     EXPECT_FALSE(bias.b2 || bias.b3);
 }
@@ -73,10 +67,7 @@ TEST(PoseBias, LeavesOutWhatWasNotDetected) {
 // A board's first point is its origin. Tilted about the line from there to its middle, both planar
 // solutions put it at almost the same place, and only the rotation tells them apart.
 TEST(PoseBias, TellsTheSolutionsOfABoardApartByTheirRotation) {
-    std::vector<Eigen::Vector3d> board;
-    for (int row = 0; row < 5; ++row)
-        for (int column = 0; column < 7; ++column)
-            board.emplace_back(8.0 * column, 8.0 * row, 0.0);
+    const auto board = parse_marker("chessboard:7x5@8mm", "test").points_mm;
     const Rigid truth{rotation_from_vector(0.4 * Eigen::Vector3d(3, 2, 0).normalized()),
                       {-24.0, -16.0, 470.0}};
     const CameraModel camera = demo_run().camera;
@@ -101,7 +92,7 @@ TEST(BiasCorrectedRegistration, KeepsTheDetectorsBiasOutOfXAndY) {
     EXPECT_GT((naive.camera_from_base.translation - run.camera_from_base.translation).norm(), 0.3);
 
     const auto render = [&](const Rigid& pose) -> std::optional<Corners> {
-        return widened(corners_at(Projector(run.camera), run.points_mm, pose));
+        return widened(corners_at(projector, run.points_mm, pose));
     };
     const BiasCorrectedRegistration corrected = register_bias_corrected(
         projector, run.points_mm, poses, run.nominal_carriage_from_marker, render);
@@ -122,7 +113,7 @@ TEST(BiasCorrectedRegistration, LeavesOutPosesWhoseRenderIsNotDetected) {
     const auto render = [&](const Rigid& pose) -> std::optional<Corners> {
         if (++calls % 5 == 0)
             return std::nullopt;
-        return corners_at(Projector(run.camera), run.points_mm, pose);
+        return corners_at(projector, run.points_mm, pose);
     };
     const BiasCorrectedRegistration result = register_bias_corrected(
         projector, run.points_mm, poses, run.nominal_carriage_from_marker, render);

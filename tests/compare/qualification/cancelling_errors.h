@@ -2,7 +2,6 @@
 // would let pass.
 #pragma once
 
-#include <algorithm>
 #include <set>
 
 #include "tests/compare/qualification/injected_errors.h"
@@ -27,11 +26,12 @@ public:
         const SimulatedRun exact = without_noise(demo_run());
         const Qualification told = qualify(input_of(exact, 1));
         field_ = *told.position_field;
-        volume_ = volume(exact);
-        const std::set<std::string> camera = camera_kinds();
-        for (const InjectedKind& kind : all_kinds())
-            if (!is_random(kind.name))
-                effects_.push_back({kind, camera.contains(kind.name), effect_of(kind)});
+        for (const AnalysedPose& pose : told.poses)
+            volume_.push_back(pose.bias.predicted.translation);
+        const std::vector<InjectedKind> kinds = all_kinds();  // the lens's first
+        for (std::size_t i = 0; i < kinds.size(); ++i)
+            if (!is_random(kinds[i].name))
+                effects_.push_back({kinds[i], i < lens_kinds().size(), effect_of(kinds[i])});
         for (std::size_t c = 0; c < effects_.size(); ++c)
             if (effects_[c].is_camera)
                 add_sets_of(c);
@@ -53,40 +53,17 @@ public:
     }
 
 private:
-    static SimulatedRun without_noise(SimulatedRun run) {
-        run.noise_px = 0.0;
-        run.repeatability_mm = 0.0;
-        return run;
-    }
-
     // Errors that no field follows.
     static bool is_random(const std::string& name) {
         return name.starts_with("scatter") || name.starts_with("pose ") ||
                name.find("repeats") != std::string::npos;
     }
 
-    static std::set<std::string> camera_kinds() {
-        std::set<std::string> names;
-        for (const InjectedKind& kind : lens_kinds())
-            names.insert(kind.name);
-        return names;
-    }
-
-    static std::vector<Eigen::Vector3d> volume(const SimulatedRun& run) {
-        const Qualification result = qualify(input_of(run, 1));
-        std::vector<Eigen::Vector3d> positions;
-        for (const AnalysedPose& pose : result.poses)
-            positions.push_back(pose.bias.predicted.translation);
-        return positions;
-    }
-
     Eigen::VectorXd effect_of(const InjectedKind& kind) const {
         constexpr double part = 0.1;  // of a size that nobody misses
         SimulatedRun run = without_noise(demo_run());
         kind.inject(run, part * kind.easily);
-        QualificationInput input = input_of(run, 1);
-        const NoiseDraws draws(1);
-        return qualify(input).position_field->coefficients / (part * kind.easily);
+        return qualify(input_of(run, 1)).position_field->coefficients / (part * kind.easily);
     }
 
     // Over the limits: 1 where one is just reached.

@@ -52,10 +52,7 @@ inline std::vector<InjectedKind> lens_kinds() {
     using D = Distortion;
     return {
         {"focal length", 3e-3,
-         [](SimulatedRun& run, double size) {
-             run.true_camera.intrinsics.fx *= 1.0 + size;
-             run.true_camera.intrinsics.fy *= 1.0 + size;
-         }},
+         [](SimulatedRun& run, double size) { run.true_camera.intrinsics.zoom(1.0 + size); }},
         {"aspect of fx, fy", 2e-3,
          [](SimulatedRun& run, double size) { run.true_camera.intrinsics.fy *= 1.0 + size; }},
         {"c_x", 3.0, [](SimulatedRun& run, double size) { run.true_camera.intrinsics.cx += size; }},

@@ -7,7 +7,7 @@
 #include "compare/qualification/judged_quantities.h"
 #include "core/config/strict_reader.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -15,7 +15,7 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr const char* good =
+const std::string good =
     "etalon: limits/1\n"
     "id: demo-7\n"
     "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n"
@@ -29,12 +29,7 @@ std::filesystem::path file_with(const std::string& text) {
 }
 
 std::string refusal(const std::string& text) {
-    try {
-        read_limits(file_with(text));
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "accepted";
+    return config_error_of([&] { read_limits(file_with(text)); });
 }
 
 TEST(LimitsFile, ReadsWhatIsRequired) {
@@ -61,7 +56,7 @@ TEST(LimitsFile, SaysWhereAndWhatIsWrong) {
     const std::string head = "etalon: limits/1\nid: a\n";
     EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n"),
                 HasSubstr("b3_position_field_max_mm"));
-    EXPECT_THAT(refusal(std::string(good) + "b3_positoin: {limit: 1, unit: mm}\n"),
+    EXPECT_THAT(refusal(good + "b3_positoin: {limit: 1, unit: mm}\n"),
                 AllOf(HasSubstr(":5:"), HasSubstr("b3_positoin")));
     EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: um}\n"),
                 AllOf(HasSubstr(":3:"), HasSubstr("unit")));
@@ -72,9 +67,8 @@ TEST(LimitsFile, SaysWhereAndWhatIsWrong) {
 }
 
 TEST(LimitsFile, ReadsWhetherPixelsMustMatch) {
-    EXPECT_TRUE(
-        read_limits(file_with(std::string(good) + "pixels: must_match\n")).pixels_must_match);
-    EXPECT_THAT(refusal(std::string(good) + "pixels: maybe\n"), HasSubstr("limits.yaml:5"));
+    EXPECT_TRUE(read_limits(file_with(good + "pixels: must_match\n")).pixels_must_match);
+    EXPECT_THAT(refusal(good + "pixels: maybe\n"), HasSubstr("limits.yaml:5"));
 }
 
 TEST(LimitsFile, KnowsTheRangeOfEveryQuantity) {
@@ -92,28 +86,27 @@ TEST(LimitsFile, ReadsTheDecisionRule) {
     EXPECT_EQ(factor("decision_rule: guarded\n"), 1.0);
     EXPECT_EQ(factor("decision_rule: simple\n"), 0.0);
     EXPECT_EQ(factor("decision_rule: {guard_band: 0.83}\n"), 0.83);
-    EXPECT_THAT(refusal(std::string(good) + "decision_rule: lenient\n"),
-                HasSubstr("decision_rule"));
-    EXPECT_THAT(refusal(std::string(good) + "decision_rule: {guard_band: 3.1}\n"),
+    EXPECT_THAT(refusal(good + "decision_rule: lenient\n"), HasSubstr("decision_rule"));
+    EXPECT_THAT(refusal(good + "decision_rule: {guard_band: 3.1}\n"),
                 HasSubstr("decision_rule.guard_band"));
-    EXPECT_THAT(refusal(std::string(good) + "decision_rule: {guard_band: 1, factor: 2}\n"),
+    EXPECT_THAT(refusal(good + "decision_rule: {guard_band: 1, factor: 2}\n"),
                 HasSubstr("decision_rule.factor"));
 }
 
 TEST(LimitsFile, ReadsWhatMayBeUnchecked) {
     EXPECT_FALSE(read_limits(file_with(good)).lets_pass_unchecked("repeatability"));
-    const Limits limits = read_limits(file_with(
-        std::string(good) + "may_be_unchecked: [repeatability, residuals against noise]\n"));
+    const Limits limits = read_limits(
+        file_with(good + "may_be_unchecked: [repeatability, residuals against noise]\n"));
     EXPECT_TRUE(limits.lets_pass_unchecked("repeatability"));
     EXPECT_TRUE(limits.lets_pass_unchecked("residuals against noise"));
     EXPECT_FALSE(limits.lets_pass_unchecked("drift over the run"));
-    EXPECT_THAT(refusal(std::string(good) + "may_be_unchecked: [declared inputs]\n"),
+    EXPECT_THAT(refusal(good + "may_be_unchecked: [declared inputs]\n"),
                 AllOf(HasSubstr(":5:"), HasSubstr("may_be_unchecked")));
 }
 
 TEST(LimitsFile, ReadsWhenACameraIsDueAndHowItsFleetScatters) {
     const std::string prior = "unit: mm, prior: {mean: 0.03, deviation: 0.01}}";
-    std::string text = std::string(good) + "due_after_days: 180\n";
+    std::string text = good + "due_after_days: 180\n";
     text.replace(text.find("unit: mm}"), 9, prior);
     const Limits limits = read_limits(file_with(text));
     EXPECT_EQ(limits.due_after_days, 180);
@@ -121,7 +114,7 @@ TEST(LimitsFile, ReadsWhenACameraIsDueAndHowItsFleetScatters) {
     EXPECT_EQ(limits.priors.at("b3_position_field_rms_mm").mean, 0.03);
     EXPECT_EQ(limits.priors.at("b3_position_field_rms_mm").deviation, 0.01);
     EXPECT_FALSE(read_limits(file_with(good)).due_after_days);
-    EXPECT_THAT(refusal(std::string(good) + "due_after_days: 0\n"), HasSubstr("due_after_days"));
+    EXPECT_THAT(refusal(good + "due_after_days: 0\n"), HasSubstr("due_after_days"));
 }
 
 }  // namespace

@@ -2,17 +2,18 @@
 // believes on the other, and no pixels in between. The truth never passes through compare/.
 #pragma once
 
-#include <algorithm>
 #include <functional>
 #include <numbers>
 
 #include "compare/qualification/qualification.h"
 #include "core/statistics/random.h"
 #include "stage/axes/kinematics.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon {
 
 using Corners = std::vector<Eigen::Vector2d>;
+using test::corners_at;
 
 struct SimulatedRun {
     // What the station believes.
@@ -47,36 +48,25 @@ struct SimulatedRun {
     std::function<Corners(const Corners&)> detector = [](const Corners& c) { return c; };
 };
 
-inline Axis linear_axis(const std::string& name, const Eigen::Vector3d& direction) {
-    Axis axis{name, Axis::Kind::linear, direction};
+inline Axis demo_axis(const std::string& name, Axis::Kind kind, const Eigen::Vector3d& direction) {
+    Axis axis{name, kind, direction};
     axis.scale_uncertainty = 20e-6;
-    axis.repeatability = 0.002;
-    return axis;
-}
-
-inline Axis rotary_axis(const std::string& name, const Eigen::Vector3d& direction) {
-    Axis axis{name, Axis::Kind::rotary, direction};
-    axis.scale_uncertainty = 20e-6;
-    axis.repeatability = 2e-5;
+    axis.repeatability = kind == Axis::Kind::linear ? 0.002 : 2e-5;
     return axis;
 }
 
 inline Rigid demo_mount() {
-    const double deg = std::numbers::pi / 180.0;
-    return {rotation_from_vector({22.0 * deg, 0.0, 0.0}), {5.0, -7.0, 20.0}};
+    return {rotation_from_vector({22.0 * rad_per_deg, 0.0, 0.0}), {5.0, -7.0, 20.0}};
 }
 
 // The demo's station: a wide-angle camera looks along z at an 80 mm tag on an XYZ + Rz stage.
 inline SimulatedRun demo_run() {
     SimulatedRun run;
-    run.camera.width = 512;
-    run.camera.height = 384;
-    run.camera.intrinsics = {431.0, 431.0, 253.7, 194.2};
-    run.camera.distortion.k1 = -0.286;
-    run.camera.distortion.k2 = 0.057;
-    run.camera.distortion.k3 = 0.112;
-    run.axes = {linear_axis("x", {1, 0, 0}), linear_axis("y", {0, 1, 0}),
-                linear_axis("z", {0, 0, 1}), rotary_axis("rz", {0, 0, 1})};
+    run.camera = test::camera_with(512, 384, {431.0, 431.0, 253.7, 194.2},
+                                   {.k1 = -0.286, .k2 = 0.057, .k3 = 0.112});
+    using enum Axis::Kind;
+    run.axes = {demo_axis("x", linear, {1, 0, 0}), demo_axis("y", linear, {0, 1, 0}),
+                demo_axis("z", linear, {0, 0, 1}), demo_axis("rz", rotary, {0, 0, 1})};
     run.volume = {{-120, 120}, {-80, 80}, {-150, 150}, {-std::numbers::pi, std::numbers::pi}};
     run.nominal_carriage_from_marker = demo_mount();
     run.plan_seed = 6;
@@ -92,18 +82,36 @@ inline SimulatedRun demo_run() {
 // degrees, or with 1.35 from 60 to 95.
 inline SimulatedRun wide_run(double aside = 0.67) {
     SimulatedRun run = demo_run();
-    run.camera = {};
-    run.camera.width = 800;
-    run.camera.height = 600;
+    run.camera = test::camera_with(800, 600, {226.0, 226.0, 395.7, 304.2},
+                                   {.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4});
     run.camera.projection.kind = Projection::equidistant;
-    run.camera.intrinsics = {226.0, 226.0, 395.7, 304.2};
-    run.camera.distortion = {.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4};
     run.true_camera = run.camera;
     run.volume = {{-115, 115}, {-80, 80}, {-75, 110}, {-std::numbers::pi, std::numbers::pi}};
     run.camera_from_base.rotation = rotation_from_vector({0.16, aside, -0.04});
     run.camera_from_base.translation =
         run.camera_from_base.rotation * Eigen::Vector3d(9.0, -14.0, 350.0);
     return run;
+}
+
+// The same without any noise.
+inline SimulatedRun without_noise(SimulatedRun run) {
+    run.noise_px = run.repeatability_mm = 0.0;
+    return run;
+}
+
+// Every corner moved by `shift`.
+inline Corners moved_by(Corners corners, const Eigen::Vector2d& shift) {
+    for (Eigen::Vector2d& corner : corners)
+        corner += shift;
+    return corners;
+}
+
+// Every corner of a square moved from the middle by so much.
+inline Corners moved_outwards(Corners corners, double px) {
+    const Eigen::Vector2d middle = (corners[0] + corners[1] + corners[2] + corners[3]) / 4.0;
+    for (Eigen::Vector2d& corner : corners)
+        corner += px * (corner - middle).normalized();
+    return corners;
 }
 
 // Halton's sequence with a random shift; training poses first.
@@ -123,14 +131,6 @@ inline std::vector<std::vector<double>> positions(const SimulatedRun& run, std::
         all.push_back(q);
     }
     return all;
-}
-
-inline Corners corners_at(const Projector& projector, const std::vector<Eigen::Vector3d>& points,
-                          const Rigid& camera_from_marker) {
-    Corners corners;
-    for (const Eigen::Vector3d& point : points)
-        corners.push_back(projector.project(camera_from_marker * point).value());
-    return corners;
 }
 
 // Where the marker truly is with the axes reading q; stage noise from `random`.
@@ -179,27 +179,25 @@ inline PhotometricReading reading(const SimulatedRun& run, const std::vector<dou
 
 inline DeclaredStageTerm scale_term(const SimulatedRun& run, std::vector<std::vector<double>> all,
                                     std::size_t axis) {
-    DeclaredStageTerm term;
-    term.error = {"stage scale " + run.axes[axis].name, "1", 1e-4, {}};
+    DeclaredStageTerm term{.error = {"stage scale " + run.axes[axis].name, "1", 1e-4, {}},
+                           .in_budget = true,
+                           .standard_uncertainty = run.axes[axis].scale_uncertainty};
     for (std::vector<double>& q : all) {
         q[axis] *= 1.0 + 1e-4;
         term.error.base_from_carriage.push_back(base_from_carriage(run.axes, q));
     }
     term.error.is_linear_scale = run.axes[axis].kind == Axis::Kind::linear;
-    term.in_budget = true;
-    term.standard_uncertainty = run.axes[axis].scale_uncertainty;
     return term;
 }
 
 inline DeclaredStageTerm squareness_term(const SimulatedRun& run,
                                          const std::vector<std::vector<double>>& all,
                                          std::size_t first, std::size_t second) {
-    DeclaredStageTerm term;
-    term.error = {
-        "stage squareness " + run.axes[first].name + run.axes[second].name, "rad", 1e-4, {}};
     std::vector<Axis> leaning = run.axes;
     leaning[second].direction += 1e-4 * leaning[first].direction;
     leaning[second].direction.normalize();
+    const std::string axes = run.axes[first].name + run.axes[second].name;
+    DeclaredStageTerm term{.error = {"stage squareness " + axes, "rad", 1e-4, {}}};
     for (const std::vector<double>& q : all)
         term.error.base_from_carriage.push_back(base_from_carriage(leaning, q));
     return term;

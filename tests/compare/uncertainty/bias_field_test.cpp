@@ -2,10 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
 #include "compare/uncertainty/budget_monte_carlo.h"
 #include "core/program/errors.h"

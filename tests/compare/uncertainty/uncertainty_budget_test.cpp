@@ -15,13 +15,11 @@ using testing::IsEmpty;
 
 BudgetRow row(const std::string& source, std::optional<double> uncertainty, double sensitivity,
               double degrees_of_freedom = std::numeric_limits<double>::infinity()) {
-    BudgetRow result;
-    result.source = source;
-    result.unit = "mm";
-    result.standard_uncertainty = uncertainty;
-    result.sensitivity = {{"y", sensitivity}};
-    result.degrees_of_freedom = degrees_of_freedom;
-    return result;
+    return {.source = source,
+            .standard_uncertainty = uncertainty,
+            .unit = "mm",
+            .degrees_of_freedom = degrees_of_freedom,
+            .sensitivity = {{"y", sensitivity}}};
 }
 
 // Coverage factors for 95.45 % two-sided, the same as 97.72 % one-sided: GUM, table G.2.

@@ -12,6 +12,7 @@
 #include "core/program/errors.h"
 #include "sim/marker/marker_print.h"
 #include "tests/compare/rendered_targets.h"
+#include "tests/image_of.h"
 
 namespace etalon {
 namespace {
@@ -43,9 +44,7 @@ const Case squares{"squares:6x4@12mm/9mm", true, 220, 0.006, 0.04};
 
 CameraModel distorted_camera() {
     CameraModel camera = blurred_camera(0.6);
-    camera.distortion.k1 = -0.3;
-    camera.distortion.k2 = 0.1;
-    camera.distortion.p1 = 0.001;
+    camera.distortion = {.k1 = -0.3, .k2 = 0.1, .p1 = 0.001};
     return camera;
 }
 
@@ -57,11 +56,8 @@ CodeImage photo_of(const Renderer& renderer, const Marker& board, const Rigid& p
 // Gaussian noise of `sigma` code values.
 void add_noise(CodeImage& image, double sigma, int n) {
     RandomStream random(17, 3, static_cast<std::uint64_t>(n));
-    for (int y = 0; y < image.pixels.rows; ++y)
-        for (int x = 0; x < image.pixels.cols; ++x) {
-            const double value = image.pixels.at<uchar>(y, x) + sigma * random.normal();
-            image.pixels.at<uchar>(y, x) = cv::saturate_cast<uchar>(value);
-        }
+    cv::add(image.pixels, normal_noise(image.pixels.size(), sigma, random), image.pixels,
+            cv::noArray(), CV_8U);
 }
 
 struct Measured {

@@ -1,10 +1,13 @@
 #include "compare/detect/board/chessboard_corners.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
 
+#include "core/geometry/units.h"
 #include "core/program/errors.h"
+#include "tests/image_of.h"
 
 namespace etalon {
 namespace {
@@ -21,7 +24,6 @@ cv::Mat drawn(const Eigen::Matrix3d& pixel_from_board, int columns, int rows, cv
             return 1.0;
         return static_cast<int>(column + row + 2) % 2 == 0 ? 0.0 : 1.0;
     };
-    cv::Mat image(size, CV_16UC1);
     const auto mean = [&](double x, double y) {
         const double corners = radiance(x - 0.5, y - 0.5) + radiance(x + 0.5, y - 0.5) +
                                radiance(x - 0.5, y + 0.5) + radiance(x + 0.5, y + 0.5);
@@ -32,22 +34,11 @@ cv::Mat drawn(const Eigen::Matrix3d& pixel_from_board, int columns, int rows, cv
             sum += radiance(x + (i + 0.5) / 233 - 0.5, y + (i * 144 % 233 + 0.5) / 233 - 0.5);
         return sum / 233;
     };
-    for (int y = 0; y < size.height; ++y)
-        for (int x = 0; x < size.width; ++x)
-            image.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(400.5 + mean(x, y) * 3000);
+    cv::Mat image =
+        test::image_of(size, [&](int x, int y) { return std::floor(400.5 + mean(x, y) * 3000); });
+    image.convertTo(image, CV_16U);
     cv::GaussianBlur(image, image, {0, 0}, 0.7);
     return image;
-}
-
-// The board's middle at `centre`, turned by `angle`, squares of `square_px`, a little perspective.
-Eigen::Matrix3d placed(double square_px, double angle, int columns, int rows,
-                       const Eigen::Vector2d& centre) {
-    Eigen::Matrix3d middle, turned, perspective;
-    middle << 1, 0, -(columns - 1) / 2.0, 0, 1, -(rows - 1) / 2.0, 0, 0, 1;
-    const double c = square_px * std::cos(angle), s = square_px * std::sin(angle);
-    turned << c, -s, centre.x(), s, c, centre.y(), 0, 0, 1;
-    perspective << 1, 0, 0, 0, 1, 0, 0.01, -0.007, 1;
-    return turned * perspective * middle;
 }
 
 // Largest distance of any corner from where it was drawn, in the order of sim/marker/marker.h.
@@ -63,42 +54,58 @@ double largest_error(const ChessboardCorners& found, const Eigen::Matrix3d& pixe
     return largest;
 }
 
-// The same of the order that was found or its reverse.
-double largest_error_either_way(ChessboardCorners found, const Eigen::Matrix3d& pixel_from_board,
-                                int columns) {
-    const double as_found = largest_error(found, pixel_from_board, columns);
-    std::ranges::reverse(found.pixels);
-    return std::min(as_found, largest_error(found, pixel_from_board, columns));
+struct Board {
+    int columns, rows;
+    double square_px, angle;
+    Eigen::Vector2d centre{203.3, 196.7};
+    cv::Size size{400, 400};
+    double largest_px = 0.06;  // the drawing blurs sampled pixels, which moves edges by as much
+    bool either_way = false;   // the reverse order is right, too
+
+    // The board's middle at `centre`, turned by `angle`, a little perspective.
+    Eigen::Matrix3d pixel_from_board() const {
+        Eigen::Matrix3d middle, turned, perspective;
+        middle << 1, 0, -(columns - 1) / 2.0, 0, 1, -(rows - 1) / 2.0, 0, 0, 1;
+        const double c = square_px * std::cos(angle), s = square_px * std::sin(angle);
+        turned << c, -s, centre.x(), s, c, centre.y(), 0, 0, 1;
+        perspective << 1, 0, 0, 0, 1, 0, 0.01, -0.007, 1;
+        return turned * perspective * middle;
+    }
+    CodeImage image() const { return {drawn(pixel_from_board(), columns, rows, size), 12}; }
+};
+
+ChessboardCorners expect_found(const Board& board) {
+    SCOPED_TRACE(board.angle);
+    auto found = find_chessboard_corners(board.image(), board.columns, board.rows).value();
+    EXPECT_EQ(found.pixels.size(), static_cast<std::size_t>(board.columns * board.rows));
+    double error = largest_error(found, board.pixel_from_board(), board.columns);
+    if (board.either_way) {
+        std::ranges::reverse(found.pixels);
+        error = std::min(error, largest_error(found, board.pixel_from_board(), board.columns));
+    }
+    EXPECT_LT(error, board.largest_px) << board.square_px;
+    return found;
 }
 
-// 0.06 px: the drawing blurs pixels that are sampled already, which moves edges by as much.
 TEST(ChessboardCorners, AreInTheMarkersOrderHoweverTheBoardIsTurned) {
-    for (const double degrees : {0.0, 77.0, 131.0, 180.0, 262.0, 311.0}) {
-        const auto h = placed(23.0, degrees * 3.14159265358979 / 180, 7, 4, {203.3, 196.7});
-        const auto found = find_chessboard_corners({drawn(h, 7, 4, {400, 400}), 12}, 7, 4);
-        ASSERT_TRUE(found) << degrees;
-        ASSERT_EQ(found->pixels.size(), 28u);
-        EXPECT_LT(largest_error(*found, h, 7), 0.06) << degrees;
-        EXPECT_EQ(std::count(found->refined.begin(), found->refined.end(), true), 28);
-    }
+    for (const double degrees : {0.0, 77.0, 131.0, 180.0, 262.0, 311.0})
+        EXPECT_THAT(expect_found({7, 4, 23.0, degrees * rad_per_deg}).refined, testing::Each(true));
 }
 
 TEST(ChessboardCorners, AreFoundWithSmallAndWithLargeSquares) {
-    for (const double square_px : {9.0, 23.0, 82.0}) {
-        const auto h = placed(square_px, 0.2, 7, 4, {403.3, 296.7});
-        const auto found = find_chessboard_corners({drawn(h, 7, 4, {800, 600}), 12}, 7, 4);
-        ASSERT_TRUE(found) << square_px;
-        EXPECT_LT(largest_error(*found, h, 7), 0.06) << square_px;
-    }
+    for (const double square_px : {9.0, 23.0, 82.0})
+        expect_found({7, 4, square_px, 0.2, {403.3, 296.7}, {800, 600}});
 }
 
 // A thumb, say: the corner under it stays where the finder put it and is said not to be refined.
 TEST(ChessboardCorners, SayWhichOneCouldNotBeRefined) {
-    const auto h = placed(41.0, 0.2, 7, 4, {403.3, 296.7});
-    cv::Mat image = drawn(h, 7, 4, {800, 600});
-    const Eigen::Vector2d hidden = (h * Eigen::Vector3d(3, 2, 1)).hnormalized();
-    cv::circle(image, {cvRound(hidden.x()), cvRound(hidden.y())}, 8, cv::Scalar::all(1900), -1);
-    const auto found = find_chessboard_corners({image, 12}, 7, 4);
+    const Board board{7, 4, 41.0, 0.2, {403.3, 296.7}, {800, 600}};
+    const CodeImage image = board.image();
+    const Eigen::Vector2d hidden =
+        (board.pixel_from_board() * Eigen::Vector3d(3, 2, 1)).hnormalized();
+    cv::circle(image.pixels, {cvRound(hidden.x()), cvRound(hidden.y())}, 8, cv::Scalar::all(1900),
+               -1);
+    const auto found = find_chessboard_corners(image, 7, 4);
     ASSERT_TRUE(found);
     for (std::size_t i = 0; i < found->refined.size(); ++i)
         EXPECT_EQ(found->refined[i], i != 2 * 7 + 3) << i;
@@ -106,17 +113,13 @@ TEST(ChessboardCorners, SayWhichOneCouldNotBeRefined) {
 
 // 8x4: turned by 180 degrees the board has the same colours. Either order is right-handed.
 TEST(ChessboardCorners, OfAnEvenSumKeepOneOfTwoOrders) {
-    const auto h = placed(31.0, 0.3, 8, 4, {203.3, 196.7});
-    const auto found = find_chessboard_corners({drawn(h, 8, 4, {400, 400}), 12}, 8, 4);
-    ASSERT_TRUE(found);
-    EXPECT_LT(largest_error_either_way(*found, h, 8), 0.06);
+    expect_found({.columns = 8, .rows = 4, .square_px = 31.0, .angle = 0.3, .either_way = true});
 }
 
 // 9x5 and 5x9 have the same corners, and black where the other has white.
 TEST(ChessboardCorners, TellABoardThatLiesOnItsSide) {
     for (const double degrees : {3.0, 95.0}) {
-        const auto h = placed(29.0, degrees * 3.14159265358979 / 180, 9, 5, {203.3, 196.7});
-        const CodeImage image{drawn(h, 9, 5, {400, 400}), 12};
+        const CodeImage image = Board{9, 5, 29.0, degrees * rad_per_deg}.image();
         const auto found = find_chessboard_corners(image, 9, 5),
                    other = find_chessboard_corners(image, 5, 9);
         ASSERT_TRUE(found && other) << degrees;
@@ -127,25 +130,21 @@ TEST(ChessboardCorners, TellABoardThatLiesOnItsSide) {
 
 // Of a square board the colours tell two of the four orders that its outline allows.
 TEST(ChessboardCorners, OfASquareBoardBeginAtABlackSquare) {
-    for (const double degrees : {4.0, 49.0, 94.0, 139.0, 184.0}) {
-        const auto h = placed(31.0, degrees * 3.14159265358979 / 180, 5, 5, {203.3, 196.7});
-        const auto found = find_chessboard_corners({drawn(h, 5, 5, {400, 400}), 12}, 5, 5);
-        ASSERT_TRUE(found) << degrees;
-        EXPECT_LT(largest_error_either_way(*found, h, 5), 0.06) << degrees;
-    }
+    for (const double degrees : {4.0, 49.0, 94.0, 139.0, 184.0})
+        expect_found({.columns = 5,
+                      .rows = 5,
+                      .square_px = 31.0,
+                      .angle = degrees * rad_per_deg,
+                      .either_way = true});
 }
 
 // The image's border runs through the outer squares; all inner corners are in it.
 TEST(ChessboardCorners, AreFoundWhereTheImageCutsTheOuterSquares) {
-    const auto h = placed(40.0, 0.02, 7, 4, {150.0, 200.0});
-    const auto found = find_chessboard_corners({drawn(h, 7, 4, {400, 400}), 12}, 7, 4);
-    ASSERT_TRUE(found);
-    EXPECT_LT(largest_error(*found, h, 7), 0.1);
+    expect_found({7, 4, 40.0, 0.02, {150.0, 200.0}, {400, 400}, 0.1});
 }
 
 TEST(ChessboardCorners, AreNotInventedWhereThereIsNoWholeBoard) {
-    const auto cut = placed(40.0, 0.1, 7, 4, {60.0, 196.7});
-    EXPECT_FALSE(find_chessboard_corners({drawn(cut, 7, 4, {400, 400}), 12}, 7, 4));
+    EXPECT_FALSE(find_chessboard_corners(Board{7, 4, 40.0, 0.1, {60.0, 196.7}}.image(), 7, 4));
     EXPECT_FALSE(find_chessboard_corners({cv::Mat(200, 300, CV_8UC1, cv::Scalar(128)), 8}, 7, 4));
     EXPECT_FALSE(find_chessboard_corners({cv::Mat(1, 1, CV_8UC1, cv::Scalar(0)), 8}, 7, 4));
     EXPECT_FALSE(find_chessboard_corners({}, 7, 4));

@@ -5,7 +5,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "core/statistics/random.h"
+#include "tests/image_of.h"
 
 namespace etalon {
 namespace {
@@ -37,13 +37,11 @@ bool is_dark(const Crossing& crossing, const Eigen::Vector2d& place) {
 // pixels themselves would blur what their sampling has already distorted.
 cv::Mat drawn(const Crossing& crossing, double sigma_px) {
     constexpr int finer = 16, size = 41;
-    cv::Mat fine(size * finer, size * finer, CV_32FC1), image;
-    for (int y = 0; y < fine.rows; ++y)
-        for (int x = 0; x < fine.cols; ++x) {
-            const Eigen::Vector2d place((x + 0.5) / finer - 0.5, (y + 0.5) / finer - 0.5);
-            fine.at<float>(y, x) =
-                static_cast<float>(is_dark(crossing, place) ? crossing.dark : crossing.bright);
-        }
+    cv::Mat fine = test::image_of({size * finer, size * finer}, [&](int x, int y) {
+        const Eigen::Vector2d place((x + 0.5) / finer - 0.5, (y + 0.5) / finer - 0.5);
+        return is_dark(crossing, place) ? crossing.dark : crossing.bright;
+    });
+    cv::Mat image;
     if (sigma_px > 0)
         cv::GaussianBlur(fine, fine, {0, 0}, finer * sigma_px);
     cv::resize(fine, image, {size, size}, 0, 0, cv::INTER_AREA);
@@ -69,7 +67,6 @@ TEST(SaddlePoint, IsRightToThousandthsOfAPixel) {
         sharp = std::max(sharp, error_of(drawn(crossing, 0), crossing));
         blurred = std::max(blurred, error_of(drawn(crossing, 0.7), crossing));
     }
-    std::printf("largest error: sharp %.4f px, sigma 0.7 px %.4f px\n", sharp, blurred);
     EXPECT_LT(sharp, 0.02);
     EXPECT_LT(blurred, 0.005);
 }
@@ -78,11 +75,10 @@ TEST(SaddlePoint, IsRightToThousandthsOfAPixel) {
 TEST(SaddlePoint, IsNotMovedByToneCurveOrShading) {
     Crossing crossing;
     const cv::Mat linear = drawn(crossing, 0.9);
-    cv::Mat toned, shaded = linear.clone();
+    cv::Mat toned;
     cv::pow(linear, 0.45, toned);
-    for (int y = 0; y < shaded.rows; ++y)
-        for (int x = 0; x < shaded.cols; ++x)
-            shaded.at<float>(y, x) *= static_cast<float>(1.0 + 0.01 * (x - 20) - 0.006 * (y - 20));
+    const cv::Mat shaded = linear.mul(test::image_of(
+        linear.size(), [](int x, int y) { return 1.0 + 0.01 * (x - 20) - 0.006 * (y - 20); }));
     EXPECT_LT(error_of(toned, crossing), 0.005);
     EXPECT_LT(error_of(shaded, crossing), 0.01);  // 1 % a pixel is ten times a strong vignette
 }
@@ -97,16 +93,12 @@ TEST(SaddlePoint, TakesWhatNoiseLeaves) {
     double sum = 0;
     constexpr int trials = 200;
     for (int trial = 0; trial < trials; ++trial) {
-        cv::Mat noisy = clean.clone();
         RandomStream random(11, 2, static_cast<std::uint64_t>(trial));
-        for (int y = 0; y < noisy.rows; ++y)
-            for (int x = 0; x < noisy.cols; ++x)
-                noisy.at<float>(y, x) += static_cast<float>(0.01 * random.normal());
-        const double error = error_of(noisy, crossing);
+        const double error =
+            error_of(clean + test::normal_noise(clean.size(), 0.01, random), crossing);
         sum += error * error;
     }
     const double rms = std::sqrt(sum / trials / 2);
-    std::printf("noise 0.01: %.4f px a coordinate\n", rms);
     EXPECT_GT(rms, 0.008);
     EXPECT_LT(rms, 0.014);
 }
@@ -131,8 +123,9 @@ TEST(SaddlePoint, IsNotSeenWhereThereIsNone) {
     negative.edges[1] = -negative.edges[1];
     EXPECT_FALSE(refine_saddle(image, negative)) << "dark and bright exchanged";
     EXPECT_FALSE(refine_saddle(image, crossing.guess(2.0))) << "no room for a window";
-    EXPECT_FALSE(refine_saddle(cv::Mat(41, 41, CV_32FC1, cv::Scalar(0.5)), crossing.guess(18)));
-    EXPECT_FALSE(refine_saddle(cv::Mat(41, 41, CV_32FC1, cv::Scalar(0.0)), crossing.guess(18)));
+    for (const double level : {0.5, 0.0})
+        EXPECT_FALSE(
+            refine_saddle(cv::Mat(41, 41, CV_32FC1, cv::Scalar(level)), crossing.guess(18)));
     SaddleGuess turned = crossing.guess(18);
     for (Eigen::Vector2d& edge : turned.edges)
         edge = Eigen::Rotation2Dd(0.78) * edge;

@@ -2,18 +2,13 @@
 // what the finder takes for a marker. An image is a pure function of its number.
 #pragma once
 
-#include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <array>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
-#include <optional>
-#include <vector>
 
 #include "compare/detect/stag/stag_detector.h"
 #include "core/statistics/random.h"
 #include "sim/marker/board_pattern.h"
-#include "sim/marker/stag_pattern.h"
 #include "sim/marker/tag_pattern.h"
 
 namespace etalon::test {
@@ -252,37 +247,23 @@ struct StagTally {
     int false_ids = 0;  // refined, with the word of a marker that is not there
     int misplaced = 0;  // refined, the right word, a corner too far off
 
-    StagTally& operator+=(const StagTally& other) {
-        images += other.images;
-        found += other.found;
-        unrefined += other.unrefined;
-        false_ids += other.false_ids;
-        misplaced += other.misplaced;
-        return *this;
+    // A corner may be off by 1 px and a hundredth of the marker's diagonal: the finder promises a
+    // standard deviation of at most 0.25 px for the worst one, the warped images are good to
+    // 0.2 px.
+    void add(const StagImage& image, const std::vector<FoundStag>& all) {
+        ++images;
+        const auto is_placed = [&](const FoundStag& one) {
+            const double allowed = 1.0 + (image.corners[2] - image.corners[0]).norm() / 100.0;
+            return std::ranges::equal(
+                one.corners, image.corners,
+                [&](const auto& p, const auto& q) { return (p - q).norm() <= allowed; });
+        };
+        for (const FoundStag& one : all)
+            ++(!one.is_refined      ? unrefined
+               : one.id != image.id ? false_ids
+               : is_placed(one)     ? found
+                                    : misplaced);
     }
 };
-
-// A corner may be off by 1 px and a hundredth of the marker's diagonal: the finder promises a
-// standard deviation of at most 0.25 px for the worst one, the warped images are good to 0.2 px.
-inline StagTally judge(const StagImage& image, const std::vector<FoundStag>& found) {
-    StagTally tally;
-    tally.images = 1;
-    for (const FoundStag& one : found) {
-        if (!one.is_refined) {
-            ++tally.unrefined;
-            continue;
-        }
-        if (one.id != image.id) {
-            ++tally.false_ids;
-            continue;
-        }
-        const double allowed = 1.0 + (image.corners[2] - image.corners[0]).norm() / 100.0;
-        bool right = true;
-        for (std::size_t i = 0; i < 4; ++i)
-            right = right && (one.corners[i] - image.corners[i]).norm() <= allowed;
-        ++(right ? tally.found : tally.misplaced);
-    }
-    return tally;
-}
 
 }  // namespace etalon::test

@@ -1,8 +1,6 @@
 // Truth: exact renders with defocus and sensor noise; corners where the projector puts them.
 #include <gtest/gtest.h>
 
-#include <cstdio>
-
 #include "tests/compare/detect/stag/stag_study.h"
 
 namespace etalon {
@@ -14,20 +12,11 @@ Marker stag() {
     return parse_marker("stag:HD21:3@50mm", "test");
 }
 
-void print(const char* name, const CornerErrors& errors) {
-    std::printf(
-        "%s: %d of %d detected, corners of 60 px and more: median %.3f px, 90 %% %.3f px, "
-        "inward %+.3f px\n",
-        name, errors.detected, errors.poses, test::quantile(errors.errors_px, 0.5),
-        test::quantile(errors.errors_px, 0.9), errors.inward_px);
-}
-
 // What is asked for is a median of 0.1 px. With some 200 corners the median of such errors has a
 // deviation of a tenth of itself; 0.034 px were measured over 1056.
 TEST(StagStatistics, CornersHaveAMedianErrorBelowATenthOfAPixel) {
     const CornerErrors errors =
         test::corner_errors(test::study_webcam(400.0), stag(), test::near_range, 60);
-    print("near", errors);
     EXPECT_GE(errors.detected, 59);
     EXPECT_LT(test::quantile(errors.errors_px, 0.5), 0.06);
     EXPECT_LT(test::quantile(errors.errors_px, 0.9), 0.15);
@@ -38,7 +27,6 @@ TEST(StagStatistics, CornersHaveAMedianErrorBelowATenthOfAPixel) {
 TEST(StagStatistics, CornersAreRightWithStrongDistortion) {
     const CornerErrors errors =
         test::corner_errors(test::barrel_webcam(), stag(), {200.0, 440.0, 1.0, false}, 60);
-    print("barrel", errors);
     EXPECT_GE(errors.detected, 56);
     EXPECT_LT(test::quantile(errors.errors_px, 0.5), 0.1);
 }
@@ -49,7 +37,6 @@ TEST(StagStatistics, CornersDoNotMoveWithTheToneCurve) {
     CameraModel camera = test::study_webcam(400.0);
     camera.sensor->transfer.kind = Transfer::Kind::rec709;
     const CornerErrors errors = test::corner_errors(camera, stag(), test::near_range, 60);
-    print("tone curve", errors);
     EXPECT_GE(errors.detected, 59);
     EXPECT_LT(test::quantile(errors.errors_px, 0.5), 0.1);
     EXPECT_LT(std::abs(errors.inward_px), 0.06);
@@ -60,7 +47,6 @@ TEST(StagStatistics, CornersDoNotMoveWithTheToneCurve) {
 TEST(StagStatistics, MoreMarkersAreDetectedThanInThePublishedComparison) {
     const CornerErrors errors =
         test::corner_errors(test::study_webcam(1000.0), stag(), test::study_range, 150);
-    print("published poses", errors);
     EXPECT_GE(errors.detected, 142);
     EXPECT_LT(test::quantile(errors.small_errors_px, 0.5), 0.1);
 }

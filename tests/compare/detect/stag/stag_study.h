@@ -4,30 +4,21 @@
 
 #include <tbb/parallel_for.h>
 
-#include <cmath>
 #include <numbers>
-#include <optional>
-#include <vector>
 
-#include "calib/camera/projector.h"
 #include "compare/make_detector.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/pose_sampling.h"
-#include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon::test {
 
 // f = 822.317 px, 2.8 um, N = 1.8, focused at 1 m. The sensor: 5100 electrons full scale, 10
 // electrons read noise; 1.3 % of noise at white.
 inline CameraModel study_webcam(double focus_mm) {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {822.317, 822.317, 319.495, 242.502};
-    camera.distortion = {.k1 = -0.0449369, .k2 = 1.17277, .k3 = -3.63244};
-    camera.sensor = Sensor{.pixel_pitch_um = 2.8};
-    camera.sensor->gain_e_per_dn = 20.0;
-    camera.sensor->read_noise_e = 10.0;
+    CameraModel camera = camera_with(640, 480, {822.317, 822.317, 319.495, 242.502},
+                                     {.k1 = -0.0449369, .k2 = 1.17277, .k3 = -3.63244});
+    camera.sensor = Sensor{.pixel_pitch_um = 2.8, .gain_e_per_dn = 20.0, .read_noise_e = 10.0};
     camera.lens = Lens{1.8, focus_mm, 600.0, {}};
     return camera;
 }
@@ -101,18 +92,14 @@ struct OneView {
 inline OneView look(const Renderer& renderer, const Marker& marker, const Rigid& pose,
                     std::uint32_t number) {
     const CameraModel& camera = renderer.camera();
-    const Projector projector(camera);
     const auto radiance = renderer.render({{{marker.grid, pose}}, 1.0}).radiance;
     const CodeImage photo = SensorModel(camera).expose(0.85 * radiance, NoiseKey{5, number});
     const auto found = make_detector("stag", marker, "study")->detect(photo).corners;
     OneView view;
     view.detected = found.has_value();
-    Eigen::Vector2d centre = Eigen::Vector2d::Zero();
-    std::vector<Eigen::Vector2d> truth;
-    for (const Eigen::Vector3d& point : marker.points_mm) {
-        truth.push_back(projector.project(pose * point).value());
-        centre += truth.back() / 4.0;
-    }
+    const std::vector<Eigen::Vector2d> truth =
+        corners_at(Projector(camera), marker.points_mm, pose);
+    const Eigen::Vector2d centre = (truth[0] + truth[1] + truth[2] + truth[3]) / 4.0;
     for (std::size_t i = 0; i < 4; ++i) {
         view.side_px += (truth[(i + 1) % 4] - truth[i]).norm() / 4.0;
         if (!found)

@@ -4,8 +4,6 @@
 // tests/compare/photometric/photometric_poses_statistics_test.cpp.
 #pragma once
 
-#include <time.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <numbers>
@@ -15,10 +13,12 @@
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "core/program/errors.h"
+#include "core/time/clock.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/pose_sampling.h"
 #include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon::test {
 
@@ -27,15 +27,10 @@ inline constexpr double exposure = 0.8;
 // A webcam of 640x480 px with barrel distortion, of 5100 electrons full well; with the lens,
 // focused at 1 m.
 inline CameraModel webcam(bool with_lens) {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {538.55, 536.2, 317.3, 241.8};
-    camera.distortion = {.k1 = -0.286, .k2 = 0.057, .k3 = 0.112};
-    camera.sensor = Sensor{.pixel_pitch_um = 8.3};
-    camera.sensor->black_dn = 5.0;
-    camera.sensor->gain_e_per_dn = 20.0;
-    camera.sensor->read_noise_e = 10.0;
+    CameraModel camera = camera_with(640, 480, {538.55, 536.2, 317.3, 241.8},
+                                     {.k1 = -0.286, .k2 = 0.057, .k3 = 0.112});
+    camera.sensor =
+        Sensor{.pixel_pitch_um = 8.3, .black_dn = 5.0, .gain_e_per_dn = 20.0, .read_noise_e = 10.0};
     if (with_lens)
         camera.lens = Lens{.f_number = 2.8, .focus_distance_mm = 1000.0, .wavelength_nm = 650.0};
     return camera;
@@ -85,10 +80,8 @@ inline Matrix6d cramer_rao_bound(const CameraModel& camera, const Renderer& rend
                                  const Rigid& pose) {
     const cv::Mat use =
         pixel_uses(Projector(camera), pose, detector_area(tag(), "study")) != pixel_outside;
-    RenderOptions options;
-    options.tolerance_gray = 0.02;
     const auto rendered = [&](const Rigid& at) {
-        return renderer.render({{{tag().grid, at}}, 1.0}, options).radiance;
+        return renderer.render({{{tag().grid, at}}, 1.0}, {.tolerance_gray = 0.02}).radiance;
     };
     const Radiance middle = rendered(pose);
     const double half_tag_mm = 31.0, z = pose.translation.z();
@@ -132,12 +125,6 @@ inline Matrix6d cramer_rao_bound(const CameraModel& camera, const Renderer& rend
     return (scale.asDiagonal() * inverse * scale.asDiagonal()).topLeftCorner<6, 6>();
 }
 
-inline double cpu_ms() {
-    timespec t{};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
-
 struct Outcome {
     bool detected = false;  // by AprilTag; without, nothing else is set
     bool failed = false;    // refused by the photometric detector
@@ -160,19 +147,19 @@ public:
     Outcome run(const Truth& truth, const NoiseKey& noise) {
         const CodeImage photo = sensor_.expose(truth.radiance, noise);
         Outcome outcome;
-        const double before = cpu_ms();
+        const double before = process_cpu_ms();
         const auto corners = apriltag_->detect(photo).corners;
-        outcome.apriltag_ms = cpu_ms() - before;
+        outcome.apriltag_ms = process_cpu_ms() - before;
         const auto start =
             corners ? estimate_pose(projector(), tag().points_mm, corners->pixels) : std::nullopt;
         if (!start)
             return outcome;
         outcome.detected = true;
         outcome.corner_error = nearer_error(truth.camera_from_marker, *start);
-        const double after = cpu_ms();
+        const double after = process_cpu_ms();
         try {
             const PhotometricPose pose = photometric_.find(photo, start->camera_from_marker, 0.5);
-            outcome.photometric_ms = cpu_ms() - after;
+            outcome.photometric_ms = process_cpu_ms() - after;
             judge(truth.camera_from_marker, pose, outcome);
         } catch (const NumericalError&) {
             outcome.failed = true;

@@ -16,6 +16,7 @@
 #include "sim/marker/topotag_pattern.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon::test {
 
@@ -24,13 +25,11 @@ constexpr double degree = std::numbers::pi / 180.0;
 // The camera whose numbers the published comparison of markers shows (FMAC, arXiv 2601.07723), with
 // a sensor of ordinary noise: 40 electrons a code value, 8 read.
 inline CameraModel study_camera() {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {822.317, 822.317, 319.495, 242.502};
-    camera.distortion = {.k1 = -0.0449369, .k2 = 1.17277, .k3 = -3.63244};
-    camera.lens = Lens{1.8, 1000.0, 600.0, {}};
-    camera.sensor = Sensor{.pixel_pitch_um = 2.8, .gain_e_per_dn = 40.0, .read_noise_e = 8.0};
+    CameraModel camera = camera_with_lens(640, 480, {822.317, 822.317, 319.495, 242.502},
+                                          {.k1 = -0.0449369, .k2 = 1.17277, .k3 = -3.63244}, 2.8,
+                                          {1.8, 1000.0, 600.0, {}});
+    camera.sensor->gain_e_per_dn = 40.0;
+    camera.sensor->read_noise_e = 8.0;
     return camera;
 }
 

@@ -60,18 +60,6 @@ TEST(RandomScenes, TheBorderOfTheValidRegionIsSharpInABlurredImage) {
     expect_clean(check, seed);
 }
 
-TEST(RandomScenes, ARegionIsTheCropOfTheWhole) {
-    for (std::uint64_t seed = 16; seed < 22; ++seed) {
-        const RandomInput input = ordinary_input(seed);
-        const Renderer renderer(input.camera);
-        RenderOptions options;
-        options.region = {3, 5, input.camera.width - 7, input.camera.height - 6};
-        const cv::Mat part = renderer.render(input.scene, options).radiance(options.region);
-        const cv::Mat whole = renderer.render(input.scene).radiance(options.region);
-        EXPECT_LT(cv::norm(part, whole, cv::NORM_INF) / gray, 0.05) << "seed " << seed;
-    }
-}
-
 TEST(RandomScenes, AreTheSameBytesForAnyNumberOfThreads) {
     for (std::uint64_t seed = 302; seed <= 308; seed += 2) {
         const RandomInput input = ordinary_input(seed);

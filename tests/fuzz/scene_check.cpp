@@ -17,10 +17,8 @@ struct Attempt {
 
 Attempt attempt(const Renderer& renderer, const RandomInput& input, RenderMethod method,
                 const cv::Rect& region = {}) {
-    RenderOptions options;
-    options.method = method;
-    options.tolerance_gray = input.tolerance_gray;
-    options.region = region;
+    const RenderOptions options{
+        .method = method, .tolerance_gray = input.tolerance_gray, .region = region};
     try {
         return {renderer.render(input.scene, options), {}};
     } catch (const Error& refusal) {

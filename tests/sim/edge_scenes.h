@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "sim/render/renderer.h"
+#include "sim/scene/marker_view.h"
 #include "tests/calib/cameras.h"
 
 namespace etalon::test {
@@ -15,10 +16,15 @@ inline constexpr double gray = 1.0 / 255.0;
 // 96 x 72 px, f = 400 px, focused at 150 mm: blur radius at z is 400 d/2 |1/z - 1/150|, d = 1.71
 // mm.
 inline CameraModel small_camera(PointSpread spread) {
-    CameraModel camera = test::camera_with(96, 72, {400.0, 400.0, 47.0, 35.0}, {});
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.lens = Lens{1.4, 150.0, 600.0, spread};
-    return camera;
+    return camera_with_lens(96, 72, {400.0, 400.0, 47.0, 35.0}, {}, 6.0,
+                            {1.4, 150.0, 600.0, spread});
+}
+
+// The depth, nearer than the plane of focus, at which the blur disk has this radius.
+inline double depth_of_blur(const CameraModel& camera, double radius_px) {
+    const double aperture_radius_mm = aperture_of(camera).radius_mm;
+    return 1.0 / (1.0 / camera.lens->focus_distance_mm +
+                  radius_px / (camera.intrinsics.fx * aperture_radius_mm));
 }
 
 // Black left of x = edge_mm, white right of it, far beyond the image on every side.

@@ -19,15 +19,10 @@
 namespace etalon {
 namespace {
 
+using test::radiance_at;
+
 Marker board(const std::string& spec) {
     return parse_marker(spec, "--target");
-}
-
-float radiance_at(const Marker& marker, double x_mm, double y_mm) {
-    const CellGrid& grid = marker.grid;
-    return grid.cells.at<float>(
-        static_cast<int>(std::floor((y_mm - grid.corner_mm.y()) / grid.cell_mm.y())),
-        static_cast<int>(std::floor((x_mm - grid.corner_mm.x()) / grid.cell_mm.x())));
 }
 
 cv::Mat drawn_by_opencv(int columns, int rows, float square, float marker, cv::Size size) {

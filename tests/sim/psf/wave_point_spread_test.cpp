@@ -43,13 +43,6 @@ TEST(WaveIntensity, IsContinuousWhereItsFormulasMeet) {
     EXPECT_NEAR(wave_intensity(0.1 - 1e-13, 0.05), wave_intensity(0.1 + 1e-13, 0.05), 1e-12);
 }
 
-TEST(WaveIntensity, FallsOnTheAxisAsTheSquaredSinc) {
-    for (const double u : {0.3, 2.0, 9.0, 4.0 * pi, 77.0, 900.0}) {
-        const double sinc = std::sin(u / 4.0) / (u / 4.0);
-        EXPECT_NEAR(wave_intensity(u, 0.0), sinc * sinc, 1e-13) << u;
-    }
-}
-
 TEST(WavePointSpread, InFocusIsTheAiryPattern) {
     const double scale = 0.51;
     const WavePointSpread psf(scale, 0.0);

@@ -106,20 +106,16 @@ TEST(ReferenceIntegrator, RefusesOptionsWithoutAnError) {
 
 using std::numbers::pi;
 
-CameraModel camera_with_lens(double wavelength_nm) {
-    CameraModel camera = test::camera_with(64, 48, {700.0, 500.0, 31.0, 23.0}, {});
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.lens = Lens{2.8, 300.0, wavelength_nm, {}};
-    return camera;
+CameraModel camera_seeing(const PointSpread& spread) {
+    return test::camera_with_lens(64, 48, {700.0, 500.0, 31.0, 23.0}, {}, 6.0,
+                                  {2.8, 300.0, 550.0, spread});
 }
 
 const std::vector<std::pair<double, double>> measured_profile{
     {0.0, 4.0}, {0.5, 3.0}, {1.25, 0.7}, {3.0, 0.2}};
 
 CameraModel measured_camera() {
-    CameraModel camera = camera_with_lens(550.0);
-    camera.lens->psf = {PointSpread::Kind::measured, 0.0, measured_profile};
-    return camera;
+    return camera_seeing({PointSpread::Kind::measured, 0.0, measured_profile});
 }
 
 TEST(Measured, HoldsTheEnergyOfItsProfile) {
@@ -166,7 +162,7 @@ TEST(Measured, IsSampledAsItsEnergyIs) {
 }
 
 TEST(Measured, TakesThePlaceOfDefocus) {
-    CameraModel camera = camera_with_lens(550.0);
+    const CameraModel camera = camera_seeing({});
     EXPECT_GT(aperture_of(camera).radius_mm, 0.0);
     EXPECT_GT(blur_radius_px(camera, 200.0), 0.0);
     EXPECT_EQ(aperture_of(measured_camera()).radius_mm, 0.0);

@@ -1,10 +1,3 @@
-// Cells smaller than a pixel: several edges add their errors up, and the plan has to know.
-
-// A lens before rows and columns that do not meet at right angles: its blur against the reference
-// integrator, whose point spread leans in pixels as the columns do.
-
-// Pixels that the border of the distortion model's valid region cuts: beyond it nothing is seen.
-
 #include "sim/render/renderer.h"
 
 #include <gmock/gmock.h>
@@ -16,10 +9,10 @@
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/marker/marker.h"
-#include "sim/render/reference_integrator.h"
 #include "tests/calib/cameras.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
+#include "tests/sim/reference_pixels.h"
 
 namespace etalon {
 namespace {
@@ -35,10 +28,7 @@ CameraModel pinhole() {
 
 // Blur radius at z: 400 * d/2 * |1/z - 1/z_f|, with v = 2.4 mm and d = f/N.
 CameraModel with_lens(PointSpread spread = {PointSpread::Kind::gaussian, 0.7}) {
-    CameraModel camera = pinhole();
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.lens = Lens{1.4, 150.0, 600.0, spread};
-    return camera;
+    return test::small_camera(spread);
 }
 
 // A rectangle of 4 x 3 cells in front of the camera, tilted.
@@ -142,13 +132,6 @@ TEST(Renderer, OfAUniformSceneIsUniform) {
     scene.background = 0.625;
     const auto image = Renderer(with_lens({PointSpread::Kind::ideal, 0.0})).render(scene).radiance;
     EXPECT_EQ(largest_difference(image, cv::Mat(image.size(), CV_32FC1, cv::Scalar(0.625))), 0.0);
-}
-
-TEST(Renderer, InsideALargeCellShowsItsRadiance) {
-    Scene scene = half_plane(-1000.0, 250.0);
-    scene.markers[0].grid.cells.at<float>(0, 1) = 0.25f;
-    const auto image = Renderer(with_lens()).render(scene).radiance;
-    EXPECT_NEAR(image.at<float>(35, 47), 0.25, 1e-6);
 }
 
 TEST(Renderer, IsLinearInTheRadiances) {
@@ -354,25 +337,23 @@ TEST(Renderer, SaysWhatItDid) {
     EXPECT_THAT(plan.describe(), testing::HasSubstr("exact lens averages"));
 }
 
+// Cells smaller than a pixel: several edges add their errors up, and the plan has to know.
 constexpr double depth_mm = 190.0;
 constexpr int cells = 16;
 
 // Square cells of this many px, turned by an angle: a checkerboard, stripes or random ones.
 Scene small_cells(const CameraModel& camera, double cell_px, double angle, int kind) {
     RandomStream random(7, 3);
-    PlacedMarker marker;
-    marker.grid.cells.create(cells, cells, CV_32FC1);
+    cv::Mat_<float> radiances(cells, cells);
     for (int j = 0; j < cells; ++j)
         for (int i = 0; i < cells; ++i)
-            marker.grid.cells.at<float>(j, i) = static_cast<float>(
+            radiances(j, i) = static_cast<float>(
                 kind == 0 ? (i + j) % 2 : (kind == 1 ? i % 2 : random.uniform() < 0.5));
     const double per_px = depth_mm / camera.intrinsics.fx, side = cell_px * per_px;
-    marker.grid.cell_mm = {side, side};
-    marker.grid.corner_mm = Eigen::Vector2d::Constant(-0.5 * cells * side);
-    marker.camera_from_marker = {
-        Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ())),
-        {0.31 * per_px, -0.17 * per_px, depth_mm}};
-    return {{marker}, 1.0};
+    const Eigen::AngleAxisd turn(angle, Eigen::Vector3d::UnitZ());
+    return {{{{radiances, Eigen::Vector2d::Constant(-0.5 * cells * side), {side, side}},
+              {Eigen::Quaterniond(turn), {0.31 * per_px, -0.17 * per_px, depth_mm}}}},
+            1.0};
 }
 
 // Error of the automatic plan, which aims at 0.1 gray, against 24 exact lens averages a side.
@@ -404,10 +385,9 @@ TEST(SmallCells, AreWithinTheToleranceWhereverTheirEdgesLie) {
 
 // Disks of confusion of up to 2 px on both sides of the focus, the largest skew that a lens takes.
 CameraModel skewed_camera(double f_number) {
-    CameraModel camera = test::camera_with(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2});
+    CameraModel camera = test::camera_with_lens(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2},
+                                                17.0, {f_number, 300.0, 550.0, {}});
     camera.intrinsics.skew = -max_skew_of_a_lens * camera.intrinsics.fx;
-    camera.sensor = Sensor{.pixel_pitch_um = 17.0};
-    camera.lens = Lens{f_number, 300.0, 550.0, {}};
     return camera;
 }
 
@@ -417,21 +397,17 @@ PlacedMarker tilted_marker() {
             {rotation_from_vector({0.3, -0.7, 0.8}), {1.0, -0.5, 300.0}}};
 }
 
+// The reference's point spread leans in pixels as the columns do.
 TEST(SkewedLens, IsBlurredAsItsRaysMeetTheMarker) {
     const Scene scene{{tilted_marker()}, 0.5};
-    const ReferenceOptions options{.samples_per_scramble = 2048};
     std::vector<cv::Point> pixels;
     for (int y = 22; y < 80; y += 7)
         for (int x = 27; x < 90; x += 6)
             pixels.emplace_back(x, y);
     for (const double f_number : {1.4, 8.0}) {
         const CameraModel camera = skewed_camera(f_number);
-        const RenderedImage image = Renderer(camera).render(scene);
-        const auto truth = integrate_reference(camera, scene, pixels, options);
-        for (std::size_t i = 0; i < pixels.size(); ++i)
-            EXPECT_NEAR(image.radiance.at<float>(pixels[i]), truth[i].mean,
-                        0.1 * gray + 4.0 * truth[i].standard_error)
-                << "f/" << f_number << " " << pixels[i];
+        test::expect_reference(Renderer(camera).render(scene).radiance, camera, scene, pixels,
+                               {.samples_per_scramble = 2048});
     }
 }
 
@@ -449,13 +425,8 @@ const double fold = 1.0 / std::sqrt(-3.0 * k1), fold_px = focal_px * 2.0 / 3.0 *
 // A sharp camera whose fold, hardly curved within the image, passes through `at`, its outward
 // direction turned by `angle` from x.
 CameraModel camera_with_fold(const Eigen::Vector2d& at, double angle) {
-    CameraModel camera;
-    camera.width = 24;
-    camera.height = 16;
     const Eigen::Vector2d centre = at - fold_px * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-    camera.intrinsics = {focal_px, focal_px, centre.x(), centre.y()};
-    camera.distortion.k1 = k1;
-    return camera;
+    return test::camera_with(24, 16, {focal_px, focal_px, centre.x(), centre.y()}, {.k1 = k1});
 }
 
 // Black wherever the camera sees anything, before a white background.
@@ -495,10 +466,8 @@ TEST(FoldBorder, CutsAPixelToTheToleranceWhicheverWayItRuns) {
 
 // Blurred, a pixel beside the border is off by what the plan states: 0.45 gray.
 TEST(FoldBorder, IsWithinWhatThePlanStatesUnderALens) {
-    CameraModel camera = test::camera_with(640, 480, {616.6, 616.6, 319.5, 239.5}, {});
-    camera.distortion.k1 = -0.38;
-    camera.sensor = Sensor{.pixel_pitch_um = 4.8};
-    camera.lens = Lens{2.8, 150.0, 600.0, {}};
+    const CameraModel camera = test::camera_with_lens(640, 480, {616.6, 616.6, 319.5, 239.5},
+                                                      {.k1 = -0.38}, 4.8, {2.8, 150.0, 600.0, {}});
     const Marker marker = parse_marker("apriltag:36h11:5@60mm", "marker");
     const Rigid pose{rotation_from_vector({0.26494, 0.01620, 0.57263}), {272.0, 204.0, 400.0}};
     const Scene scene{{{marker.grid, pose}}, 1.0};

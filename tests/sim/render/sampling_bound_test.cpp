@@ -9,15 +9,10 @@
 namespace etalon {
 namespace {
 
+using test::depth_of_blur;
 using test::gray;
 
 const EdgeTangents along_the_pixels(1);
-
-// Depth before the plane of focus with this blur radius in the small camera.
-double depth_of_blur(const CameraModel& camera, double blur_px) {
-    const double per_inverse_mm = 400.0 * thin_lens(camera).aperture_diameter_mm / 2.0;
-    return 1.0 / (1.0 / 150.0 + blur_px / per_inverse_mm);
-}
 
 // An edge at this place of a pixel of the small camera, at this angle to the columns.
 Scene edge_at(double place_px, double z, double angle = 0.0) {

@@ -5,21 +5,19 @@
 
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
-#include "sim/render/reference_integrator.h"
 #include "tests/calib/cameras.h"
 #include "tests/evidence/edge_spread.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
+#include "tests/sim/reference_pixels.h"
 
 namespace etalon {
 namespace {
 
 // lambda N_w = 0.44 px.
 CameraModel wave_camera() {
-    CameraModel camera = test::camera_with(64, 48, {400.0, 380.0, 31.0, 23.0}, {});
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.lens = Lens{4.3, 150.0, 600.0, {PointSpread::Kind::wave, 0.0}};
-    return camera;
+    return test::camera_with_lens(64, 48, {400.0, 380.0, 31.0, 23.0}, {}, 6.0,
+                                  {4.3, 150.0, 600.0, {PointSpread::Kind::wave, 0.0}});
 }
 
 cv::Mat difference_of(const CameraModel& camera, const Scene& scene, const cv::Rect& region) {
@@ -58,11 +56,7 @@ TEST(WaveRender, AgreesWithTheReferenceOnATiltedMarker) {
         pixels.emplace_back(16 + (n * 17) % 32, 12 + (n * 11) % 22);
     const cv::Mat image =
         difference_of(camera, scene, {0, 0, camera.width, camera.height}) + scene.background;
-    const auto truth = integrate_reference(camera, scene, pixels, {.samples_per_scramble = 1024});
-    for (std::size_t n = 0; n < pixels.size(); ++n)
-        EXPECT_NEAR(image.at<float>(pixels[n]), truth[n].mean,
-                    0.1 * gray + 4.5 * truth[n].standard_error)
-            << pixels[n];
+    test::expect_reference(image, camera, scene, pixels, {.samples_per_scramble = 1024}, 4.5);
 }
 
 TEST(WaveRender, RefusesWhatItCannotRender) {

@@ -45,11 +45,6 @@ TEST(SensorModel, WithoutASensorSectionIsEightBitsLinearAndRoundsHalfUp) {
     EXPECT_EQ(first_code(sensor.expose(uniform(0.5))), 128);  // 127.5, exact in binary
 }
 
-TEST(SensorModel, SaturatesAtBothEndsAsASensorDoes) {
-    EXPECT_EQ(code_for({}, 1.7), 255);
-    EXPECT_EQ(code_for({}, -0.2), 0);
-}
-
 TEST(SensorModel, ReachesFullScaleAtEveryBitDepth) {
     for (int bits = 1; bits <= 16; ++bits) {
         Sensor sensor{.bits = bits};
@@ -60,13 +55,6 @@ TEST(SensorModel, ReachesFullScaleAtEveryBitDepth) {
         EXPECT_EQ(image.pixels.type(), bits > 8 ? CV_16UC1 : CV_8UC1);
         EXPECT_EQ(image.bits, bits);
     }
-}
-
-TEST(SensorModel, AddsTheBlackLevelBelowAnUnchangedFullScale) {
-    Sensor sensor{.bits = 12, .black_dn = 95.0};
-    EXPECT_EQ(code_for(sensor, 0.0), 95);
-    EXPECT_EQ(code_for(sensor, 1.0), 4095);
-    EXPECT_EQ(code_for(sensor, 0.25), 95 + 1000);
 }
 
 TEST(Rec709, HasTheStandardsValuesAroundItsBreak) {
@@ -121,43 +109,6 @@ TEST(SensorModel, DarkensWithTheFourthPowerOfTheCosine) {
               std::floor(0.8f * 65535.0 / ((1 + r2) * (1 + r2)) + 0.5));
 }
 
-struct Moments {
-    double mean, variance;
-};
-
-Moments moments(const cv::Mat& image) {
-    cv::Scalar mean, deviation;
-    cv::meanStdDev(image, mean, deviation);
-    return {mean[0], deviation[0] * deviation[0]};
-}
-
-// n = 60000 pixels. Signal 0.4 * (4095 - 95) = 1600 DN above black; 5 e/DN: shot variance
-// 1600 / 5 = 320 DN^2; read 40 e = 8 DN: 64 DN^2; rounding 1/12: 384.083. The mean's standard
-// deviation is sqrt(384 / n) = 0.080, the variance's 384 sqrt(2 / n) = 2.22: 5 sigma each.
-TEST(SensorNoise, HasTheVarianceOfItsElectrons) {
-    Sensor sensor{.bits = 12, .black_dn = 95.0, .gain_e_per_dn = 5.0, .read_noise_e = 40.0};
-    const SensorModel model(camera_with(sensor, 300, 200));
-    const auto found = moments(model.expose(uniform(0.4, 300, 200), NoiseKey{17, 3}).pixels);
-    EXPECT_NEAR(found.mean, 1695.0, 0.40);
-    EXPECT_NEAR(found.variance, 384.083, 11.1);
-    // In the dark only the read noise is left: 64.083, sd 64 sqrt(2 / n) = 0.37, mean sd 0.033.
-    const auto dark = moments(model.expose(uniform(0.0, 300, 200), NoiseKey{17, 3}).pixels);
-    EXPECT_NEAR(dark.mean, 95.0, 0.17);
-    EXPECT_NEAR(dark.variance, 64.083, 1.85);
-}
-
-// The curve's slope at L = 0.4 is 1.099 * 0.45 * 0.4^-0.55 = 0.81856: noise of 60 DN^2 becomes
-// 0.67004 * 60 = 40.20, plus rounding 0.083. Curvature changes that by under 1 part in 1000
-// (sigma / signal = 0.5 %). Variance sd over 60000 pixels: 40.3 sqrt(2 / n) = 0.233; 5 sigma.
-TEST(SensorNoise, IsShapedByTheTransferCurveThatFollowsIt) {
-    Sensor sensor{.bits = 12};
-    sensor.gain_e_per_dn = 27.3;  // 0.4 * 4095 / 27.3 = 60 DN^2
-    sensor.transfer.kind = Transfer::Kind::rec709;
-    const SensorModel model(camera_with(sensor, 300, 200));
-    const auto found = moments(model.expose(uniform(0.4, 300, 200), NoiseKey{5, 0}).pixels);
-    EXPECT_NEAR(found.variance, 40.29, 1.2);
-}
-
 TEST(SensorNoise, IsTheSameForTheSameKeyAndAnotherForTheNextFrameOrSeed) {
     Sensor sensor{.gain_e_per_dn = 3.0};
     const SensorModel model(camera_with(sensor));
@@ -167,7 +118,7 @@ TEST(SensorNoise, IsTheSameForTheSameKeyAndAnotherForTheNextFrameOrSeed) {
     EXPECT_EQ(cv::countNonZero(shot(NoiseKey{7, 5}) != shot(NoiseKey{7, 5})), 0);
     EXPECT_GT(cv::countNonZero(shot(NoiseKey{7, 5}) != shot(NoiseKey{7, 6})), 20);
     EXPECT_GT(cv::countNonZero(shot(NoiseKey{7, 5}) != shot(NoiseKey{8, 5})), 20);
-    EXPECT_EQ(moments(shot({})).variance, 0.0);
+    EXPECT_EQ(cv::countNonZero(shot({}) != 153), 0);  // 0.6 * 255
 }
 
 TEST(SensorModel, RefusesRadianceThatIsNotItsSize) {

@@ -121,16 +121,6 @@ TEST(DiskArea, OfASegmentIsTheTextbookFormula) {
     }
 }
 
-TEST(DiskArea, OfLinesThroughTheCentreIsTheAngleBetweenThem) {
-    for (const double angle : {0.1, 1.0, 2.5, 3.1}) {
-        const DiskChord a = disk_chord({1.0, 0.0}, 0.0);
-        const DiskChord b = disk_chord({std::cos(angle), std::sin(angle)}, 0.0);
-        const double expected = (std::numbers::pi - angle) / (2.0 * std::numbers::pi);
-        EXPECT_NEAR(disk_wedge_area(a, b), expected, 1e-15);
-        EXPECT_NEAR(disk_wedge_area(b, a), expected, 1e-15);
-    }
-}
-
 TEST(DiskArea, OfParallelLinesNeedsNoCrossing) {
     const DiskChord a = disk_chord({0.6, 0.8}, 0.3), wider = disk_chord({0.6, 0.8}, 0.5);
     const DiskChord facing = disk_chord({-0.6, -0.8}, 0.2), away = disk_chord({-0.6, -0.8}, -0.4);

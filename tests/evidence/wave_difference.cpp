@@ -19,7 +19,7 @@ std::vector<double> disk_and_airy(double lambda_n_px, double blur_px, double hal
     const auto airy = PointSpreadFunction::airy(lambda_n_px);
     const auto energy = [&](double r) { return airy.energy_within(r); };
     const double wide = half + std::ceil(blur_px);
-    const auto profile = test::pixel_profile(energy, wide, per_px).value;
+    const auto profile = test::pixel_profile(energy, wide, per_px);
     const auto at = [&](double t) {
         const double place = (t + wide) * per_px;
         const auto i = std::min(static_cast<std::size_t>(place), profile.size() - 2);
@@ -45,7 +45,7 @@ void print_row(const std::string& name, double lambda_n_px, double blur_px) {
     const auto usual = disk_and_airy(lambda_n_px, blur_px, half);
     const WavePointSpread wave(lambda_n_px, blur_px);
     const auto truth =
-        test::pixel_profile([&](double r) { return wave.energy_within(r); }, half, per_px).value;
+        test::pixel_profile([&](double r) { return wave.energy_within(r); }, half, per_px);
     double largest = 0.0, squares = 0.0, slope = 0.0;
     for (std::size_t i = 0; i < truth.size(); ++i) {
         const double difference = 255.0 * (usual[i] - truth[i]);

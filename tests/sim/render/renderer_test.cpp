@@ -12,7 +12,7 @@
 #include "tests/calib/cameras.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/reference_pixels.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {
@@ -325,16 +325,6 @@ TEST(Renderer, FollowsDistortionsThatBendWithinAPixel) {
             EXPECT_NEAR(rendered.radiance.at<float>(y, x),
                         part_right_of(projector, 160.0 / 250.0, x, y), 0.1 * gray)
                 << x << ", " << y;
-}
-
-TEST(Renderer, SaysWhatItDid) {
-    const auto scene = benchmark_scene("webcam-500");
-    const auto plan =
-        Renderer(scene.camera).render(scene.scene, {.region = {380, 130, 80, 80}}).plan;
-    EXPECT_EQ(plan.method, RenderMethod::exact_lens);
-    EXPECT_NEAR(plan.max_blur_radius_px, 2.03, 0.01);
-    EXPECT_GT(plan.tail_reach_px, 80.0);
-    EXPECT_THAT(plan.describe(), testing::HasSubstr("exact lens averages"));
 }
 
 // Cells smaller than a pixel: several edges add their errors up, and the plan has to know.

@@ -11,7 +11,7 @@
 #include "sim/scene/marker_view.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/reference_pixels.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

@@ -9,7 +9,7 @@
 #include "tests/evidence/edge_spread.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/reference_pixels.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {
@@ -39,7 +39,7 @@ TEST_P(WaveEdge, HasTheProfileOfItsEncircledEnergy) {
     for (int x = 0; x < region.width; ++x) {
         const double t = edge_px - (region.x + x);  // into the dark side
         const auto i = static_cast<std::size_t>(std::lround((t + 13.0) * 10.0));
-        EXPECT_NEAR(image.at<float>(1, x), profile.value[i], 0.1 * gray)
+        EXPECT_NEAR(image.at<float>(1, x), profile[i], 0.1 * gray)
             << "pixel " << region.x + x << ", blur " << psf.blur_radius_px() << " px";
     }
 }

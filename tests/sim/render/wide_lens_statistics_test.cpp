@@ -9,7 +9,7 @@
 #include "tests/calib/synthetic_views.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/reference_pixels.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

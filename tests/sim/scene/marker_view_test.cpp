@@ -12,7 +12,7 @@
 #include "core/program/errors.h"
 #include "sim/tiles/lens_average.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/reference_pixels.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

@@ -42,28 +42,6 @@ TEST(SensorNoise, IsThatOfTheScalarFormulaBitForBitOnEveryInstructionSet) {
     });
 }
 
-// n = 1e6 standard deviates: the standard errors of the mean powers 1 to 4 are sqrt(1 / n),
-// sqrt(2 / n), sqrt(15 / n) and sqrt(96 / n); 4 of each (two-sided 6e-5 per check). The largest is
-// beyond 4.5 and below 5.7 but for 1 of 1000 and 1 of 80 sets.
-TEST(SensorNoise, HasTheMomentsOfTheNormalDistribution) {
-    const int n = 1'000'000;
-    std::vector<double> deviates(n, 0.0);
-    add_noise({0.0, 1.0}, {11, 2}, 0, n, deviates.data());
-    double sums[5] = {};
-    double largest = 0.0;
-    for (const double x : deviates) {
-        for (int power = 1; power <= 4; ++power)
-            sums[power] += std::pow(x, power) / n;
-        largest = std::max(largest, std::abs(x));
-    }
-    EXPECT_NEAR(sums[1], 0.0, 4 * std::sqrt(1.0 / n));
-    EXPECT_NEAR(sums[2], 1.0, 4 * std::sqrt(2.0 / n));
-    EXPECT_NEAR(sums[3], 0.0, 4 * std::sqrt(15.0 / n));
-    EXPECT_NEAR(sums[4], 3.0, 4 * std::sqrt(96.0 / n));
-    EXPECT_GT(largest, 4.5);
-    EXPECT_LT(largest, 5.7);
-}
-
 // Neighbours and the next frame are independent: a correlation's standard error is 1 / sqrt(n).
 TEST(SensorNoise, IsWithoutCorrelationAlongTheRowAndFromFrameToFrame) {
     const int n = 200'000;

@@ -8,7 +8,7 @@
 #include "sim/render/renderer.h"
 #include "tests/calib/cameras.h"
 #include "tests/sim/every_target.h"
-#include "tests/sim/table_images.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

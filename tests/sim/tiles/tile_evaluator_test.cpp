@@ -153,11 +153,10 @@ cv::Mat_<float> pixel_means(const TileSamples& samples, int i, int j) {
 // Largest difference of the pixels' means.
 double largest_difference(const TileSamples& a, const TileSamples& b) {
     double largest = 0.0;
-    for (int j = a.tiles().y; j < a.tiles().br().y; ++j)
-        for (int i = a.tiles().x; i < a.tiles().br().x; ++i) {
-            largest = std::max(
-                largest, test::largest_difference(pixel_means(a, i, j), pixel_means(b, i, j)));
-        }
+    for_each_cell(a.tiles(), [&](int i, int j) {
+        largest =
+            std::max(largest, test::largest_difference(pixel_means(a, i, j), pixel_means(b, i, j)));
+    });
     return largest;
 }
 
@@ -208,9 +207,9 @@ TEST(TileEvaluator, TilesThatBendTooMuchForAPolynomialTakeCoarserGridsToo) {
     const UndistortionMap map(Projector(camera), 16);
     const cv::Rect tiles(0, 0, 8, 6);
     int bent = 0;
-    for (int j = 0; j < tiles.height; ++j)
-        for (int i = 0; i < tiles.width; ++i)
-            bent += map.validity(i, j) == UndistortionMap::Validity::some;
+    for_each_cell(tiles, [&](int i, int j) {
+        bent += map.validity(i, j) == UndistortionMap::Validity::some;
+    });
     ASSERT_GT(bent, 10);
     const cv::Mat cells = (cv::Mat_<float>(3, 2) << 0.0f, 1.0f, 1.0f, 0.2f, 0.7f, 0.0f);
     const PlacedMarker marker{

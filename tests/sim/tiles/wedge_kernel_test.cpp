@@ -10,7 +10,7 @@
 #include "sim/tiles/tile_kernel.h"
 #include "tests/calib/cameras.h"
 #include "tests/sim/every_target.h"
-#include "tests/sim/table_images.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

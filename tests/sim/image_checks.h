@@ -1,7 +1,8 @@
-// Pixels of an image against the reference integrator.
+// Images against the reference integrator, and against those of parts and of other threads.
 #pragma once
 
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
@@ -20,6 +21,17 @@ inline std::vector<ReferencePixel> expect_reference(const cv::Mat& radiance,
                     0.1 / 255.0 + standard_errors * reference[i].standard_error)
             << pixels[i];
     return reference;
+}
+
+// The same bytes on any number of threads, and in a region by itself but for its tail.
+inline void expect_the_same_everywhere(const CameraModel& camera, const Scene& scene,
+                                       const cv::Rect& region) {
+    const Renderer renderer(camera);
+    const RenderedImage image = renderer.render(scene);
+    const RenderedImage part = renderer.render(scene, {.region = region});
+    EXPECT_LT(255.0 * cv::norm(image.radiance(region), part.radiance(region), cv::NORM_INF), 0.01);
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    EXPECT_EQ(cv::norm(image.radiance, renderer.render(scene).radiance, cv::NORM_INF), 0.0);
 }
 
 }  // namespace etalon::test

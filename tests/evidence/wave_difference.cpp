@@ -58,19 +58,15 @@ void print_row(const std::string& name, double lambda_n_px, double blur_px) {
                std::sqrt(squares / (2.0 * half)), slope);
 }
 
-int run() {
+}  // namespace
+}  // namespace etalon
+
+int main() {
+    using namespace etalon;
     fmt::print(
         "| camera | R, px | max, gray | RMS, gray | edge slope, 1/px |\n|---|---|---|---|---|\n");
     for (const std::string name : {"webcam-500", "canon-500"})
         for (const double blur_px : {0.0, 0.2, 0.5, 1.0, 2.0, 4.0})
             print_row(name.substr(0, name.find('-')), lambda_n_px(benchmark_scene(name).camera),
                       blur_px);
-    return 0;
-}
-
-}  // namespace
-}  // namespace etalon
-
-int main() {
-    return etalon::run();
 }

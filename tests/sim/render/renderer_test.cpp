@@ -381,15 +381,12 @@ CameraModel skewed_camera(double f_number) {
     return camera;
 }
 
-// Turned by 45 degrees, at which a pattern that leans shows most.
-PlacedMarker tilted_marker() {
-    return {{(cv::Mat_<float>(2, 3) << 0, 1, 0, 1, 0, 1), {-10.5, -9.0}, {7.0, 9.0}},
-            {rotation_from_vector({0.3, -0.7, 0.8}), {1.0, -0.5, 300.0}}};
-}
-
 // The reference's point spread leans in pixels as the columns do.
 TEST(SkewedLens, IsBlurredAsItsRaysMeetTheMarker) {
-    const Scene scene{{tilted_marker()}, 0.5};
+    // Turned by 45 degrees, at which a pattern that leans shows most.
+    const cv::Mat cells = (cv::Mat_<float>(2, 3) << 0, 1, 0, 1, 0, 1);
+    const Rigid pose{rotation_from_vector({0.3, -0.7, 0.8}), {1.0, -0.5, 300.0}};
+    const Scene scene{{{{cells, {-10.5, -9.0}, {7.0, 9.0}}, pose}}, 0.5};
     std::vector<cv::Point> pixels;
     for (int y = 22; y < 80; y += 7)
         for (int x = 27; x < 90; x += 6)

@@ -195,15 +195,11 @@ TEST(TileEvaluator, EachTileTakesTheCoarsestGridThatItsOwnBlurAllows) {
     EXPECT_EQ(stripes.samples(too_sharp).used()[0].points_per_pixel_side, 16);
 }
 
-// Thin-prism terms so large that even cubics through points within a tile err by more than 1e-4 px.
-CameraModel bent_camera() {
-    return test::camera_with_lens(32, 24, {311.0, 311.0, 17.0, 11.0},
-                                  {.k1 = 0.16, .k2 = -0.08, .s4 = -320.0}, 4.2,
-                                  {1.4, 40.0, 550.0, {}});
-}
-
 TEST(TileEvaluator, TilesThatBendTooMuchForAPolynomialTakeCoarserGridsToo) {
-    const CameraModel camera = bent_camera();
+    // Even cubics through points within a tile err by more than 1e-4 px.
+    const CameraModel camera = test::camera_with_lens(32, 24, {311.0, 311.0, 17.0, 11.0},
+                                                      {.k1 = 0.16, .k2 = -0.08, .s4 = -320.0}, 4.2,
+                                                      {1.4, 40.0, 550.0, {}});
     const UndistortionMap map(Projector(camera), 16);
     const cv::Rect tiles(0, 0, 8, 6);
     int bent = 0;

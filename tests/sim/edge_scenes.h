@@ -41,14 +41,16 @@ inline PlacedMarker twelve_cells(const Eigen::Vector2d& cell_mm, const Eigen::Ve
     return {{cells, corner_mm, cell_mm}, camera_from_marker};
 }
 
+// Integral of the normal distribution function from minus infinity.
+inline double swept_normal(double z) {
+    const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+    return z * 0.5 * std::erfc(-z / std::numbers::sqrt2) + density;
+}
+
 // Across an edge the disk's, the Gaussian's and the box's spreads meet in one dimension:
 // profile(x) = integral over the disk's line spread of the mean of Phi over the box.
 inline double edge_profile(double distance_px, double disk_px, double sigma_px) {
-    const auto phi_integral = [&](double x) {  // antiderivative of the normal distribution function
-        const double t = x / sigma_px;
-        const double density = std::exp(-0.5 * t * t) / std::sqrt(2.0 * std::numbers::pi);
-        return sigma_px * (t * 0.5 * std::erfc(-t / std::sqrt(2.0)) + density);
-    };
+    const auto phi_integral = [&](double x) { return sigma_px * swept_normal(x / sigma_px); };
     constexpr int steps = 20000;
     double sum = 0.0;
     for (int i = 0; i < steps; ++i) {  // x = R sin(angle): weight 2/pi cos^2

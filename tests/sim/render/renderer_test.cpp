@@ -64,21 +64,6 @@ INSTANTIATE_TEST_SUITE_P(Depths, DefocusedEdge,
                          testing::Values(32.6, 53.5, 60.0, 110.0, 148.0, 150.0, 156.0, 160.0, 168.8,
                                          183.5, 200.0, 236.0, 356.0, 700.0, 1486.0, 5000.0));
 
-TEST(Renderer, FindsTheDiffractionTailsAsymptote) {
-    // Far from an edge, 2 lambda N_w / (pi^3 D) of the light comes from beyond it, less what the
-    // tail's finite reach leaves out (0.01 gray at most).
-    CameraModel camera = with_lens({PointSpread::Kind::ideal, 0.0});
-    camera.width = 400;
-    const double n_w = thin_lens(camera).working_f_number;
-    const auto image = Renderer(camera).render(half_plane(0.0, 150.0)).radiance;
-    for (const int distance : {30, 60, 120, 300}) {
-        const double expected = 2.0 * 0.6 * n_w / 6.0 / (std::pow(std::numbers::pi, 3) * distance);
-        EXPECT_NEAR(1.0 - image.at<float>(35, 47 + distance), expected,
-                    0.02 * expected + 0.011 * gray)
-            << distance;
-    }
-}
-
 PlacedMarker black_cells(int rows, int columns, const Eigen::Vector2d& cell_mm,
                          const Eigen::Vector2d& corner_mm, const Eigen::Vector3d& at) {
     return {{cv::Mat::zeros(rows, columns, CV_32FC1), corner_mm, cell_mm},

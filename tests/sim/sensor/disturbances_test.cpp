@@ -17,6 +17,7 @@
 namespace etalon {
 namespace {
 
+using test::swept_normal;
 using testing::HasSubstr;
 
 CameraModel small_camera() {
@@ -526,12 +527,6 @@ TEST(LineBlur, HasTheMomentsOfTheLine) {
         impulse.at<float>(17, 20) = 1.0f;
         expect_line(line_blurred(impulse, motion), {20, 17}, motion, 3e-5);
     }
-}
-
-// Integral of the normal distribution function from minus infinity.
-double swept_normal(double z) {
-    const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
-    return z * 0.5 * std::erfc(-z / std::numbers::sqrt2) + density;
 }
 
 // An edge of Gaussian blur sigma that moves by L along its normal: the mean of the normal

@@ -9,11 +9,7 @@
 
 #include <algorithm>
 #include <functional>
-#include <string>
-#include <vector>
 
-#include "compare/match/photo_findings.h"
-#include "core/program/errors.h"
 #include "tests/compare/match/adversarial_photos.h"
 
 namespace {

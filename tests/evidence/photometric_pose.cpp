@@ -8,7 +8,6 @@
 
 #include <cstdlib>
 
-#include "core/program/errors.h"
 #include "tests/evidence/photometric_study.h"
 
 namespace etalon::test {

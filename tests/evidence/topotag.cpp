@@ -10,7 +10,6 @@
 #include <atomic>
 #include <cstdlib>
 #include <map>
-#include <mutex>
 
 #include "core/statistics/distributions.h"
 #include "core/time/clock.h"

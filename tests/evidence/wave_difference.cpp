@@ -2,7 +2,6 @@
 // wave-optical pattern on a black-white edge averaged over pixels. From encircled energies alone;
 // no renderer takes part. docs/rendering.md has the table.
 #include <fmt/format.h>
-#include <math.h>  // j0, j1: POSIX, not in namespace std
 
 #include "bench/benchmark_scenes.h"
 #include "sim/psf/diffraction.h"

@@ -3,7 +3,6 @@
 #include <numbers>
 
 #include "calib/camera/projector.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 
 namespace etalon::test {

@@ -4,7 +4,6 @@
 #include <tbb/global_control.h>
 
 #include "tests/fuzz/random_scenes.h"
-#include "tests/gray.h"
 
 namespace etalon::test {
 namespace {

@@ -4,7 +4,6 @@
 #include "calib/files/camera_file.h"
 #include "compare/qualification/limits_file.h"
 #include "mocks/twin/twin_file.h"
-#include "stage/profile/profile.h"
 #include "station/certify/certificate.h"
 #include "station/compare/compare_baseline.h"
 #include "station/setup/station_file.h"

@@ -2,7 +2,6 @@
 #include <array>
 
 #include "calib/files/camera_file.h"
-#include "core/config/csv_file.h"
 #include "sim/marker/stag_pattern.h"
 #include "sim/scene/pose_file.h"
 #include "station/register/stage_registration.h"

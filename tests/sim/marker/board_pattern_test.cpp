@@ -2,7 +2,6 @@
 #include "sim/marker/board_pattern.h"
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 
 #include <opencv2/core/version.hpp>
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
@@ -12,8 +11,6 @@
 #endif
 #include <opencv2/imgproc.hpp>
 
-#include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "tests/sim/marker/marker_checks.h"
 
 namespace etalon {

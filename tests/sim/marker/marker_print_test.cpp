@@ -2,17 +2,12 @@
 
 #include <apriltag/tag36h11.h>
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 
-#include <cstdio>
 #include <cstdlib>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <regex>
-#include <sstream>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/sim/marker/marker_checks.h"
 #include "tests/temporary_folder.h"
 

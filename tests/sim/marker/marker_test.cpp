@@ -10,7 +10,6 @@
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 
 #include <cstdlib>
 #include <opencv2/core/version.hpp>
@@ -23,7 +22,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/image/image.h"
-#include "core/program/errors.h"
 #include "sim/marker/tag_pattern.h"
 #include "tests/sim/marker/marker_checks.h"
 #include "tests/temporary_folder.h"

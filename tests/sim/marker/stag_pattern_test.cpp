@@ -1,13 +1,8 @@
 // Truth: the published geometry and words, written out here, and counting by hand.
 #include "sim/marker/stag_pattern.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include <fstream>
 
-#include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "tests/error_text.h"
 #include "tests/sim/marker/marker_checks.h"
 #include "tests/temporary_folder.h"

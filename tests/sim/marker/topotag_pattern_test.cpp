@@ -1,15 +1,10 @@
 // Truth: a tag drawn by hand, its topology by OpenCV's contours, areas and centroids by geometry.
 #include "sim/marker/topotag_pattern.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include <bit>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
-#include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "tests/sim/marker/marker_checks.h"
 
 namespace etalon {

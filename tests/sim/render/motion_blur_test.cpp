@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "core/program/errors.h"
-#include "tests/calib/cameras.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
 

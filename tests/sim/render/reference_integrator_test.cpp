@@ -5,16 +5,11 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include <numbers>
-
 #include "bench/benchmark_scenes.h"
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "sim/psf/point_spread_sampler.h"
-#include "sim/render/renderer.h"
-#include "sim/scene/marker_view.h"
 #include "sim/scene/pose_sampling.h"
-#include "tests/calib/cameras.h"
 #include "tests/evidence/edge_spread.h"
 #include "tests/sim/edge_scenes.h"
 

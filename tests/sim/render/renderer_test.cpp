@@ -2,14 +2,11 @@
 
 #include <gmock/gmock.h>
 
-#include <numbers>
-
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/marker/marker.h"
-#include "tests/calib/cameras.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
 #include "tests/sim/image_checks.h"

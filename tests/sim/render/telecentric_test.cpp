@@ -1,14 +1,9 @@
 // A telecentric camera: projection, the closed-form methods' geometry and the reference, against
 // rays traced by hand and closed-form images.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <numbers>
-
-#include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
-#include "sim/scene/marker_view.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
 #include "tests/sim/image_checks.h"

@@ -1,11 +1,9 @@
 #include "sim/render/wave_render.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
-#include "tests/calib/cameras.h"
 #include "tests/evidence/edge_spread.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"

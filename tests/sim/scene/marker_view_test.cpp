@@ -1,13 +1,9 @@
 #include "sim/scene/marker_view.h"
 
-#include <gtest/gtest.h>
-
 #include <limits>
-#include <numbers>
 #include <random>
 
 #include "bench/benchmark_scenes.h"
-#include "calib/camera/projector.h"
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
 #include "sim/tiles/lens_average.h"

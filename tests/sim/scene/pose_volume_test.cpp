@@ -3,10 +3,8 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <numbers>
 #include <opencv2/calib3d.hpp>
 
-#include "core/geometry/rigid.h"
 #include "core/geometry/units.h"
 #include "tests/calib/cameras.h"
 #include "tests/error_text.h"

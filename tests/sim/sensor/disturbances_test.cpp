@@ -3,14 +3,10 @@
 #include <gmock/gmock.h>
 #include <opencv2/imgproc.hpp>
 
-#include <cmath>
 #include <limits>
-#include <numbers>
 #include <thread>
 
-#include "core/program/errors.h"
 #include "sim/render/motion_blur.h"
-#include "tests/calib/cameras.h"
 #include "tests/error_text.h"
 #include "tests/sim/edge_scenes.h"
 

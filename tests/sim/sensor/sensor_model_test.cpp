@@ -8,6 +8,7 @@
 
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
+#include "sim/sensor/sensor_simd.h"
 #include "tests/calib/cameras.h"
 #include "tests/sim/every_target.h"
 
@@ -119,6 +120,50 @@ TEST(SensorNoise, IsTheSameForTheSameKeyAndAnotherForTheNextFrameOrSeed) {
     EXPECT_GT(cv::countNonZero(shot(NoiseKey{7, 5}) != shot(NoiseKey{7, 6})), 20);
     EXPECT_GT(cv::countNonZero(shot(NoiseKey{7, 5}) != shot(NoiseKey{8, 5})), 20);
     EXPECT_EQ(cv::countNonZero(shot({}) != 153), 0);  // 0.6 * 255
+}
+
+// The formula of sim/sensor/sensor_simd.h, one pixel at a time. From none to more than two
+// stretches of any vector, at places of every alignment of a double; the neighbours stay. Pixel
+// numbers pass 2^32, the key has bits in both halves.
+TEST(SensorNoise, IsThatOfTheScalarFormulaBitForBitOnEveryInstructionSet) {
+    const SensorNoise noise{0.0037, 0.00021};
+    const NoiseKey key{0x9e3779b97f4a7c15, 0xfedcba98};
+    on_every_target([&] {
+        for (int count = 0; count < 150; ++count) {
+            const int begin = count % 9;
+            const std::uint64_t pixel = 0xffffffff - 60 + std::uint64_t(count) / 3;
+            std::vector<double> signals;
+            for (int x = 0; x < begin + count + 9; ++x)
+                signals.push_back(0.011 * x - 0.3);
+            std::vector<double> expected = signals;
+            for (int x = 0; x < count; ++x) {
+                double& signal = expected[static_cast<std::size_t>(begin + x)];
+                const double variance =
+                    std::max(signal, 0.0) * noise.shot_variance + noise.read_variance;
+                const auto number = pixel + static_cast<std::uint64_t>(x);
+                signal += std::sqrt(variance) * RandomStream(key.seed, key.frame, number).normal();
+            }
+            add_noise(noise, key, pixel, count, signals.data() + begin);
+            ASSERT_EQ(signals, expected) << count;
+        }
+    });
+}
+
+// Neighbours and the next frame are independent: a correlation's standard error is 1 / sqrt(n).
+TEST(SensorNoise, IsWithoutCorrelationAlongTheRowAndFromFrameToFrame) {
+    const int n = 200'000;
+    std::vector<double> first(n, 0.0), next(n, 0.0);
+    add_noise({0.0, 1.0}, {7, 0}, 0, n, first.data());
+    add_noise({0.0, 1.0}, {7, 1}, 0, n, next.data());
+    const auto expect_none = [&](const std::vector<double>& other, std::size_t lag) {
+        double product = 0.0;
+        for (std::size_t x = lag; x < n; ++x)
+            product += other[x] * first[x - lag] / n;
+        EXPECT_NEAR(product, 0.0, 4.5 / std::sqrt(double(n))) << lag;
+    };
+    for (const std::size_t lag : {1u, 2u, 4u, 8u, 64u, 640u})
+        expect_none(first, lag);
+    expect_none(next, 0);
 }
 
 TEST(SensorModel, RefusesRadianceThatIsNotItsSize) {

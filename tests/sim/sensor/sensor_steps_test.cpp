@@ -4,9 +4,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
-#include <functional>
-#include <vector>
 
 #include "core/statistics/random.h"
 

@@ -1,11 +1,9 @@
 #include "sim/tiles/edge_group.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "sim/psf/diffraction.h"
-#include "sim/render/renderer.h"
 #include "tests/calib/cameras.h"
 #include "tests/sim/every_target.h"
 #include "tests/sim/image_checks.h"

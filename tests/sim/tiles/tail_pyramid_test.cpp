@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <numbers>
-
-#include "sim/scene/marker_view.h"
 #include "sim/tiles/undistortion_map.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "bench/benchmark_scenes.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/sampling_bound.h"

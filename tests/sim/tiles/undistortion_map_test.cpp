@@ -6,7 +6,6 @@
 #include <Eigen/SVD>
 
 #include "bench/benchmark_scenes.h"
-#include "sim/tiles/tile_map.h"
 #include "tests/calib/cameras.h"
 
 namespace etalon {

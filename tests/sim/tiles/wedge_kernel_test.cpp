@@ -1,12 +1,10 @@
 // Pixels by the table of edges and corners against sums over the pixel, the lens and the spread.
 #include <Eigen/Core>
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <string>
 
 #include "sim/psf/wedge_table.h"
-#include "sim/render/renderer.h"
 #include "sim/tiles/tile_kernel.h"
 #include "tests/calib/cameras.h"
 #include "tests/sim/every_target.h"

@@ -4,8 +4,6 @@
 
 #include <cmath>
 #include <numbers>
-#include <string>
-#include <vector>
 
 #include "core/program/errors.h"
 

@@ -27,6 +27,15 @@ inline std::vector<Eigen::Vector2d> corners_at(const Projector& projector,
     return corners;
 }
 
+inline CameraModel camera_with_lens(int width, int height, Intrinsics intrinsics,
+                                    Distortion distortion, double pixel_pitch_um,
+                                    const Lens& lens) {
+    CameraModel camera = camera_with(width, height, intrinsics, distortion);
+    camera.sensor = Sensor{.pixel_pitch_um = pixel_pitch_um};
+    camera.lens = lens;
+    return camera;
+}
+
 inline CameraModel webcam() {
     return camera_with(640, 480, {538.55, 538.55, 319.5, 239.5},
                        {.k1 = -0.286, .k2 = 0.057, .k3 = 0.112});

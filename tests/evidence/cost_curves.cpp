@@ -11,12 +11,8 @@
 #include <thread>
 
 #include "bench/bench_methods.h"
-#include "bench/benchmark_scenes.h"
-#include "calib/camera/projector.h"
-#include "core/geometry/units.h"
 #include "report/svg_plot.h"
 #include "sim/marker/marker.h"
-#include "sim/render/renderer.h"
 
 namespace etalon {
 namespace {

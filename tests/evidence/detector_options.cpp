@@ -6,11 +6,11 @@
 //                           in x and in y, RMS distance of a corner, tags found, CPU time
 #include <fmt/format.h>
 
-#include <ctime>
 #include <functional>
 
 #include "compare/detect/detector_adaptors.h"
 #include "compare/make_detector.h"
+#include "core/time/clock.h"
 #include "tests/compare/rendered_targets.h"
 
 namespace etalon {
@@ -51,10 +51,6 @@ std::vector<Variant> aruco_variants() {
     return variants;
 }
 
-double cpu_ms() {
-    return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
-
 void print_table(const char* spec, const std::vector<Variant>& variants) {
     const Marker tag = parse_marker(spec, "evidence");
     fmt::print("{}\n{:<34} {:>5} {:>8} {:>8} {:>8} {:>8} {:>7} {:>7}\n", spec, "", "side", "inward",
@@ -63,11 +59,11 @@ void print_table(const char* spec, const std::vector<Variant>& variants) {
         const auto photos = test::tag_photos(sharp_camera(), tag, poses, side_px / 120.0);
         for (const Variant& variant : variants) {
             const auto detector = variant.make(tag);
-            const double before = cpu_ms();
+            const double before = process_cpu_ms();
             const test::Offsets offsets = test::mean_offset(photos, *detector);
             fmt::print("{:<34} {:5.0f} {:+8.3f} {:+8.3f} {:+8.3f} {:8.3f} {:3}/{:<3} {:7.2f}\n",
                        variant.label, side_px, offsets.inward, offsets.mean.x(), offsets.mean.y(),
-                       offsets.rms, offsets.detected, poses, (cpu_ms() - before) / poses);
+                       offsets.rms, offsets.detected, poses, (process_cpu_ms() - before) / poses);
         }
     }
     fmt::print("\n");
@@ -85,11 +81,11 @@ void print_costs() {
                              test::board_pose(marker, {0.1, -0.2, 0.3}, {10, -7, 290}));
         if (const Detection seen = detector->detect(photo.image); !seen.corners)
             fmt::print("{}: {}\n", spec, seen.reason);
-        const double before = cpu_ms();
+        const double before = process_cpu_ms();
         constexpr int repeats = 20;
         for (int i = 0; i < repeats; ++i)
             detector->detect(photo.image);
-        fmt::print("{:<34} {:7.2f}\n", spec, (cpu_ms() - before) / repeats);
+        fmt::print("{:<34} {:7.2f}\n", spec, (process_cpu_ms() - before) / repeats);
     }
 }
 

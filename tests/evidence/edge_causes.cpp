@@ -6,7 +6,6 @@
 // Usage: edge_causes FOLDER, with left01.jpg .. right14.jpg.
 #include <fmt/format.h>
 
-#include <cmath>
 #include <filesystem>
 #include <map>
 #include <opencv2/imgcodecs.hpp>

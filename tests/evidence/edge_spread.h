@@ -28,21 +28,17 @@ inline double beyond_line(const EnergyWithin& energy, double t) {
 }
 
 // The same averaged over pixels, at steps of 1/pitch_steps px from -half to half.
-struct EdgeProfile {
-    double step;
-    std::vector<double> value;
-};
-inline EdgeProfile pixel_profile(const EnergyWithin& energy, double half, int pitch_steps) {
+inline std::vector<double> pixel_profile(const EnergyWithin& energy, double half, int pitch_steps) {
     const int n = static_cast<int>(half * pitch_steps), pad = pitch_steps / 2;
     std::vector<double> fine;  // at the middles between steps
     for (int i = -n - pad; i < n + pad; ++i)
         fine.push_back(beyond_line(energy, (i + 0.5) / pitch_steps));
-    EdgeProfile profile{1.0 / pitch_steps, {}};
+    std::vector<double> profile;
     for (int i = 0; i <= 2 * n; ++i) {
         double sum = 0.0;
         for (int q = 0; q < 2 * pad; ++q)
             sum += fine[static_cast<std::size_t>(i + q)];
-        profile.value.push_back(sum / (2 * pad));
+        profile.push_back(sum / (2 * pad));
     }
     return profile;
 }

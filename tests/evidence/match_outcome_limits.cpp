@@ -9,11 +9,7 @@
 
 #include <algorithm>
 #include <functional>
-#include <string>
-#include <vector>
 
-#include "compare/match/photo_findings.h"
-#include "core/program/errors.h"
 #include "tests/compare/match/adversarial_photos.h"
 
 namespace {
@@ -34,7 +30,7 @@ struct Fault {
     std::string names;              // any of them will do: they cannot be told apart for sure
     std::vector<double> strengths;  // rising
     Photographer photo;
-    std::function<CameraModel(double strength)> camera;  // empty: the right one
+    std::function<CameraModel(double strength)> camera = {};  // empty: the right one
 };
 
 CameraModel with_k1(double more) {
@@ -63,40 +59,32 @@ Photographer cover(double reflectance) {
 
 std::vector<Fault> faults() {
     return {
-        {"cover of 40 % gray, side in cells",
-         "occluded",
-         {0.2, 0.35, 0.5, 0.7, 1.0},
-         cover(0.4),
-         {}},
-        {"black cover, side in cells", "occluded", {0.35, 0.5, 0.7, 1.0}, cover(0.03), {}},
+        {"cover of 40 % gray, side in cells", "occluded", {0.2, 0.35, 0.5, 0.7, 1.0}, cover(0.4)},
+        {"black cover, side in cells", "occluded", {0.35, 0.5, 0.7, 1.0}, cover(0.03)},
         {"saturating reflection, sigma in cells",
          "glare",
          {0.1, 0.15, 0.2, 0.3},
          [](const TrueScene& scene, double cells, int seed) {
              return test::exposed(test::with_glare(scene, cells * test::cell_px(scene), 3.0), seed);
-         },
-         {}},
+         }},
         {"motion during the exposure, px",
          "motion_blur",
          {2.5, 3.0, 3.25, 3.5},
          [](const TrueScene& scene, double path_px, int seed) {
              return test::exposed(test::moved(scene, path_px), seed);
-         },
-         {}},
+         }},
         {"motion while the marker's rows are read, px",
          "skewed or calibration_mismatch",
          {0.5, 1.0, 1.5, 2.0},
          [](const TrueScene& scene, double path_px, int seed) {
              return test::exposed(test::rolled(scene, path_px), seed);
-         },
-         {}},
+         }},
         {"unsharp mask of 1.2 px, amount",
          "sharpened",
          {0.2, 0.3, 0.4, 0.5},
          [](const TrueScene& scene, double amount, int seed) {
              return test::sharpened(test::exposed(test::radiance_of(scene), seed), amount, 1.2);
-         },
-         {}},
+         }},
         {"k1 too large by",
          "calibration_mismatch or skewed",
          {0.05, 0.1, 0.2, 0.4},
@@ -113,8 +101,7 @@ std::vector<Fault> faults() {
          [](const TrueScene& scene, double lost, int seed) {
              return test::compressed(test::exposed(test::radiance_of(scene), seed),
                                      static_cast<int>(100.0 - lost));
-         },
-         {}},
+         }},
     };
 }
 

@@ -8,7 +8,6 @@
 
 #include <cstdlib>
 
-#include "core/program/errors.h"
 #include "tests/evidence/photometric_study.h"
 
 namespace etalon::test {
@@ -93,7 +92,13 @@ void repeats_at(bool with_lens, std::uint64_t pose, std::uint32_t repeats) {
                            tilt * 180.0 / std::numbers::pi, with_lens ? "with" : "without"));
 }
 
-int run(int poses, int repeats) {
+}  // namespace
+}  // namespace etalon::test
+
+int main(int count, char** arguments) {
+    using namespace etalon::test;
+    const int poses = count > 1 ? std::atoi(arguments[1]) : 500;
+    const int repeats = count > 2 ? std::atoi(arguments[2]) : 100;
     fmt::print(
         "| photographs | n | largest mean, s.e. | scatter / bound | chi-square | covariance | "
         "AprilTag's scatter / ours | CPU ms, ours / AprilTag's | flipped / refused / undetected / "
@@ -103,13 +108,4 @@ int run(int poses, int repeats) {
             repeats_at(with_lens, pose, static_cast<std::uint32_t>(repeats));
         spread_poses(with_lens, static_cast<std::uint64_t>(poses));
     }
-    return 0;
-}
-
-}  // namespace
-}  // namespace etalon::test
-
-int main(int count, char** arguments) {
-    return etalon::test::run(count > 1 ? std::atoi(arguments[1]) : 500,
-                             count > 2 ? std::atoi(arguments[2]) : 100);
 }

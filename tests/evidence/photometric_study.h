@@ -4,8 +4,6 @@
 // tests/compare/photometric/photometric_poses_statistics_test.cpp.
 #pragma once
 
-#include <time.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <numbers>
@@ -15,6 +13,7 @@
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "core/program/errors.h"
+#include "core/time/clock.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/pose_sampling.h"
@@ -81,10 +80,8 @@ inline Matrix6d cramer_rao_bound(const CameraModel& camera, const Renderer& rend
                                  const Rigid& pose) {
     const cv::Mat use =
         pixel_uses(Projector(camera), pose, detector_area(tag(), "study")) != pixel_outside;
-    RenderOptions options;
-    options.tolerance_gray = 0.02;
     const auto rendered = [&](const Rigid& at) {
-        return renderer.render({{{tag().grid, at}}, 1.0}, options).radiance;
+        return renderer.render({{{tag().grid, at}}, 1.0}, {.tolerance_gray = 0.02}).radiance;
     };
     const Radiance middle = rendered(pose);
     const double half_tag_mm = 31.0, z = pose.translation.z();
@@ -128,12 +125,6 @@ inline Matrix6d cramer_rao_bound(const CameraModel& camera, const Renderer& rend
     return (scale.asDiagonal() * inverse * scale.asDiagonal()).topLeftCorner<6, 6>();
 }
 
-inline double cpu_ms() {
-    timespec t{};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
-
 struct Outcome {
     bool detected = false;  // by AprilTag; without, nothing else is set
     bool failed = false;    // refused by the photometric detector
@@ -156,19 +147,19 @@ public:
     Outcome run(const Truth& truth, const NoiseKey& noise) {
         const CodeImage photo = sensor_.expose(truth.radiance, noise);
         Outcome outcome;
-        const double before = cpu_ms();
+        const double before = process_cpu_ms();
         const auto corners = apriltag_->detect(photo).corners;
-        outcome.apriltag_ms = cpu_ms() - before;
+        outcome.apriltag_ms = process_cpu_ms() - before;
         const auto start =
             corners ? estimate_pose(projector(), tag().points_mm, corners->pixels) : std::nullopt;
         if (!start)
             return outcome;
         outcome.detected = true;
         outcome.corner_error = nearer_error(truth.camera_from_marker, *start);
-        const double after = cpu_ms();
+        const double after = process_cpu_ms();
         try {
             const PhotometricPose pose = photometric_.find(photo, start->camera_from_marker, 0.5);
-            outcome.photometric_ms = cpu_ms() - after;
+            outcome.photometric_ms = process_cpu_ms() - after;
             judge(truth.camera_from_marker, pose, outcome);
         } catch (const NumericalError&) {
             outcome.failed = true;

@@ -2,10 +2,8 @@
 // times, a line each.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <chrono>
 #include <limits>
-#include <vector>
 
 #include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"

@@ -31,7 +31,12 @@ CameraModel with_tone_curve(CameraModel camera) {
     return camera;
 }
 
-int run(std::size_t poses) {
+}  // namespace
+}  // namespace etalon::test
+
+int main(int count, char** arguments) {
+    using namespace etalon::test;
+    const std::size_t poses = count > 1 ? std::strtoull(arguments[1], nullptr, 10) : 1000;
     fmt::print(
         "| poses | n | detected | error px, sides from 60 px: 50 / 90 / 99 % | smaller | "
         "inward px |\n|---|---|---|---|---|---|\n");
@@ -46,12 +51,4 @@ int run(std::size_t poses) {
     line("the same, tone curve", with_tone_curve(study_webcam(400.0)), published, near_range,
          poses);
     line("near, barrel distortion", barrel_webcam(), published, {200.0, 440.0, 1.0, false}, poses);
-    return 0;
-}
-
-}  // namespace
-}  // namespace etalon::test
-
-int main(int count, char** arguments) {
-    return etalon::test::run(count > 1 ? std::strtoull(arguments[1], nullptr, 10) : 1000);
 }

@@ -11,10 +11,10 @@
 
 #include "tests/compare/detect/stag/stag_images.h"
 
-namespace etalon::test {
-namespace {
-
-int run(std::uint64_t images) {
+int main(int count, char** arguments) {
+    using namespace etalon;
+    using namespace etalon::test;
+    const std::uint64_t images = count > 1 ? std::strtoull(arguments[1], nullptr, 10) : 100000;
     const std::vector<StagCode> words = stag_codes("R16");
     const StagImages source(words, 2019);
     std::array<StagTally, stag_image_kinds> tallies;
@@ -38,11 +38,4 @@ int run(std::uint64_t images) {
         wrong += t.false_ids + t.misplaced;
     }
     return wrong == 0 ? 0 : 1;
-}
-
-}  // namespace
-}  // namespace etalon::test
-
-int main(int count, char** arguments) {
-    return etalon::test::run(count > 1 ? std::strtoull(arguments[1], nullptr, 10) : 100000);
 }

@@ -11,8 +11,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <filesystem>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -23,7 +21,6 @@
 #include "calib/intrinsics/calibration_outliers.h"
 #include "compare/detect/board/calibration_target.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace {
 

@@ -9,11 +9,10 @@
 
 #include <atomic>
 #include <cstdlib>
-#include <ctime>
 #include <map>
-#include <mutex>
 
 #include "core/statistics/distributions.h"
+#include "core/time/clock.h"
 #include "tests/evidence/topotag_study.h"
 
 namespace etalon::test {
@@ -194,10 +193,6 @@ void count_false_ids(int images) {
     }
 }
 
-double cpu_ms() {
-    return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
-
 void measure_time() {
     const CameraModel camera = study_camera();
     const Renderer renderer(camera);
@@ -213,9 +208,9 @@ void measure_time() {
         const Scene scene{{{tag.grid, seen.camera_from_marker}}, 0.7};
         const CodeImage image =
             sensor.expose(with_noise(renderer.render(scene).radiance, camera, draw));
-        const double start = cpu_ms();
+        const double start = process_cpu_ms();
         find_in(image, "4x4");
-        ms += (cpu_ms() - start) / images;
+        ms += (process_cpu_ms() - start) / images;
     }
     fmt::print("\n{:.1f} ms of CPU time for an image of 640 x 480 with a tag\n", ms);
 }

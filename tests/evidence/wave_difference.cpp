@@ -2,7 +2,6 @@
 // wave-optical pattern on a black-white edge averaged over pixels. From encircled energies alone;
 // no renderer takes part. docs/rendering.md has the table.
 #include <fmt/format.h>
-#include <math.h>  // j0, j1: POSIX, not in namespace std
 
 #include "bench/benchmark_scenes.h"
 #include "sim/psf/diffraction.h"
@@ -19,7 +18,7 @@ std::vector<double> disk_and_airy(double lambda_n_px, double blur_px, double hal
     const auto airy = PointSpreadFunction::airy(lambda_n_px);
     const auto energy = [&](double r) { return airy.energy_within(r); };
     const double wide = half + std::ceil(blur_px);
-    const auto profile = test::pixel_profile(energy, wide, per_px).value;
+    const auto profile = test::pixel_profile(energy, wide, per_px);
     const auto at = [&](double t) {
         const double place = (t + wide) * per_px;
         const auto i = std::min(static_cast<std::size_t>(place), profile.size() - 2);
@@ -45,7 +44,7 @@ void print_row(const std::string& name, double lambda_n_px, double blur_px) {
     const auto usual = disk_and_airy(lambda_n_px, blur_px, half);
     const WavePointSpread wave(lambda_n_px, blur_px);
     const auto truth =
-        test::pixel_profile([&](double r) { return wave.energy_within(r); }, half, per_px).value;
+        test::pixel_profile([&](double r) { return wave.energy_within(r); }, half, per_px);
     double largest = 0.0, squares = 0.0, slope = 0.0;
     for (std::size_t i = 0; i < truth.size(); ++i) {
         const double difference = 255.0 * (usual[i] - truth[i]);
@@ -58,19 +57,15 @@ void print_row(const std::string& name, double lambda_n_px, double blur_px) {
                std::sqrt(squares / (2.0 * half)), slope);
 }
 
-int run() {
+}  // namespace
+}  // namespace etalon
+
+int main() {
+    using namespace etalon;
     fmt::print(
         "| camera | R, px | max, gray | RMS, gray | edge slope, 1/px |\n|---|---|---|---|---|\n");
     for (const std::string name : {"webcam-500", "canon-500"})
         for (const double blur_px : {0.0, 0.2, 0.5, 1.0, 2.0, 4.0})
             print_row(name.substr(0, name.find('-')), lambda_n_px(benchmark_scene(name).camera),
                       blur_px);
-    return 0;
-}
-
-}  // namespace
-}  // namespace etalon
-
-int main() {
-    return etalon::run();
 }

@@ -3,7 +3,6 @@
 #include <numbers>
 
 #include "calib/camera/projector.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 
 namespace etalon::test {
@@ -221,47 +220,46 @@ std::string poison(RandomInput& input, Dice& dice) {
     PlacedMarker& marker = input.scene.markers.front();
     Eigen::Vector3d& t = marker.camera_from_marker.translation;
     Eigen::Quaterniond& q = marker.camera_from_marker.rotation;
-    struct Number {
-        const char* name;
-        double* value;
-    };
-    std::vector<Number> numbers = {{"fx", &k.fx},
-                                   {"fy", &k.fy},
-                                   {"cx", &k.cx},
-                                   {"cy", &k.cy},
-                                   {"k1", &input.camera.distortion.k1},
-                                   {"k6", &input.camera.distortion.k6},
-                                   {"p2", &input.camera.distortion.p2},
-                                   {"s3", &input.camera.distortion.s3},
-                                   {"tau_x", &input.camera.distortion.tau_x},
-                                   {"tx", &t.x()},
-                                   {"ty", &t.y()},
-                                   {"tz", &t.z()},
-                                   {"qx", &q.x()},
-                                   {"qw", &q.w()},
-                                   {"cell width", &marker.grid.cell_mm.x()},
-                                   {"corner y", &marker.grid.corner_mm.y()},
-                                   {"background", &input.scene.background},
-                                   {"tolerance", &input.tolerance_gray}};
+    std::vector<std::pair<const char*, double*>> numbers = {
+        {"fx", &k.fx},
+        {"fy", &k.fy},
+        {"cx", &k.cx},
+        {"cy", &k.cy},
+        {"k1", &input.camera.distortion.k1},
+        {"k6", &input.camera.distortion.k6},
+        {"p2", &input.camera.distortion.p2},
+        {"s3", &input.camera.distortion.s3},
+        {"tau_x", &input.camera.distortion.tau_x},
+        {"tx", &t.x()},
+        {"ty", &t.y()},
+        {"tz", &t.z()},
+        {"qx", &q.x()},
+        {"qw", &q.w()},
+        {"cell width", &marker.grid.cell_mm.x()},
+        {"corner y", &marker.grid.corner_mm.y()},
+        {"background", &input.scene.background},
+        {"tolerance", &input.tolerance_gray}};
     if (input.camera.lens && input.camera.projection.kind == Projection::perspective) {
-        numbers.push_back({"f-number", &input.camera.lens->f_number});
-        numbers.push_back({"pixel pitch", &input.camera.sensor->pixel_pitch_um});
+        Lens& lens = *input.camera.lens;
+        numbers.emplace_back("f-number", &lens.f_number);
+        numbers.emplace_back("pixel pitch", &input.camera.sensor->pixel_pitch_um);
         if (!(bad > 0.0))
-            numbers.push_back({"focus distance", &input.camera.lens->focus_distance_mm});
-        if (input.camera.lens->psf.kind == PointSpread::Kind::ideal)
-            numbers.push_back({"wavelength", &input.camera.lens->wavelength_nm});
-        if (input.camera.lens->psf.kind == PointSpread::Kind::gaussian)
-            numbers.push_back({"sigma", &input.camera.lens->psf.sigma_px});
-        if (input.camera.lens->psf.kind == PointSpread::Kind::measured)
-            numbers.push_back({"profile", &input.camera.lens->psf.profile[1].second});
+            numbers.emplace_back("focus distance", &lens.focus_distance_mm);
+        if (lens.psf.kind == PointSpread::Kind::ideal)
+            numbers.emplace_back("wavelength", &lens.wavelength_nm);
+        if (lens.psf.kind == PointSpread::Kind::gaussian)
+            numbers.emplace_back("sigma", &lens.psf.sigma_px);
+        if (lens.psf.kind == PointSpread::Kind::measured)
+            numbers.emplace_back("profile", &lens.psf.profile[1].second);
     }
-    const int chosen = dice.whole(0, static_cast<int>(numbers.size()));
-    if (chosen == static_cast<int>(numbers.size())) {
+    const auto chosen = static_cast<std::size_t>(dice.whole(0, static_cast<int>(numbers.size())));
+    if (chosen == numbers.size()) {
         marker.grid.cells.at<float>(0, 0) = static_cast<float>(bad);
         return "cell";
     }
-    *numbers[static_cast<std::size_t>(chosen)].value = bad;
-    return numbers[static_cast<std::size_t>(chosen)].name;
+    const auto& [name, value] = numbers[chosen];
+    *value = bad;
+    return name;
 }
 
 }  // namespace

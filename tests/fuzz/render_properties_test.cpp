@@ -4,7 +4,6 @@
 #include <tbb/global_control.h>
 
 #include "tests/fuzz/random_scenes.h"
-#include "tests/gray.h"
 
 namespace etalon::test {
 namespace {
@@ -58,18 +57,6 @@ TEST(RandomScenes, TheBorderOfTheValidRegionIsSharpInABlurredImage) {
         check_scene_of(kept, hostile_input(seed), 6, {.samples_per_scramble = 256, .rounds = 4});
     EXPECT_EQ(check.refusal, "");
     expect_clean(check, seed);
-}
-
-TEST(RandomScenes, ARegionIsTheCropOfTheWhole) {
-    for (std::uint64_t seed = 16; seed < 22; ++seed) {
-        const RandomInput input = ordinary_input(seed);
-        const Renderer renderer(input.camera);
-        RenderOptions options;
-        options.region = {3, 5, input.camera.width - 7, input.camera.height - 6};
-        const cv::Mat part = renderer.render(input.scene, options).radiance(options.region);
-        const cv::Mat whole = renderer.render(input.scene).radiance(options.region);
-        EXPECT_LT(cv::norm(part, whole, cv::NORM_INF) / gray, 0.05) << "seed " << seed;
-    }
 }
 
 TEST(RandomScenes, AreTheSameBytesForAnyNumberOfThreads) {

@@ -17,19 +17,13 @@ struct Attempt {
 
 Attempt attempt(const Renderer& renderer, const RandomInput& input, RenderMethod method,
                 const cv::Rect& region = {}) {
-    RenderOptions options;
-    options.method = method;
-    options.tolerance_gray = input.tolerance_gray;
-    options.region = region;
+    const RenderOptions options{
+        .method = method, .tolerance_gray = input.tolerance_gray, .region = region};
     try {
         return {renderer.render(input.scene, options), {}};
     } catch (const Error& refusal) {
         return {std::nullopt, refusal.what()};
     }
-}
-
-double largest_difference(const RenderedImage& a, const RenderedImage& b) {
-    return cv::norm(a.radiance, b.radiance, cv::NORM_INF) / gray;
 }
 
 // All radiances that a pixel can show lie between those of the scene: no spread is negative.
@@ -87,7 +81,7 @@ void compare_methods(const RandomInput& input, const Attempt& lens, const Attemp
     constexpr double area_up_to_px = 0.5;
     if (!lens.image || !area.image || area.image->plan.max_blur_radius_px > area_up_to_px)
         return;
-    check.methods_gray = largest_difference(*lens.image, *area.image);
+    check.methods_gray = cv::norm(lens.image->radiance, area.image->radiance, cv::NORM_INF) / gray;
     if (*check.methods_gray > 2.0 * input.tolerance_gray)
         check.violations.push_back(
             {"E and C", fmt::format("differ by {:.4g} gray, tolerance {:.3g}", *check.methods_gray,

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "sim/render/renderer.h"
+#include "sim/scene/marker_view.h"
 #include "tests/calib/cameras.h"
 
 namespace etalon::test {
@@ -15,10 +16,15 @@ inline constexpr double gray = 1.0 / 255.0;
 // 96 x 72 px, f = 400 px, focused at 150 mm: blur radius at z is 400 d/2 |1/z - 1/150|, d = 1.71
 // mm.
 inline CameraModel small_camera(PointSpread spread) {
-    CameraModel camera = test::camera_with(96, 72, {400.0, 400.0, 47.0, 35.0}, {});
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.lens = Lens{1.4, 150.0, 600.0, spread};
-    return camera;
+    return camera_with_lens(96, 72, {400.0, 400.0, 47.0, 35.0}, {}, 6.0,
+                            {1.4, 150.0, 600.0, spread});
+}
+
+// The depth, nearer than the plane of focus, at which the blur disk has this radius.
+inline double depth_of_blur(const CameraModel& camera, double radius_px) {
+    const double aperture_radius_mm = aperture_of(camera).radius_mm;
+    return 1.0 / (1.0 / camera.lens->focus_distance_mm +
+                  radius_px / (camera.intrinsics.fx * aperture_radius_mm));
 }
 
 // Black left of x = edge_mm, white right of it, far beyond the image on every side.
@@ -35,14 +41,16 @@ inline PlacedMarker twelve_cells(const Eigen::Vector2d& cell_mm, const Eigen::Ve
     return {{cells, corner_mm, cell_mm}, camera_from_marker};
 }
 
+// Integral of the normal distribution function from minus infinity.
+inline double swept_normal(double z) {
+    const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+    return z * 0.5 * std::erfc(-z / std::numbers::sqrt2) + density;
+}
+
 // Across an edge the disk's, the Gaussian's and the box's spreads meet in one dimension:
 // profile(x) = integral over the disk's line spread of the mean of Phi over the box.
 inline double edge_profile(double distance_px, double disk_px, double sigma_px) {
-    const auto phi_integral = [&](double x) {  // antiderivative of the normal distribution function
-        const double t = x / sigma_px;
-        const double density = std::exp(-0.5 * t * t) / std::sqrt(2.0 * std::numbers::pi);
-        return sigma_px * (t * 0.5 * std::erfc(-t / std::sqrt(2.0)) + density);
-    };
+    const auto phi_integral = [&](double x) { return sigma_px * swept_normal(x / sigma_px); };
     constexpr int steps = 20000;
     double sum = 0.0;
     for (int i = 0; i < steps; ++i) {  // x = R sin(angle): weight 2/pi cos^2

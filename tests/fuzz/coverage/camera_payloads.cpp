@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "capture/frame/frame_checks.h"
-#include "capture/frame/pixel_formats.h"
 #include "capture/genicam/genicam_chunks.h"
 #include "tests/fuzz/coverage/fuzz_input.h"
 

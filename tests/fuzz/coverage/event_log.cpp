@@ -5,7 +5,6 @@
 #include "station/qualify/recorded_run.h"
 #include "station/record/run_events.h"
 #include "station/setup/plan.h"
-#include "station/setup/station_file.h"
 #include "tests/fuzz/coverage/fuzz_input.h"
 
 namespace etalon::test {

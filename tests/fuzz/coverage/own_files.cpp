@@ -4,7 +4,6 @@
 #include "calib/files/camera_file.h"
 #include "compare/qualification/limits_file.h"
 #include "mocks/twin/twin_file.h"
-#include "stage/profile/profile.h"
 #include "station/certify/certificate.h"
 #include "station/compare/compare_baseline.h"
 #include "station/setup/station_file.h"
@@ -15,10 +14,6 @@ namespace etalon::test {
 namespace {
 
 using Path = std::filesystem::path;
-
-void read_camera_file(const Path& path) {
-    require_sound(read_any_camera(path));
-}
 
 void read_spread_file(const Path& path) {
     std::filesystem::rename(path, input_folder() / "spread.yml");
@@ -50,10 +45,6 @@ void read_station_file(const Path& path) {
         require_finite(reference.standard_uncertainty());
 }
 
-void read_certificate(const Path& path) {
-    address_of(read_certificate_form(path).laboratory);
-}
-
 void read_twin(const Path& path) {
     const TwinFile twin = read_twin_file(path);
     require_sound(twin.true_camera);
@@ -64,10 +55,6 @@ void read_profile(const Path& path) {
     const StageProfile profile = read_stage_profile(path);
     require_all_finite(std::array{profile.counts.sign, profile.counts.offset, profile.speed.step,
                                   profile.done.tolerance_mm, profile.done.tolerance_deg});
-}
-
-void read_limits_file(const Path& path) {
-    read_limits(path);
 }
 
 void read_study_file(const Path& path) {
@@ -89,15 +76,16 @@ struct Kind {
     std::string_view name;
     void (*read)(const Path&);
 };
-constexpr std::array kinds{Kind{"station/1", read_station_file},
-                           Kind{"stage-profile/1", read_profile},
-                           Kind{"limits/1", read_limits_file},
-                           Kind{"certificate/1", read_certificate},
-                           Kind{"twin/1", read_twin},
-                           Kind{"psf/1", read_spread_file},
-                           Kind{"study/1", read_study_file},
-                           Kind{"comparison/1", read_comparison_file},
-                           Kind{"camera/1", read_camera_file}};
+constexpr std::array kinds{
+    Kind{"station/1", read_station_file},
+    Kind{"stage-profile/1", read_profile},
+    Kind{"limits/1", [](const Path& path) { read_limits(path); }},
+    Kind{"certificate/1",
+         [](const Path& path) { address_of(read_certificate_form(path).laboratory); }},
+    Kind{"twin/1", read_twin},
+    Kind{"psf/1", read_spread_file},
+    Kind{"study/1", read_study_file},
+    Kind{"comparison/1", read_comparison_file}};
 
 void provide_what_files_name() {
     for (const char* name :
@@ -109,7 +97,7 @@ void read(std::string_view text) {
     for (const Kind& kind : kinds)
         if (text.find(kind.name) != std::string_view::npos)
             return kind.read(write_input("input.yaml", text));
-    read_camera_file(write_input("input.yaml", text));
+    require_sound(read_any_camera(write_input("input.yaml", text)));
 }
 
 }  // namespace

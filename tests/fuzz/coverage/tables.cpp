@@ -2,7 +2,6 @@
 #include <array>
 
 #include "calib/files/camera_file.h"
-#include "core/config/csv_file.h"
 #include "sim/marker/stag_pattern.h"
 #include "sim/scene/pose_file.h"
 #include "station/register/stage_registration.h"
@@ -19,18 +18,11 @@ const std::vector<Axis>& two_axes() {
     return axes;
 }
 
-void read_pose_list(std::string_view text, const char* name) {
-    for (const Rigid& pose : read_poses(write_input(name, text)))
+template <bool json>
+void read_pose_list(std::string_view text) {
+    for (const Rigid& pose : read_poses(write_input(json ? "poses.json" : "poses.csv", text)))
         require(pose.rotation.coeffs().allFinite() && pose.translation.allFinite(),
                 "a pose that is none");
-}
-
-void read_pose_rows(std::string_view text) {
-    read_pose_list(text, "poses.csv");
-}
-
-void read_pose_json(std::string_view text) {
-    read_pose_list(text, "poses.json");
 }
 
 void read_transfer_table(std::string_view text) {
@@ -92,8 +84,8 @@ struct Kind {
     std::string_view start;
     void (*read)(std::string_view);
 };
-constexpr std::array kinds{Kind{"rx,ry", read_pose_rows},
-                           Kind{"[", read_pose_json},
+constexpr std::array kinds{Kind{"rx,ry", read_pose_list<false>},
+                           Kind{"[", read_pose_list<true>},
                            Kind{"radiance", read_transfer_table},
                            Kind{"position_mm", read_error_table<false>},
                            Kind{"position_deg", read_error_table<true>},

@@ -2,7 +2,6 @@
 #include "sim/marker/board_pattern.h"
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 
 #include <opencv2/core/version.hpp>
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
@@ -12,22 +11,15 @@
 #endif
 #include <opencv2/imgproc.hpp>
 
-#include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "tests/sim/marker/marker_checks.h"
 
 namespace etalon {
 namespace {
 
+using test::radiance_at;
+
 Marker board(const std::string& spec) {
     return parse_marker(spec, "--target");
-}
-
-float radiance_at(const Marker& marker, double x_mm, double y_mm) {
-    const CellGrid& grid = marker.grid;
-    return grid.cells.at<float>(
-        static_cast<int>(std::floor((y_mm - grid.corner_mm.y()) / grid.cell_mm.y())),
-        static_cast<int>(std::floor((x_mm - grid.corner_mm.x()) / grid.cell_mm.x())));
 }
 
 cv::Mat drawn_by_opencv(int columns, int rows, float square, float marker, cv::Size size) {

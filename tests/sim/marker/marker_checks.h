@@ -1,10 +1,11 @@
-// What several tests of markers ask: is a name refused with its reason, and what does the AprilTag
-// library see.
+// What several tests of markers ask: is a name refused with its reason, what colour is a place, and
+// what does the AprilTag library see.
 #pragma once
 
 #include <apriltag/apriltag.h>
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -23,6 +24,13 @@ inline void expect_refused(const std::string& spec, const std::string& reason) {
         EXPECT_EQ(error.place().file, "--marker") << spec;
         EXPECT_THAT(error.what(), testing::HasSubstr(reason)) << spec;
     }
+}
+
+inline float radiance_at(const Marker& marker, double x_mm, double y_mm) {
+    const CellGrid& grid = marker.grid;
+    return grid.cells.at<float>(
+        static_cast<int>(std::floor((y_mm - grid.corner_mm.y()) / grid.cell_mm.y())),
+        static_cast<int>(std::floor((x_mm - grid.corner_mm.x()) / grid.cell_mm.x())));
 }
 
 struct SeenTag {

@@ -2,17 +2,12 @@
 
 #include <apriltag/tag36h11.h>
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 
-#include <cstdio>
 #include <cstdlib>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <regex>
-#include <sstream>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/sim/marker/marker_checks.h"
 #include "tests/temporary_folder.h"
 
@@ -45,15 +40,16 @@ void expect_tag_on_page(const cv::Mat& image, const PrintPage& page, double px_p
     EXPECT_LT(cv::norm(corners[2] + half_pixel - first - cv::Point2d(side, side)), 0.6);
 }
 
-// Fills loops of horizontal and vertical edges, in page coordinates, by the even-odd rule: a pixel
-// is black when an odd number of vertical edges lies left of its centre.
-cv::Mat filled(const std::vector<std::vector<cv::Point2d>>& loops_mm, const PrintPage& page,
-               double px_per_mm) {
-    cv::Mat image(cvRound(page.height_mm * px_per_mm), cvRound(page.width_mm * px_per_mm), CV_8UC1,
+// Fills loops of horizontal and vertical edges by the even-odd rule: a pixel is black when an odd
+// number of vertical edges lies left of its centre.
+template <class Loops>
+cv::Mat filled(const Loops& loops, const cv::Size2d& size, double scale) {
+    cv::Mat image(cvRound(size.height * scale), cvRound(size.width * scale), CV_8UC1,
                   cv::Scalar::all(255));
-    for (const auto& loop : loops_mm) {
+    for (const auto& loop : loops) {
         for (std::size_t i = 0; i < loop.size(); ++i) {
-            const cv::Point2d a = loop[i] * px_per_mm, b = loop[(i + 1) % loop.size()] * px_per_mm;
+            const cv::Point2d a = scale * cv::Point2d(loop[i]);
+            const cv::Point2d b = scale * cv::Point2d(loop[(i + 1) % loop.size()]);
             const cv::Range rows(cvRound(std::min(a.y, b.y)), cvRound(std::max(a.y, b.y)));
             const cv::Mat right_of_it = image(rows, cv::Range(cvRound(a.x), image.cols));
             if (a.x == b.x && rows.size() > 0)
@@ -111,19 +107,30 @@ TEST(Outline, HoldsOnlyTheOuterEdgesWithHolesAndTouchingCorners) {
 TEST(Outline, FillsBackToTheSameCells) {
     const Marker marker = parse_marker("aruco:7X7_50:5@45mm", "--marker");
     const cv::Mat black = marker.grid.cells < 0.5f;
-    cv::Mat back = cv::Mat::zeros(black.size(), CV_8UC1);
-    // Even-odd by counting vertical edges to the left of each cell's centre.
-    for (const auto& loop : outline_of(black)) {
+    const Outline loops = outline_of(black);
+    for (const auto& loop : loops)
         for (std::size_t i = 0; i < loop.size(); ++i) {
-            const cv::Point a = loop[i], b = loop[(i + 1) % loop.size()];
-            ASSERT_TRUE((a.x == b.x) != (a.y == b.y));
-            for (int y = std::min(a.y, b.y); y < std::max(a.y, b.y); ++y) {
-                for (int x = a.x; x < back.cols; ++x)
-                    back.at<std::uint8_t>(y, x) ^= 255;
-            }
+            const cv::Point step = loop[(i + 1) % loop.size()] - loop[i];
+            ASSERT_TRUE((step.x == 0) != (step.y == 0));
         }
+    const cv::Mat white = filled(loops, black.size(), 1.0);
+    EXPECT_EQ(cv::countNonZero((white == 0) != black), 0);
+}
+
+// The page at 8 px a mm, of the steps that a pattern finds: x and y in mm, y down, and before or
+// behind them M or m where a loop begins.
+cv::Mat painted(const std::string& text, const char* pattern, const PrintPage& page) {
+    std::vector<std::vector<cv::Point2d>> loops;
+    const std::regex step(pattern);
+    for (std::sregex_iterator it(text.begin(), text.end(), step), end; it != end; ++it) {
+        const bool letter_first = std::isalpha(static_cast<unsigned char>(*(*it)[1].first)) != 0;
+        const std::string letter = (*it)[letter_first ? 1 : 3];
+        if (letter == "M" || letter == "m")
+            loops.emplace_back();
+        const std::size_t x = letter_first ? 2 : 1;
+        loops.back().emplace_back(std::stod((*it)[x]), std::stod((*it)[x + 1]));
     }
-    EXPECT_EQ(cv::countNonZero(back != black), 0);
+    return filled(loops, {page.width_mm, page.height_mm}, 8.0);
 }
 
 TEST(MarkerSvg, HasItsSizeInMillimetresAndATagThatIsFound) {
@@ -135,15 +142,7 @@ TEST(MarkerSvg, HasItsSizeInMillimetresAndATagThatIsFound) {
     EXPECT_THAT(svg, HasSubstr(tag_name));
     std::smatch path;
     ASSERT_TRUE(std::regex_search(svg, path, std::regex("fill=\"#000000\"[^>]* d=\"([^\"]*)\"")));
-    std::vector<std::vector<cv::Point2d>> loops;
-    const std::string d = path[1];
-    const std::regex step("([ML])([-0-9.e]+) ([-0-9.e]+)");
-    for (std::sregex_iterator it(d.begin(), d.end(), step), end; it != end; ++it) {
-        if ((*it)[1] == "M")
-            loops.emplace_back();
-        loops.back().emplace_back(std::stod((*it)[2]), std::stod((*it)[3]));
-    }
-    expect_tag_on_page(filled(loops, page, 8.0), page, 8.0);
+    expect_tag_on_page(painted(path[1], "([ML])([-0-9.e]+) ([-0-9.e]+)", page), page, 8.0);
 }
 
 TEST(MarkerSvg, EscapesTheNameOfABitmapAndPaintsDarkerShadesOverLighterOnes) {
@@ -159,18 +158,6 @@ TEST(MarkerSvg, EscapesTheNameOfABitmapAndPaintsDarkerShadesOverLighterOnes) {
     EXPECT_LT(gray, black);
 }
 
-// The loops of "x y m", "x y l" operators, in mm, y down.
-std::vector<std::vector<cv::Point2d>> pdf_loops(const std::string& pdf) {
-    std::vector<std::vector<cv::Point2d>> loops;
-    const std::regex step("\n([-0-9.e]+) ([-0-9.e]+) ([ml])(?=\n)");
-    for (std::sregex_iterator it(pdf.begin(), pdf.end(), step), end; it != end; ++it) {
-        if ((*it)[3] == "m")
-            loops.emplace_back();
-        loops.back().emplace_back(std::stod((*it)[1]), std::stod((*it)[2]));
-    }
-    return loops;
-}
-
 TEST(MarkerPdf, HasItsSizeInPointsAndATagThatIsFound) {
     const Marker marker = parse_marker(tag_name, "--marker");
     const PrintPage page = lay_out_page(marker, false);
@@ -179,7 +166,7 @@ TEST(MarkerPdf, HasItsSizeInPointsAndATagThatIsFound) {
     EXPECT_THAT(pdf, HasSubstr("/MediaBox [0 0 595.275591 841.889764]"));
     EXPECT_THAT(pdf, HasSubstr("\n2.83464567 0 0 -2.83464567 0 841.889764 cm\n"));
     EXPECT_THAT(pdf, HasSubstr(" 100 1.5 re f"));
-    expect_tag_on_page(filled(pdf_loops(pdf), page, 8.0), page, 8.0);
+    expect_tag_on_page(painted(pdf, "\n([-0-9.e]+) ([-0-9.e]+) ([ml])(?=\n)", page), page, 8.0);
 }
 
 TEST(MarkerPdf, HasACrossReferenceTableWhoseOffsetsAreRight) {

@@ -10,7 +10,6 @@
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 
 #include <cstdlib>
 #include <opencv2/core/version.hpp>
@@ -23,7 +22,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/image/image.h"
-#include "core/program/errors.h"
 #include "sim/marker/tag_pattern.h"
 #include "tests/sim/marker/marker_checks.h"
 #include "tests/temporary_folder.h"
@@ -76,6 +74,18 @@ void expect_points(const std::vector<cv::Point2d>& found, const std::vector<cv::
             << "point " << i << ": found " << found[i] << ", expected " << expected[i];
 }
 
+// Upright and turned by a quarter, alone and with its points as corners.
+template <class Detect>
+void expect_seen(const Marker& marker, Detect detect, double tolerance_px) {
+    const Enlarged upright = enlarge(marker);
+    for (const Enlarged& page : {upright, quarter_turned(upright)}) {
+        const std::vector<test::SeenTag> found = detect(page.image);
+        ASSERT_EQ(found.size(), 1u) << marker.spec;
+        EXPECT_EQ(found[0].id, marker.id) << marker.spec;
+        expect_points(found[0].corners, page.points, tolerance_px);
+    }
+}
+
 struct Family {
     const char* name;
     apriltag_family_t* (*create)();
@@ -94,13 +104,8 @@ TEST_P(AprilTagFamily, IsFoundByItsLibraryWithTheCornersWhereItsPointsAre) {
     for (const int id : {0, 7, last}) {
         const Marker marker =
             parse_marker(fmt::format("apriltag:{}:{}@52.5mm", GetParam().name, id), "--marker");
-        const Enlarged upright = enlarge(marker);
-        for (const Enlarged& page : {upright, quarter_turned(upright)}) {
-            const auto found = test::seen_apriltags(family, page.image);
-            ASSERT_EQ(found.size(), 1u) << marker.spec;
-            EXPECT_EQ(found[0].id, id);
-            expect_points(found[0].corners, page.points, 0.5);
-        }
+        expect_seen(
+            marker, [&](const cv::Mat& image) { return test::seen_apriltags(family, image); }, 0.5);
     }
     GetParam().destroy(family);
 }
@@ -169,13 +174,8 @@ TEST_P(ArucoDictionary, IsFoundByOpenCvWithTheCornersWhereItsPointsAre) {
     for (const int id : {1, 7, dictionary == "ARUCO_ORIGINAL" ? last - 1 : last}) {
         const Marker marker =
             parse_marker(fmt::format("aruco:{}:{}@31mm", dictionary, id), "--marker");
-        const Enlarged upright = enlarge(marker);
-        for (const Enlarged& page : {upright, quarter_turned(upright)}) {
-            const auto found = detect_aruco(GetParam(), page.image);
-            ASSERT_EQ(found.size(), 1u) << marker.spec;
-            EXPECT_EQ(found[0].id, id) << marker.spec;
-            expect_points(found[0].corners, page.points, 1.0);
-        }
+        expect_seen(
+            marker, [](const cv::Mat& image) { return detect_aruco(GetParam(), image); }, 1.0);
     }
 }
 

@@ -1,13 +1,8 @@
 // Truth: the published geometry and words, written out here, and counting by hand.
 #include "sim/marker/stag_pattern.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include <fstream>
 
-#include "core/program/errors.h"
-#include "sim/marker/marker.h"
 #include "tests/error_text.h"
 #include "tests/sim/marker/marker_checks.h"
 #include "tests/temporary_folder.h"
@@ -16,17 +11,11 @@ namespace etalon {
 namespace {
 
 using test::expect_refused;
+using test::radiance_at;
 using testing::HasSubstr;
 
 // Word 0 of HD23 as the authors' generator has it in HD23.txt, a character a code point.
 constexpr std::string_view hd23_0 = "001000111110110000101111001011011010001001011001";
-
-float cell_at(const Marker& marker, double x_mm, double y_mm) {
-    const CellGrid& grid = marker.grid;
-    return grid.cells.at<float>(
-        static_cast<int>(std::floor((y_mm - grid.corner_mm.y()) / grid.cell_mm.y())),
-        static_cast<int>(std::floor((x_mm - grid.corner_mm.x()) / grid.cell_mm.x())));
-}
 
 TEST(StagCodes, AreThePublishedWords) {
     const StagCode code = stag_codes("HD23")[0];
@@ -121,11 +110,11 @@ TEST(StagMarker, HasThePublishedGeometry) {
     EXPECT_EQ(marker.points_mm[2], Eigen::Vector3d(35, 35, 0));
     EXPECT_NEAR(marker.grid.corner_mm.x(), -43.75, 1e-12);
     EXPECT_NEAR(marker.grid.cell_mm.x() * marker.grid.columns(), 87.5, 1e-9);
-    EXPECT_EQ(cell_at(marker, -35.2, -35.2), 1.0f);
-    EXPECT_EQ(cell_at(marker, -34.8, -34.8), 0.0f);
-    EXPECT_EQ(cell_at(marker, 0.1, -28.4), 0.0f);   // just outside the circle
-    EXPECT_EQ(cell_at(marker, -19.6, 19.6), 1.0f);  // just inside it, on the diagonal: 27.7 mm
-    EXPECT_EQ(cell_at(marker, -20.1, 20.1), 0.0f);  // 28.4 mm
+    EXPECT_EQ(radiance_at(marker, -35.2, -35.2), 1.0f);
+    EXPECT_EQ(radiance_at(marker, -34.8, -34.8), 0.0f);
+    EXPECT_EQ(radiance_at(marker, 0.1, -28.4), 0.0f);   // just outside the circle
+    EXPECT_EQ(radiance_at(marker, -19.6, 19.6), 1.0f);  // just inside it, on the diagonal: 27.7 mm
+    EXPECT_EQ(radiance_at(marker, -20.1, 20.1), 0.0f);  // 28.4 mm
 }
 
 // The first and the last point of the first quadrant and one of the second, by hand: radius 0.0884
@@ -139,7 +128,7 @@ TEST(StagMarker, HasItsDiscsWhereThePublicationHasThem) {
         const Eigen::Vector2d centre = 70.0 * stag_code_points()[i];
         const float expected = hd23_0[i] == '1' ? 0.0f : 1.0f;
         for (const auto& [dx, dy] : {std::pair(0.0, 0.0), {2.8, 0.0}, {0.0, -2.8}, {-1.9, 1.9}})
-            EXPECT_EQ(cell_at(marker, centre.x() + dx, centre.y() + dy), expected) << i;
+            EXPECT_EQ(radiance_at(marker, centre.x() + dx, centre.y() + dy), expected) << i;
     }
 }
 

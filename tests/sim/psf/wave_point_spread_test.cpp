@@ -35,21 +35,6 @@ TEST(WaveIntensity, IsTheDiffractionIntegral) {
                 << "u " << u << " v " << v;
 }
 
-TEST(WaveIntensity, IsContinuousWhereItsFormulasMeet) {
-    for (const double u : {0.05, 0.1, 3.0, 50.0, 700.0})
-        EXPECT_NEAR(wave_intensity(u, u * (1.0 - 1e-12)), wave_intensity(u, u * (1.0 + 1e-12)),
-                    1e-10)
-            << u;
-    EXPECT_NEAR(wave_intensity(0.1 - 1e-13, 0.05), wave_intensity(0.1 + 1e-13, 0.05), 1e-12);
-}
-
-TEST(WaveIntensity, FallsOnTheAxisAsTheSquaredSinc) {
-    for (const double u : {0.3, 2.0, 9.0, 4.0 * pi, 77.0, 900.0}) {
-        const double sinc = std::sin(u / 4.0) / (u / 4.0);
-        EXPECT_NEAR(wave_intensity(u, 0.0), sinc * sinc, 1e-13) << u;
-    }
-}
-
 TEST(WavePointSpread, InFocusIsTheAiryPattern) {
     const double scale = 0.51;
     const WavePointSpread psf(scale, 0.0);

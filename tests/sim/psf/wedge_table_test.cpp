@@ -35,23 +35,16 @@ Place row_of(double blur_px) {
                  (std::hypot(blur_px, WedgeTable::even_px) - WedgeTable::even_px));
 }
 
-Place distance_of(const WedgeRows& rows, double distance) {
-    return Place(static_cast<double>(rows.per_unit) * distance / (1.0 + distance));
-}
-
 double edge_value(const WedgeTable& table, double distance, double blur_px, int direction) {
     const WedgeRows rows = table.rows(blur_px, blur_px);
-    const Place row = row_of(blur_px), at = distance_of(rows, distance);
+    const Place row = row_of(blur_px),
+                at(static_cast<double>(rows.per_unit) * distance / (1.0 + distance));
     const auto along = [&](int index) {
         const float* values =
             rows.edges + (index * (WedgeTable::directions + 1) + direction) * rows.distances;
         return at.between(values[at.index], values[at.index + 1]);
     };
     return row.between(along(row.index), along(row.index + 1));
-}
-
-double normal_beyond(double distance) {
-    return 0.5 * std::erfc(distance / sigma / std::numbers::sqrt2);
 }
 
 // The mean over a pixel and the line spread of a disk, by Gauss and Chebyshev.
@@ -64,7 +57,8 @@ double edge_truth(double distance, double blur_px, double angle) {
             const double place = distance - x * std::cos(angle) - y * std::sin(angle);
             for (int q = 1; q <= 16; ++q) {
                 const double turn = pi * q / 17.0, sine = std::sin(turn);
-                sum += 2.0 / 17.0 * sine * sine * normal_beyond(place + blur_px * std::cos(turn));
+                const double beyond = place + blur_px * std::cos(turn);
+                sum += 1.0 / 17.0 * sine * sine * std::erfc(beyond / sigma / std::numbers::sqrt2);
             }
         }
     return sum / (n * n);

@@ -5,16 +5,11 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include <numbers>
-
 #include "bench/benchmark_scenes.h"
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "sim/psf/point_spread_sampler.h"
-#include "sim/render/renderer.h"
-#include "sim/scene/marker_view.h"
 #include "sim/scene/pose_sampling.h"
-#include "tests/calib/cameras.h"
 #include "tests/evidence/edge_spread.h"
 #include "tests/sim/edge_scenes.h"
 
@@ -59,15 +54,6 @@ TEST(SobolPoints, ScramblesAreIndependent) {
     EXPECT_LT(std::abs(total) / 20.0, 4.0 * std::sqrt(square / 400.0));
 }
 
-TEST(PointSpreadSampler, InvertsTheEncircledEnergy) {
-    const CameraModel camera = benchmark_scene("canon-500").camera;
-    const PointSpreadSampler sampler(camera);
-    const auto psf = PointSpreadFunction::of(camera);
-    for (const double energy : {0.001, 0.3, 0.838, 0.95, 0.99, 0.9987})
-        EXPECT_NEAR(psf.energy_within(sampler.radius_of(energy)), energy, 1e-5);
-    EXPECT_NEAR(psf.energy_within(sampler.radius_of(0.9999)), 0.9999, 1e-6);  // past the table
-}
-
 TEST(ReferenceIntegrator, GivesAPinholesPixelItsArea) {
     CameraModel camera = test::camera_with(20, 16, {400.0, 300.0, 9.0, 7.0}, {});
     // From pixel x = 9 + 400 * 0.2 / 200 = 9.4 on.
@@ -106,20 +92,32 @@ TEST(ReferenceIntegrator, RefusesOptionsWithoutAnError) {
 
 using std::numbers::pi;
 
-CameraModel camera_with_lens(double wavelength_nm) {
-    CameraModel camera = test::camera_with(64, 48, {700.0, 500.0, 31.0, 23.0}, {});
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.lens = Lens{2.8, 300.0, wavelength_nm, {}};
-    return camera;
+CameraModel camera_seeing(const PointSpread& spread) {
+    return test::camera_with_lens(64, 48, {700.0, 500.0, 31.0, 23.0}, {}, 6.0,
+                                  {2.8, 300.0, 550.0, spread});
 }
 
 const std::vector<std::pair<double, double>> measured_profile{
     {0.0, 4.0}, {0.5, 3.0}, {1.25, 0.7}, {3.0, 0.2}};
 
 CameraModel measured_camera() {
-    CameraModel camera = camera_with_lens(550.0);
-    camera.lens->psf = {PointSpread::Kind::measured, 0.0, measured_profile};
-    return camera;
+    return camera_seeing({PointSpread::Kind::measured, 0.0, measured_profile});
+}
+
+TEST(PointSpreadSampler, InvertsTheEncircledEnergy) {
+    const CameraModel airy = benchmark_scene("canon-500").camera;
+    for (const CameraModel& camera : {airy, measured_camera()}) {
+        const auto psf = PointSpreadFunction::of(camera);
+        const PointSpreadSampler sampler(camera);
+        for (const double energy : {0.0, 1e-6, 0.001, 0.02, 0.3, 0.77, 0.838, 0.95, 0.99, 0.9987})
+            EXPECT_NEAR(psf.energy_within(sampler.radius_of(energy)), energy, 1e-5);
+    }
+    const auto energy_at = [](const CameraModel& camera, double energy) {
+        return PointSpreadFunction::of(camera).energy_within(
+            PointSpreadSampler(camera).radius_of(energy));
+    };
+    EXPECT_NEAR(energy_at(airy, 0.9999), 0.9999, 1e-6);  // past the table
+    EXPECT_NEAR(energy_at(measured_camera(), 0.9999999), 0.9999999, 1e-5);
 }
 
 TEST(Measured, HoldsTheEnergyOfItsProfile) {
@@ -157,16 +155,8 @@ TEST(Measured, RefusesWhatIsNoProfile) {
     EXPECT_THROW(PointSpreadFunction::measured({{0, 0}, {1, 0}, {2, 0}, {3, 0}}), NumericalError);
 }
 
-TEST(Measured, IsSampledAsItsEnergyIs) {
-    const CameraModel camera = measured_camera();
-    const auto psf = PointSpreadFunction::of(camera);
-    const PointSpreadSampler sampler(camera);
-    for (const double energy : {0.0, 1e-6, 0.02, 0.3, 0.77, 0.999, 0.9999999})
-        EXPECT_NEAR(psf.energy_within(sampler.radius_of(energy)), energy, 1e-5);
-}
-
 TEST(Measured, TakesThePlaceOfDefocus) {
-    CameraModel camera = camera_with_lens(550.0);
+    const CameraModel camera = camera_seeing({});
     EXPECT_GT(aperture_of(camera).radius_mm, 0.0);
     EXPECT_GT(blur_radius_px(camera, 200.0), 0.0);
     EXPECT_EQ(aperture_of(measured_camera()).radius_mm, 0.0);
@@ -183,7 +173,7 @@ TEST(Measured, GivesAnEdgeTheProfileOfItsEnergyAtAnyDepth) {
     const auto image = Renderer(camera).render(scene).radiance;
     for (int x = 26; x < 37; ++x) {
         const auto i = static_cast<std::size_t>(std::lround((31.4 - x + 6.0) * 10.0));
-        EXPECT_NEAR(image.at<float>(20, x), profile.value[i], 0.1 / 255.0) << x;
+        EXPECT_NEAR(image.at<float>(20, x), profile[i], 0.1 / 255.0) << x;
     }
 }
 

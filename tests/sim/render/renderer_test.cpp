@@ -1,25 +1,15 @@
-// Cells smaller than a pixel: several edges add their errors up, and the plan has to know.
-
-// A lens before rows and columns that do not meet at right angles: its blur against the reference
-// integrator, whose point spread leans in pixels as the columns do.
-
-// Pixels that the border of the distortion model's valid region cuts: beyond it nothing is seen.
-
 #include "sim/render/renderer.h"
 
 #include <gmock/gmock.h>
-
-#include <numbers>
 
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/marker/marker.h"
-#include "sim/render/reference_integrator.h"
-#include "tests/calib/cameras.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {
@@ -35,10 +25,7 @@ CameraModel pinhole() {
 
 // Blur radius at z: 400 * d/2 * |1/z - 1/z_f|, with v = 2.4 mm and d = f/N.
 CameraModel with_lens(PointSpread spread = {PointSpread::Kind::gaussian, 0.7}) {
-    CameraModel camera = pinhole();
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.lens = Lens{1.4, 150.0, 600.0, spread};
-    return camera;
+    return test::small_camera(spread);
 }
 
 // A rectangle of 4 x 3 cells in front of the camera, tilted.
@@ -73,21 +60,6 @@ TEST_P(DefocusedEdge, HasItsClosedFormProfile) {
 INSTANTIATE_TEST_SUITE_P(Depths, DefocusedEdge,
                          testing::Values(32.6, 53.5, 60.0, 110.0, 148.0, 150.0, 156.0, 160.0, 168.8,
                                          183.5, 200.0, 236.0, 356.0, 700.0, 1486.0, 5000.0));
-
-TEST(Renderer, FindsTheDiffractionTailsAsymptote) {
-    // Far from an edge, 2 lambda N_w / (pi^3 D) of the light comes from beyond it, less what the
-    // tail's finite reach leaves out (0.01 gray at most).
-    CameraModel camera = with_lens({PointSpread::Kind::ideal, 0.0});
-    camera.width = 400;
-    const double n_w = thin_lens(camera).working_f_number;
-    const auto image = Renderer(camera).render(half_plane(0.0, 150.0)).radiance;
-    for (const int distance : {30, 60, 120, 300}) {
-        const double expected = 2.0 * 0.6 * n_w / 6.0 / (std::pow(std::numbers::pi, 3) * distance);
-        EXPECT_NEAR(1.0 - image.at<float>(35, 47 + distance), expected,
-                    0.02 * expected + 0.011 * gray)
-            << distance;
-    }
-}
 
 PlacedMarker black_cells(int rows, int columns, const Eigen::Vector2d& cell_mm,
                          const Eigen::Vector2d& corner_mm, const Eigen::Vector3d& at) {
@@ -142,13 +114,6 @@ TEST(Renderer, OfAUniformSceneIsUniform) {
     scene.background = 0.625;
     const auto image = Renderer(with_lens({PointSpread::Kind::ideal, 0.0})).render(scene).radiance;
     EXPECT_EQ(largest_difference(image, cv::Mat(image.size(), CV_32FC1, cv::Scalar(0.625))), 0.0);
-}
-
-TEST(Renderer, InsideALargeCellShowsItsRadiance) {
-    Scene scene = half_plane(-1000.0, 250.0);
-    scene.markers[0].grid.cells.at<float>(0, 1) = 0.25f;
-    const auto image = Renderer(with_lens()).render(scene).radiance;
-    EXPECT_NEAR(image.at<float>(35, 47), 0.25, 1e-6);
 }
 
 TEST(Renderer, IsLinearInTheRadiances) {
@@ -344,35 +309,23 @@ TEST(Renderer, FollowsDistortionsThatBendWithinAPixel) {
                 << x << ", " << y;
 }
 
-TEST(Renderer, SaysWhatItDid) {
-    const auto scene = benchmark_scene("webcam-500");
-    const auto plan =
-        Renderer(scene.camera).render(scene.scene, {.region = {380, 130, 80, 80}}).plan;
-    EXPECT_EQ(plan.method, RenderMethod::exact_lens);
-    EXPECT_NEAR(plan.max_blur_radius_px, 2.03, 0.01);
-    EXPECT_GT(plan.tail_reach_px, 80.0);
-    EXPECT_THAT(plan.describe(), testing::HasSubstr("exact lens averages"));
-}
-
+// Cells smaller than a pixel: several edges add their errors up, and the plan has to know.
 constexpr double depth_mm = 190.0;
 constexpr int cells = 16;
 
 // Square cells of this many px, turned by an angle: a checkerboard, stripes or random ones.
 Scene small_cells(const CameraModel& camera, double cell_px, double angle, int kind) {
     RandomStream random(7, 3);
-    PlacedMarker marker;
-    marker.grid.cells.create(cells, cells, CV_32FC1);
+    cv::Mat_<float> radiances(cells, cells);
     for (int j = 0; j < cells; ++j)
         for (int i = 0; i < cells; ++i)
-            marker.grid.cells.at<float>(j, i) = static_cast<float>(
+            radiances(j, i) = static_cast<float>(
                 kind == 0 ? (i + j) % 2 : (kind == 1 ? i % 2 : random.uniform() < 0.5));
     const double per_px = depth_mm / camera.intrinsics.fx, side = cell_px * per_px;
-    marker.grid.cell_mm = {side, side};
-    marker.grid.corner_mm = Eigen::Vector2d::Constant(-0.5 * cells * side);
-    marker.camera_from_marker = {
-        Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ())),
-        {0.31 * per_px, -0.17 * per_px, depth_mm}};
-    return {{marker}, 1.0};
+    const Eigen::AngleAxisd turn(angle, Eigen::Vector3d::UnitZ());
+    return {{{{radiances, Eigen::Vector2d::Constant(-0.5 * cells * side), {side, side}},
+              {Eigen::Quaterniond(turn), {0.31 * per_px, -0.17 * per_px, depth_mm}}}},
+            1.0};
 }
 
 // Error of the automatic plan, which aims at 0.1 gray, against 24 exact lens averages a side.
@@ -404,34 +357,26 @@ TEST(SmallCells, AreWithinTheToleranceWhereverTheirEdgesLie) {
 
 // Disks of confusion of up to 2 px on both sides of the focus, the largest skew that a lens takes.
 CameraModel skewed_camera(double f_number) {
-    CameraModel camera = test::camera_with(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2});
+    CameraModel camera = test::camera_with_lens(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2},
+                                                17.0, {f_number, 300.0, 550.0, {}});
     camera.intrinsics.skew = -max_skew_of_a_lens * camera.intrinsics.fx;
-    camera.sensor = Sensor{.pixel_pitch_um = 17.0};
-    camera.lens = Lens{f_number, 300.0, 550.0, {}};
     return camera;
 }
 
-// Turned by 45 degrees, at which a pattern that leans shows most.
-PlacedMarker tilted_marker() {
-    return {{(cv::Mat_<float>(2, 3) << 0, 1, 0, 1, 0, 1), {-10.5, -9.0}, {7.0, 9.0}},
-            {rotation_from_vector({0.3, -0.7, 0.8}), {1.0, -0.5, 300.0}}};
-}
-
+// The reference's point spread leans in pixels as the columns do.
 TEST(SkewedLens, IsBlurredAsItsRaysMeetTheMarker) {
-    const Scene scene{{tilted_marker()}, 0.5};
-    const ReferenceOptions options{.samples_per_scramble = 2048};
+    // Turned by 45 degrees, at which a pattern that leans shows most.
+    const cv::Mat cells = (cv::Mat_<float>(2, 3) << 0, 1, 0, 1, 0, 1);
+    const Rigid pose{rotation_from_vector({0.3, -0.7, 0.8}), {1.0, -0.5, 300.0}};
+    const Scene scene{{{{cells, {-10.5, -9.0}, {7.0, 9.0}}, pose}}, 0.5};
     std::vector<cv::Point> pixels;
     for (int y = 22; y < 80; y += 7)
         for (int x = 27; x < 90; x += 6)
             pixels.emplace_back(x, y);
     for (const double f_number : {1.4, 8.0}) {
         const CameraModel camera = skewed_camera(f_number);
-        const RenderedImage image = Renderer(camera).render(scene);
-        const auto truth = integrate_reference(camera, scene, pixels, options);
-        for (std::size_t i = 0; i < pixels.size(); ++i)
-            EXPECT_NEAR(image.radiance.at<float>(pixels[i]), truth[i].mean,
-                        0.1 * gray + 4.0 * truth[i].standard_error)
-                << "f/" << f_number << " " << pixels[i];
+        test::expect_reference(Renderer(camera).render(scene).radiance, camera, scene, pixels,
+                               {.samples_per_scramble = 2048});
     }
 }
 
@@ -449,13 +394,8 @@ const double fold = 1.0 / std::sqrt(-3.0 * k1), fold_px = focal_px * 2.0 / 3.0 *
 // A sharp camera whose fold, hardly curved within the image, passes through `at`, its outward
 // direction turned by `angle` from x.
 CameraModel camera_with_fold(const Eigen::Vector2d& at, double angle) {
-    CameraModel camera;
-    camera.width = 24;
-    camera.height = 16;
     const Eigen::Vector2d centre = at - fold_px * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-    camera.intrinsics = {focal_px, focal_px, centre.x(), centre.y()};
-    camera.distortion.k1 = k1;
-    return camera;
+    return test::camera_with(24, 16, {focal_px, focal_px, centre.x(), centre.y()}, {.k1 = k1});
 }
 
 // Black wherever the camera sees anything, before a white background.
@@ -495,10 +435,8 @@ TEST(FoldBorder, CutsAPixelToTheToleranceWhicheverWayItRuns) {
 
 // Blurred, a pixel beside the border is off by what the plan states: 0.45 gray.
 TEST(FoldBorder, IsWithinWhatThePlanStatesUnderALens) {
-    CameraModel camera = test::camera_with(640, 480, {616.6, 616.6, 319.5, 239.5}, {});
-    camera.distortion.k1 = -0.38;
-    camera.sensor = Sensor{.pixel_pitch_um = 4.8};
-    camera.lens = Lens{2.8, 150.0, 600.0, {}};
+    const CameraModel camera = test::camera_with_lens(640, 480, {616.6, 616.6, 319.5, 239.5},
+                                                      {.k1 = -0.38}, 4.8, {2.8, 150.0, 600.0, {}});
     const Marker marker = parse_marker("apriltag:36h11:5@60mm", "marker");
     const Rigid pose{rotation_from_vector({0.26494, 0.01620, 0.57263}), {272.0, 204.0, 400.0}};
     const Scene scene{{{marker.grid, pose}}, 1.0};

@@ -9,15 +9,10 @@
 namespace etalon {
 namespace {
 
+using test::depth_of_blur;
 using test::gray;
 
 const EdgeTangents along_the_pixels(1);
-
-// Depth before the plane of focus with this blur radius in the small camera.
-double depth_of_blur(const CameraModel& camera, double blur_px) {
-    const double per_inverse_mm = 400.0 * thin_lens(camera).aperture_diameter_mm / 2.0;
-    return 1.0 / (1.0 / 150.0 + blur_px / per_inverse_mm);
-}
 
 // An edge at this place of a pixel of the small camera, at this angle to the columns.
 Scene edge_at(double place_px, double z, double angle = 0.0) {
@@ -38,18 +33,20 @@ double worst_edge(const Renderer& renderer, const RenderOptions& coarse, const R
     return worst / gray;
 }
 
+// By k samples a side of the pixels that the edges cross.
+RenderOptions by_samples(RenderMethod method, int k, double tolerance_gray = 0.1) {
+    return {.method = method,
+            .tolerance_gray = tolerance_gray,
+            .samples_per_side = k,
+            .region = {40, 32, 16, 4},
+            .keep = {NeglectedEffect::lens, NeglectedEffect::diffraction}};
+}
+
 // Between k and many samples.
 double worst_edge(RenderMethod method, int k, int many, double blur_px) {
     const CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
-    RenderOptions coarse{.method = method,
-                         .tolerance_gray = 1e3,
-                         .samples_per_side = k,
-                         .region = {40, 32, 16, 4},
-                         .keep = {NeglectedEffect::lens, NeglectedEffect::diffraction}};
-    RenderOptions fine = coarse;
-    fine.samples_per_side = many;
-    const double z = blur_px > 0.0 ? depth_of_blur(camera, blur_px) : 150.0;
-    return worst_edge(Renderer(camera), coarse, fine, 40, z);
+    return worst_edge(Renderer(camera), by_samples(method, k, 1e3), by_samples(method, many, 1e3),
+                      40, depth_of_blur(camera, blur_px));
 }
 
 TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
@@ -82,12 +79,8 @@ TEST(SamplingBound, HoldsForEdgesOfAnySlant) {
     const Renderer renderer(test::small_camera({PointSpread::Kind::gaussian, 0.05}));
     const double blur = 0.13, z = depth_of_blur(renderer.camera(), blur);
     for (const auto& [k, tangent] : {std::pair{15, 0.0525}, {15, 0.0565}, {5, 0.2169}}) {
-        RenderOptions coarse{.method = RenderMethod::exact_lens,
-                             .samples_per_side = k,
-                             .region = {40, 32, 16, 4},
-                             .keep = {NeglectedEffect::lens, NeglectedEffect::diffraction}};
-        RenderOptions fine = coarse;
-        fine.samples_per_side = 48;
+        const RenderOptions coarse = by_samples(RenderMethod::exact_lens, k);
+        const RenderOptions fine = by_samples(RenderMethod::exact_lens, 48);
         const double angle = std::atan(tangent);
         const double limit = renderer.render(edge_at(0.3, z, angle), coarse).plan.sampling_gray;
         const double error = worst_edge(renderer, coarse, fine, 10, z, angle);
@@ -110,14 +103,8 @@ TEST(SamplingBound, KnowsTheRipplesOfDisksThatStandForTheLens) {
         const double blur = part * one_disk, z = depth_of_blur(camera, blur);
         for (const int k : {4, 6}) {
             // So small a tolerance, as k is forced, that nothing but disks comes into question.
-            RenderOptions coarse{.tolerance_gray = 0.1,
-                                 .samples_per_side = k,
-                                 .region = {40, 32, 16, 4},
-                                 .keep = {NeglectedEffect::lens, NeglectedEffect::diffraction}};
-            RenderOptions fine = coarse;
-            fine.method = RenderMethod::exact_area;
-            fine.samples_per_side = 24;
-            const double error = worst_edge(renderer, coarse, fine, 6, z);
+            const double error = worst_edge(renderer, by_samples(RenderMethod::automatic, k),
+                                            by_samples(RenderMethod::exact_area, 24), 6, z);
             const double limit =
                 bound.of_disks(k, sharpened, {blur, blur, one_disk}, along_the_pixels);
             EXPECT_LT(error, 1.1 * limit + 0.03) << "k " << k << " blur " << blur;

@@ -1,16 +1,12 @@
 // Lenses that see more than a plane, sharp and blurred, to the side and behind the camera's plane:
 // against the reference integrator, and against rays traced to the marker in space.
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 
-#include "calib/camera/projector.h"
 #include "core/program/errors.h"
-#include "core/statistics/random.h"
-#include "sim/render/reference_integrator.h"
-#include "sim/render/renderer.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {
@@ -88,13 +84,9 @@ CameraModel with_lens(CameraModel camera, double f_number, double focus_mm) {
 
 void expect_reference(const std::string& what, const CameraModel& camera, const Scene& scene,
                       const std::vector<cv::Point>& pixels) {
-    const ReferenceOptions options{.samples_per_scramble = 1024};
-    const RenderedImage image = Renderer(camera).render(scene);
-    const auto truth = integrate_reference(camera, scene, pixels, options);
-    for (std::size_t i = 0; i < pixels.size(); ++i)
-        EXPECT_NEAR(image.radiance.at<float>(pixels[i]), truth[i].mean,
-                    0.1 * gray + 4.0 * truth[i].standard_error)
-            << what << " " << pixels[i];
+    SCOPED_TRACE(what);
+    test::expect_reference(Renderer(camera).render(scene).radiance, camera, scene, pixels,
+                           {.samples_per_scramble = 1024});
 }
 
 TEST(WideLens, IsRenderedAsRaysMeetTheMarker) {
@@ -115,15 +107,6 @@ TEST(WideLens, IsRenderedAsRaysMeetTheMarker) {
         }
     }
     EXPECT_GT(compared, 500);
-}
-
-TEST(WideLens, AgreesWithTheReference) {
-    for (const test::WideModel& model : test::wide_models()) {
-        const Projector projector(model.truth);
-        for (const PlacedMarker& marker : {markers()[1], markers()[3]})
-            expect_reference(model.name, model.truth, {{marker}, 0.35},
-                             pixels_of(projector, marker));
-    }
 }
 
 // The reference sends its rays from a disc that faces each of them through a point of the focus

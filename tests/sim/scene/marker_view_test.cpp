@@ -1,18 +1,14 @@
 #include "sim/scene/marker_view.h"
 
-#include <gtest/gtest.h>
-
 #include <limits>
-#include <numbers>
 #include <random>
 
 #include "bench/benchmark_scenes.h"
-#include "calib/camera/projector.h"
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
-#include "sim/render/reference_integrator.h"
 #include "sim/tiles/lens_average.h"
 #include "tests/sim/edge_scenes.h"
+#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {
@@ -22,14 +18,13 @@ using test::gray;
 constexpr double background = 0.4;
 
 // 5 x 3 cells, all different.
-PlacedMarker small_marker() {
-    PlacedMarker marker;
-    marker.grid.cells = cv::Mat_<float>(3, 5);
+PlacedMarker small_marker(const Eigen::Vector2d& cell_mm, const Eigen::Vector2d& corner_mm,
+                          const Rigid& camera_from_marker) {
+    cv::Mat_<float> cells(3, 5);
     for (int j = 0; j < 3; ++j)
         for (int i = 0; i < 5; ++i)
-            marker.grid.cells.at<float>(j, i) =
-                static_cast<float>((7 * (5 * j + i) % 15) / 15.0 + 0.01);
-    return marker;
+            cells(j, i) = static_cast<float>((7 * (5 * j + i) % 15) / 15.0 + 0.01);
+    return {{cells, corner_mm, cell_mm}, camera_from_marker};
 }
 
 // What the ray from `from` along `along` meets going forward, in the marker's own frame; nothing
@@ -127,17 +122,16 @@ public:
     }
 
     PlacedMarker marker() {
-        PlacedMarker marker = small_marker();
-        marker.grid.cell_mm = {log_uniform(1.0, 200.0), log_uniform(1.0, 200.0)};
-        marker.grid.corner_mm = {uniform(-100.0, 0.0), uniform(-100.0, 0.0)};
+        const Eigen::Vector2d cell_mm{log_uniform(1.0, 200.0), log_uniform(1.0, 200.0)};
+        const Eigen::Vector2d corner_mm{uniform(-100.0, 0.0), uniform(-100.0, 0.0)};
         const double tilt = std::min(89.9, 90.0 - log_uniform(0.1, 90.0)) * rad_per_deg;
         const double axis = uniform(0.0, 2.0 * std::numbers::pi);
-        marker.camera_from_marker.rotation =
+        const Eigen::Quaterniond rotation(
             Eigen::AngleAxisd(tilt, Eigen::Vector3d(std::cos(axis), std::sin(axis), 0.0)) *
-            Eigen::AngleAxisd(uniform(0.0, 6.3), Eigen::Vector3d::UnitZ());
+            Eigen::AngleAxisd(uniform(0.0, 6.3), Eigen::Vector3d::UnitZ()));
         const double z = log_uniform(5.0, 3000.0);
-        marker.camera_from_marker.translation = {z * uniform(-1.0, 1.0), z * uniform(-1.0, 1.0), z};
-        return marker;
+        return small_marker(cell_mm, corner_mm,
+                            {rotation, {z * uniform(-1.0, 1.0), z * uniform(-1.0, 1.0), z}});
     }
 
 private:
@@ -226,14 +220,10 @@ TEST(MarkerView, FootprintsOfAWideLensTellWhatEveryRayMeets) {
 
 // Seen from 2 mm above: cells from 30 mm to 6 m away, up to their horizon.
 PlacedMarker long_floor() {
-    PlacedMarker floor = small_marker();
-    floor.grid.cell_mm = {10.0, 2000.0};
-    floor.grid.corner_mm = {-23.0, -6000.0};
-    floor.camera_from_marker.rotation =
+    const Eigen::Quaterniond rotation(
         Eigen::AngleAxisd(-90.0 * rad_per_deg, Eigen::Vector3d::UnitX()) *
-        Eigen::AngleAxisd(0.3 * rad_per_deg, Eigen::Vector3d::UnitY());
-    floor.camera_from_marker.translation = {1.0, 2.0, 30.0};
-    return floor;
+        Eigen::AngleAxisd(0.3 * rad_per_deg, Eigen::Vector3d::UnitY()));
+    return small_marker({10.0, 2000.0}, {-23.0, -6000.0}, {rotation, {1.0, 2.0, 30.0}});
 }
 
 // Through the lens' rim such a plane is seen from its own height: nothing bounds where the rays of
@@ -242,9 +232,7 @@ TEST(MarkerView, AMarkerWhosePlaneAlmostCutsTheLensIsSeenCloseToItsImageOnly) {
     PlacedMarker floor = long_floor();
     floor.grid.corner_mm.y() = -1000.0;
     floor.grid.cell_mm.y() = 20.0;
-    Aperture aperture;
-    aperture.radius_mm = 1.9999;
-    aperture.focus_on_axis = 1.0 / 1000.0;
+    const Aperture aperture{.radius_mm = 1.9999, .focus_on_axis = 1.0 / 1000.0};
     const MarkerView view(floor, background, aperture);
     const Eigen::Vector2d image = view.sensor_point_of(2.0, 1.0);
     const auto around = [](const Eigen::Vector2d& x) {
@@ -259,15 +247,10 @@ TEST(MarkerView, AMarkerWhosePlaneAlmostCutsTheLensIsSeenCloseToItsImageOnly) {
 // An edge that runs at 45 degrees passes through the corners of the square around a blur disk
 // before it reaches the disk.
 TEST(MarkerView, AFootprintKnowsThatTheLensIsRound) {
-    PlacedMarker marker;
-    marker.grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
-    marker.grid.cell_mm = {2000.0, 4000.0};
-    marker.grid.corner_mm = {-2000.0, -2000.0};
-    const Eigen::AngleAxisd turn(45.0 * rad_per_deg, Eigen::Vector3d::UnitZ());
-    marker.camera_from_marker = {Eigen::Quaterniond(turn), {0.0, 0.0, 500.0}};
-    Aperture aperture;
-    aperture.radius_mm = 5.0;
-    aperture.focus_on_axis = 1.0 / 1000.0;
+    PlacedMarker marker = test::half_plane(0.0, 500.0).markers[0];
+    marker.camera_from_marker.rotation =
+        Eigen::AngleAxisd(45.0 * rad_per_deg, Eigen::Vector3d::UnitZ());
+    const Aperture aperture{.radius_mm = 5.0, .focus_on_axis = 1.0 / 1000.0};
     const MarkerView view(marker, background, aperture);
     const double blur = aperture.radius_mm * (1.0 / 500.0 - 1.0 / 1000.0);
     const Eigen::Vector2d across(std::cos(45.0 * rad_per_deg), std::sin(45.0 * rad_per_deg));
@@ -306,9 +289,7 @@ RayAverage average_of_rays(const PlacedMarker& marker, const MarkerView& view,
 }
 
 TEST(MarkerView, ApertureAveragesHoldAcrossTheHorizon) {
-    Aperture aperture;
-    aperture.radius_mm = 0.9;
-    aperture.focus_on_axis = 1.0 / 150.0;
+    const Aperture aperture{.radius_mm = 0.9, .focus_on_axis = 1.0 / 150.0};
     const PlacedMarker floor = long_floor();
     const MarkerView view(floor, background, aperture);
     LensAverage lens_average(view);
@@ -356,17 +337,13 @@ void expect_reference(const Renderer& renderer, const Scene& scene, int step) {
     for (int y = step / 2; y < camera.height; y += step)
         for (int x = step / 2; x < camera.width; x += step)
             pixels.push_back({x, y});
-    const RenderedImage image = renderer.render(scene);
-    ReferenceOptions options;
-    options.samples_per_scramble = 128;
-    const auto reference = integrate_reference(camera, scene, pixels, options);
-    int lit = 0;
-    for (std::size_t n = 0; n < pixels.size(); ++n) {
-        const double error = image.radiance.at<float>(pixels[n]) - reference[n].mean;
-        lit += std::abs(reference[n].mean - scene.background) > gray;
-        EXPECT_LT(std::abs(error), 0.1 * gray + 4.0 * reference[n].standard_error) << pixels[n];
-    }
-    EXPECT_GT(lit, 5);
+    const auto reference = test::expect_reference(renderer.render(scene).radiance, camera, scene,
+                                                  pixels, {.samples_per_scramble = 128});
+    EXPECT_GT(std::ranges::count_if(reference,
+                                    [&](const ReferencePixel& pixel) {
+                                        return std::abs(pixel.mean - scene.background) > gray;
+                                    }),
+              5);
 }
 
 TEST(MarkerView, AFloorUpToItsHorizonIsRendered) {
@@ -376,13 +353,11 @@ TEST(MarkerView, AFloorUpToItsHorizonIsRendered) {
 TEST(MarkerView, SteepMarkersAreRenderedBesideTheirHorizon) {
     const Renderer renderer(test::small_camera({}));
     for (const double tilt : {80.0, 85.0, 89.0}) {
-        PlacedMarker marker = small_marker();
-        marker.grid.cell_mm = {11.0, 17.0};
-        marker.grid.corner_mm = {-20.0, -30.0};
-        marker.camera_from_marker.rotation =
+        const Eigen::Quaterniond rotation(
             Eigen::AngleAxisd(tilt * rad_per_deg, Eigen::Vector3d(0.96, 0.28, 0.0)) *
-            Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ());
-        marker.camera_from_marker.translation = {20.0, -6.0, 180.0};
+            Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ()));
+        const PlacedMarker marker =
+            small_marker({11.0, 17.0}, {-20.0, -30.0}, {rotation, {20.0, -6.0, 180.0}});
         expect_reference(renderer, {{marker}, background}, 9);
     }
 }
@@ -397,12 +372,7 @@ TEST(MarkerView, AWebcamSeesAMarkerBesideItsHorizon) {
 }
 
 CameraModel camera_with(const Distortion& distortion) {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {500.0, 500.0, 319.5, 239.5};
-    camera.distortion = distortion;
-    return camera;
+    return test::camera_with(640, 480, {500.0, 500.0, 319.5, 239.5}, distortion);
 }
 
 // 12 x 1 cells of 20 mm, the origin in the middle.

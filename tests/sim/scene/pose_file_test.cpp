@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -19,12 +19,7 @@ protected:
         return folder_ / name;
     }
     std::string complaint(const std::string& name, const std::string& text) const {
-        try {
-            read_poses(file(name, text));
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "no complaint";
+        return config_error_of([&] { read_poses(file(name, text)); });
     }
 
     TemporaryFolder folder_;
@@ -94,14 +89,10 @@ TEST(ParsePose, TakesSixNumbersAndNamesTheOption) {
     const Rigid pose = parse_pose("0.1,0,0,7,-5,400", "--pose");
     EXPECT_EQ(pose.translation, Eigen::Vector3d(7, -5, 400));
     for (const char* bad :
-         {"", "1,2,3", "0,0,0,0,0,inf", "a,0,0,0,0,1", "0,0,0,0,0,1,", "7,0,0,0,0,1"}) {
-        try {
-            parse_pose(bad, "--pose");
-            ADD_FAILURE() << bad;
-        } catch (const ConfigError& error) {
-            EXPECT_THAT(error.what(), testing::StartsWith("--pose: "));
-        }
-    }
+         {"", "1,2,3", "0,0,0,0,0,inf", "a,0,0,0,0,1", "0,0,0,0,0,1,", "7,0,0,0,0,1"})
+        EXPECT_THAT(config_error_of([&] { parse_pose(bad, "--pose"); }),
+                    testing::StartsWith("--pose: "))
+            << bad;
 }
 
 }  // namespace

@@ -4,10 +4,11 @@
 
 #include <numbers>
 
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
+#include "tests/calib/cameras.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -17,23 +18,13 @@ using testing::ThrowsMessage;
 
 // One pixel per mm at 100 mm.
 CameraModel pinhole() {
-    CameraModel camera;
-    camera.width = 120;
-    camera.height = 90;
-    camera.intrinsics = {100.0, 100.0, 59.5, 44.5};
-    return camera;
+    return test::camera_with(120, 90, {100.0, 100.0, 59.5, 44.5}, {});
 }
 
-// The same with an aperture of 5 mm, focused at 100 mm.
+// The same with an aperture of 5 mm (f = 9.09 mm), focused at 100 mm.
 CameraModel with_lens() {
-    CameraModel camera = pinhole();
-    Lens lens;
-    lens.focus_distance_mm = 100.0;
-    lens.f_number = 2.0 * 100.0 / 110.0;  // f = 9.09 mm: d = 5 mm
-    lens.wavelength_nm = 550.0;
-    camera.lens = lens;
-    camera.sensor.emplace().pixel_pitch_um = 100.0;
-    return camera;
+    return test::camera_with_lens(120, 90, {100.0, 100.0, 59.5, 44.5}, {}, 100.0,
+                                  {2.0 * 100.0 / 110.0, 100.0, 550.0, {}});
 }
 
 CellGrid grid(int columns, int rows, double cell_mm, double radiance = 0.0) {
@@ -46,13 +37,10 @@ Rigid at(double x, double y, double z, const Eigen::Vector3d& turn = Eigen::Vect
     return {rotation_from_vector(turn), {x, y, z}};
 }
 
+const std::string no_error = "no error";
+
 std::string complaint(const Scene& scene, const CameraModel& camera) {
-    try {
-        check_no_occlusion(scene, camera);
-    } catch (const NumericalError& error) {
-        return error.what();
-    }
-    return "";
+    return text_of_error<NumericalError>([&] { check_no_occlusion(scene, camera); });
 }
 
 TEST(SceneOcclusion, RefusesMarkersThatOverlapAtDifferentDepthsByNumber) {
@@ -66,17 +54,17 @@ TEST(SceneOcclusion, RefusesWhereTheLensSeesBehindAnEdge) {
     // 21 px between the centres leave 1 px. A lens of 2.5 mm radius sees 100 px/mm * 2.5 mm *
     // (1/100 - 1/200) = 1.25 px behind the edge of the nearer one.
     const Scene scene{{{grid(4, 4, 5.0), at(0, 0, 100)}, {grid(4, 4, 10.0), at(42, 3, 200)}}};
-    EXPECT_EQ(complaint(scene, pinhole()), "");
-    EXPECT_NE(complaint(scene, with_lens()), "");
+    EXPECT_EQ(complaint(scene, pinhole()), no_error);
+    EXPECT_NE(complaint(scene, with_lens()), no_error);
     const Scene wider{{scene.markers[0], {grid(4, 4, 10.0), at(42.6, 3, 200)}}};
-    EXPECT_EQ(complaint(wider, with_lens()), "");
+    EXPECT_EQ(complaint(wider, with_lens()), no_error);
 }
 
 TEST(SceneOcclusion, DoesNotMindBlurThatMarkersShare) {
     // 0.1 px apart and both blurred by 1.25 px, but at nearly the same depth.
     const Scene scene{{{grid(4, 4, 10.0), at(0, 0, 200)}, {grid(4, 4, 10.0), at(40.4, 3, 201)}}};
     ASSERT_NEAR(blur_radius_px(with_lens(), 200.0), 1.25, 1e-9);
-    EXPECT_EQ(complaint(scene, with_lens()), "");
+    EXPECT_EQ(complaint(scene, with_lens()), no_error);
 }
 
 TEST(SceneOcclusion, FindsTheSlantedLineBetweenTwoDiamonds) {
@@ -86,8 +74,8 @@ TEST(SceneOcclusion, FindsTheSlantedLineBetweenTwoDiamonds) {
     const auto other = [&](double shift) {
         return PlacedMarker{grid(4, 4, 10.0), at(2 * shift, 2 * shift, 200, turn)};
     };
-    EXPECT_EQ(complaint({{one, other(14.2)}}, pinhole()), "");
-    EXPECT_NE(complaint({{one, other(14.1)}}, pinhole()), "");
+    EXPECT_EQ(complaint({{one, other(14.2)}}, pinhole()), no_error);
+    EXPECT_NE(complaint({{one, other(14.1)}}, pinhole()), no_error);
 }
 
 TEST(SceneOcclusion, AcceptsPiecesOfOnePlaneThatTouchAndRefusesThoseThatOverlap) {
@@ -96,11 +84,11 @@ TEST(SceneOcclusion, AcceptsPiecesOfOnePlaneThatTouchAndRefusesThoseThatOverlap)
         return PlacedMarker{grid(4, 3, 5.0), board * at(x, y, 0)};
     };
     EXPECT_EQ(complaint({{piece(0, 0), piece(20, 0), piece(0, 15), piece(20, 15)}}, with_lens()),
-              "");
-    EXPECT_NE(complaint({{piece(0, 0), piece(19.99, 0)}}, with_lens()), "");
+              no_error);
+    EXPECT_NE(complaint({{piece(0, 0), piece(19.99, 0)}}, with_lens()), no_error);
     PlacedMarker lifted = piece(20, 0);
     lifted.camera_from_marker = board * at(20, 0, 0.01);
-    EXPECT_NE(complaint({{piece(0, 0), lifted}}, with_lens()), "");
+    EXPECT_NE(complaint({{piece(0, 0), lifted}}, with_lens()), no_error);
 }
 
 TEST(SceneOcclusion, FollowsTheConeOfATelecentricLens) {
@@ -111,8 +99,8 @@ TEST(SceneOcclusion, FollowsTheConeOfATelecentricLens) {
     const auto beside = [](double x) {
         return Scene{{{grid(4, 4, 2.5), at(0, 0, 100)}, {grid(4, 4, 2.5), at(x, 1, 110)}}};
     };
-    EXPECT_EQ(complaint(beside(10.61), camera), "");
-    EXPECT_NE(complaint(beside(10.59), camera), "");
+    EXPECT_EQ(complaint(beside(10.61), camera), no_error);
+    EXPECT_NE(complaint(beside(10.59), camera), no_error);
 }
 
 TEST(SceneOcclusion, RefusesAMarkerBehindTheLensByNumber) {
@@ -161,7 +149,7 @@ TEST(SceneOcclusion, AgreesWithRaysThroughTheLensOfATiltedSensor) {
                                      at(between(-20, 20), between(-20, 20), between(60, 200),
                                         {between(-0.8, 0.8), between(-0.8, 0.8), between(-3, 3)})});
         const bool meets_both = some_ray_meets_both(scene, aperture, random);
-        if (complaint(scene, camera).empty()) {
+        if (complaint(scene, camera) == no_error) {
             ++accepted;
             EXPECT_FALSE(meets_both) << "scene " << i;
         } else {
@@ -198,8 +186,7 @@ TEST(SceneRender, OneMarkerIsTheSumOfItsFourPieces) {
         piece.corner_mm = whole.point_mm(part.x, part.y).head<2>();
         pieces.markers.push_back({piece, pose});
     }
-    RenderOptions options;
-    options.tolerance_gray = 0.02;
+    const RenderOptions options{.tolerance_gray = 0.02};
     EXPECT_LE(largest_gray(renderer.render({{{whole, pose}}, 0.7}, options).radiance,
                            renderer.render(pieces, options).radiance),
               0.02);
@@ -208,9 +195,8 @@ TEST(SceneRender, OneMarkerIsTheSumOfItsFourPieces) {
 TEST(SceneRender, AUniformImageIsTheUniformBackground) {
     const Renderer renderer(with_lens());
     Scene scene{{{pattern(), at(4, -3, 130, {0.3, 0.2, -0.4})}}, 0.7};
-    RenderOptions options;
-    options.tolerance_gray = 0.05;
-    options.samples_per_side = 5;  // so that all renders err alike
+    const RenderOptions options{.tolerance_gray = 0.05,
+                                .samples_per_side = 5};  // so that all renders err alike
     const cv::Mat background(90, 120, CV_32FC1, cv::Scalar(0.7));
     const cv::Mat over = render_over(renderer, scene, background, options).radiance;
     EXPECT_LE(largest_gray(over, renderer.render(scene, options).radiance), 0.01);

@@ -3,20 +3,17 @@
 #include <gmock/gmock.h>
 #include <opencv2/imgproc.hpp>
 
-#include <cmath>
 #include <limits>
-#include <numbers>
 #include <thread>
 
-#include "core/program/errors.h"
 #include "sim/render/motion_blur.h"
-#include "tests/calib/cameras.h"
 #include "tests/error_text.h"
 #include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
 
+using test::swept_normal;
 using testing::HasSubstr;
 
 CameraModel small_camera() {
@@ -304,20 +301,23 @@ TEST(Occlusion, LeavesPixelsWithoutARayAlone) {
     EXPECT_GT(card, 300);
 }
 
-// Of a point: the moments of the line that it draws.
+// What a point becomes: the line's mass, centre and covariance m m^T / 12, px^2.
+void expect_line(const Radiance& image, const Eigen::Vector2d& point, const Eigen::Vector2d& motion,
+                 double tolerance) {
+    const cv::Moments m = cv::moments(image);
+    Eigen::Matrix2d second;
+    second << m.mu20, m.mu11, m.mu11, m.mu02;
+    EXPECT_NEAR(m.m00, 1.0, 1e-6);
+    EXPECT_LT((Eigen::Vector2d(m.m10, m.m01) / m.m00 - point).norm(), 1e-5);
+    EXPECT_LT((second - motion * motion.transpose() / 12.0).norm(), tolerance) << motion;
+}
+
 TEST(MotionBlur, HasTheLengthAskedForInTheDirectionOfItsKey) {
     for (const std::uint32_t pose : {0u, 1u, 2u}) {
         Radiance impulse = even(0.0);
         impulse.at<float>(40, 50) = 1.0f;
         const Radiance after = disturbed(impulse, {.motion_px = 7.3}, {9, pose});
-        const cv::Moments m = cv::moments(after);
-        const Eigen::Vector2d motion = 7.3 * disturbance_directions({9, pose}).motion;
-        EXPECT_NEAR(m.m00, 1.0, 1e-6);
-        EXPECT_NEAR(m.m10, 50.0, 1e-4);
-        EXPECT_NEAR(m.m01, 40.0, 1e-4);
-        EXPECT_NEAR(m.mu20, motion.x() * motion.x() / 12.0, 1e-3);
-        EXPECT_NEAR(m.mu11, motion.x() * motion.y() / 12.0, 1e-3);
-        EXPECT_NEAR(m.mu02, motion.y() * motion.y() / 12.0, 1e-3);
+        expect_line(after, {50, 40}, 7.3 * disturbance_directions({9, pose}).motion, 1e-3);
     }
 }
 
@@ -516,33 +516,13 @@ TEST(Disturber, RefusesImagesThatAreNotTheCameras) {
 const Eigen::Vector2d motions[] = {{0.3, -0.2}, {0.9, 0.1}, {3.7, -2.2},
                                    {-1.5, 9.4}, {5.0, 0.0}, {0.0, -4.0}};
 
-// A line's mass, centre and covariance m m^T / 12, whatever its length and direction.
+// Whatever its length and direction.
 TEST(LineBlur, HasTheMomentsOfTheLine) {
     for (const Eigen::Vector2d& motion : motions) {
         Radiance impulse = Radiance::zeros(35, 41, CV_32FC1);
         impulse.at<float>(17, 20) = 1.0f;
-        const Radiance blurred = line_blurred(impulse, motion);
-        double sum = 0.0;
-        Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-        Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
-        for (int y = 0; y < 35; ++y)
-            for (int x = 0; x < 41; ++x) {
-                const Eigen::Vector2d from_centre(x - 20, y - 17);
-                const double value = blurred.at<float>(y, x);
-                sum += value;
-                mean += value * from_centre;
-                second += value * from_centre * from_centre.transpose();
-            }
-        EXPECT_NEAR(sum, 1.0, 1e-6);
-        EXPECT_LT(mean.norm(), 1e-5);
-        EXPECT_LT((second - motion * motion.transpose() / 12.0).norm(), 3e-5) << motion;
+        expect_line(line_blurred(impulse, motion), {20, 17}, motion, 3e-5);
     }
-}
-
-// Integral of the normal distribution function from minus infinity.
-double swept_normal(double z) {
-    const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
-    return z * 0.5 * std::erfc(-z / std::numbers::sqrt2) + density;
 }
 
 // An edge of Gaussian blur sigma that moves by L along its normal: the mean of the normal
@@ -574,12 +554,9 @@ TEST(LineBlur, MakesARampOfItsLengthOfAnEdge) {
 }
 
 CameraModel camera_of(bool with_lens) {
-    CameraModel camera = test::camera_with(64, 48, {400.0, 400.0, 31.0, 22.0}, {});
-    if (with_lens) {
-        camera.sensor = Sensor{.pixel_pitch_um = 2.8};
-        camera.lens = Lens{.f_number = 8.0, .focus_distance_mm = 250.0, .wavelength_nm = 600.0};
-    }
-    return camera;
+    const Intrinsics intrinsics{400.0, 400.0, 31.0, 22.0};
+    return with_lens ? test::camera_with_lens(64, 48, intrinsics, {}, 2.8, {8.0, 250.0, 600.0, {}})
+                     : test::camera_with(64, 48, intrinsics, {});
 }
 
 // 4 x 3 cells of 5 px and more.

@@ -1,7 +1,6 @@
 #include "sim/tiles/core_filter.h"
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <cmath>
 #include <random>
@@ -137,30 +136,6 @@ TEST(AddFiltered, LeavesAloneWhatIsZero) {
     field.add_to(region, kernel, out);
     EXPECT_TRUE(std::isnan(out.at<float>(250, 150)));
     EXPECT_TRUE(std::isnan(out.at<float>(40, 70)));  // among tiles that are zero
-}
-
-TEST(AddFiltered, OfARegionIsThatPartOfTheWhole) {
-    const Field field(12, 0.2, 3);
-    const FilterKernel kernel(3, random_weights(15, 17, 4));
-    const cv::Rect whole(-20, -30, 120, 100), part(7, -13, 41, 38);
-    cv::Mat all = cv::Mat::zeros(whole.size(), CV_32FC1);
-    cv::Mat some = cv::Mat::zeros(part.size(), CV_32FC1);
-    field.add_to(whole, kernel, all);
-    field.add_to(part, kernel, some);
-    EXPECT_LT(cv::norm(all(part - whole.tl()), some, cv::NORM_INF), 1e-5);
-}
-
-TEST(AddFiltered, DoesNotDependOnTheThreads) {
-    const Field field(8, 0.3, 7);
-    const FilterKernel kernel(2, random_weights(10, 12, 8));
-    const cv::Rect region(-25, -25, 150, 150);
-    cv::Mat results[2];
-    for (const std::size_t threads : {1u, 2u}) {
-        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        results[threads - 1] = cv::Mat::zeros(region.size(), CV_32FC1);
-        field.add_to(region, kernel, results[threads - 1]);
-    }
-    EXPECT_EQ(cv::norm(results[0], results[1], cv::NORM_INF), 0.0);
 }
 
 TEST(TileMap, NeverCallsConstantWhatIsNot) {

@@ -89,6 +89,8 @@ TEST(RenderPlan, CountsEveryTileAndNamesItsBounds) {
     const RenderPlan plan = Renderer(webcam.camera).render(webcam.scene).plan;
     EXPECT_EQ(plan.method, RenderMethod::exact_lens);
     EXPECT_EQ(plan.tolerance_gray, 0.1);
+    EXPECT_NEAR(plan.max_blur_radius_px, 2.03, 0.01);
+    EXPECT_GT(plan.tail_reach_px, 80.0);
     EXPECT_LT(plan.sampling_gray, 0.1);
     ASSERT_EQ(plan.used.size(), 1u);
     EXPECT_EQ(plan.used[0].points_per_pixel_side, plan.points_per_pixel_side);

@@ -1,51 +1,34 @@
 #include "sim/tiles/tail_pyramid.h"
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
-#include <numbers>
-
-#include "sim/scene/marker_view.h"
 #include "sim/tiles/undistortion_map.h"
 #include "tests/gray.h"
+#include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
 
 using std::numbers::pi;
+using test::depth_of_blur;
 
 constexpr double everywhere = std::numeric_limits<double>::infinity();
 
 // A strip of pixels behind a lens with the wanted diffraction; in focus at 150 mm.
 CameraModel strip_camera(double lambda_n_px) {
-    CameraModel camera;
-    camera.width = 440;
-    camera.height = 24;
-    camera.intrinsics = {400.0, 400.0, 219.5, 11.5};
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.lens = Lens{1.4, 150.0, 600.0, {}};
+    CameraModel camera = test::camera_with_lens(440, 24, {400.0, 400.0, 219.5, 11.5}, {}, 6.0,
+                                                {1.4, 150.0, 600.0, {}});
     camera.lens->wavelength_nm *= lambda_n_px / PointSpreadFunction::of(camera).scale_px();
     return camera;
-}
-
-// The depth before the plane of focus at which the blur disk has this radius.
-double depth_of_blur(const CameraModel& camera, double radius_px) {
-    const double aperture_radius_mm = aperture_of(camera).radius_mm;
-    return 1.0 / (1.0 / 150.0 + radius_px / (camera.intrinsics.fx * aperture_radius_mm));
 }
 
 // Black over white, far beyond the image on every side; black is where
 // (x - cx - edge_px) cos + (y - cy) sin < 0, in pixels.
 PlacedMarker half_plane(double z_mm, double edge_px, double angle) {
     constexpr double focal_px = 400.0;
-    PlacedMarker marker;
-    marker.grid.cells = cv::Mat::zeros(1, 1, CV_32FC1);
     const double far_mm = 6000.0 * z_mm / focal_px;
-    marker.grid.cell_mm = {far_mm, 2.0 * far_mm};
-    marker.grid.corner_mm = {-far_mm, -far_mm};
-    marker.camera_from_marker.rotation = rotation_from_vector({0.0, 0.0, angle});
-    marker.camera_from_marker.translation = {edge_px * z_mm / focal_px, 0.0, z_mm};
-    return marker;
+    return {{cv::Mat::zeros(1, 1, CV_32FC1), {-far_mm, -far_mm}, {far_mm, 2.0 * far_mm}},
+            {rotation_from_vector({0.0, 0.0, angle}), {edge_px * z_mm / focal_px, 0.0, z_mm}}};
 }
 
 // Core and tail of one marker, as the renderer adds them: radiance minus 1. The finest ring is so
@@ -220,28 +203,6 @@ TEST(TailPyramid, FollowsOblongPixels) {
         const double expected = edge_response(y - 219.5, 0.4 / 1.6, blur / 1.6, 0.0);
         EXPECT_NEAR(1.0 + difference.at<float>(y, 9), expected, 0.02 * gray) << y;
     }
-}
-
-TEST(TailPyramid, OfARegionIsThatPartOfTheWhole) {
-    const CameraModel camera = strip_camera(0.513);
-    const PlacedMarker marker = half_plane(depth_of_blur(camera, 2.0), 31.0, 0.3);
-    const Sampling sampling{.k = 4, .kind = SampleKind::point};
-    const cv::Rect part(133, 5, 59, 13);
-    const cv::Mat all = filtered(camera, marker, sampling, everywhere, whole(camera));
-    const cv::Mat some = filtered(camera, marker, sampling, everywhere, part);
-    EXPECT_LT(cv::norm(all(part), some, cv::NORM_INF), 0.01 * gray);
-}
-
-TEST(TailPyramid, DoesNotDependOnTheThreads) {
-    const CameraModel camera = strip_camera(0.513);
-    const PlacedMarker marker = half_plane(depth_of_blur(camera, 2.0), 31.0, 0.3);
-    cv::Mat results[2];
-    for (const std::size_t threads : {1u, 2u}) {
-        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        results[threads - 1] = filtered(camera, marker, {.k = 4, .kind = SampleKind::point},
-                                        everywhere, whole(camera));
-    }
-    EXPECT_EQ(cv::norm(results[0], results[1], cv::NORM_INF), 0.0);
 }
 
 // Largest tail that an area can have at a distance r or beyond, from the exact pattern.

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "bench/benchmark_scenes.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/sampling_bound.h"
@@ -107,10 +105,8 @@ struct StripedView {
         return camera;
     }
 
-    // Nearer than the focus, where the blur radius is 400 px 0.857 mm (1/z - 1/150 mm).
     PlacedMarker marker(double blur_px) const {
-        const double radius = aperture_of(camera).radius_mm;
-        const double z = 1.0 / (1.0 / 150.0 + blur_px / (400.0 * radius));
+        const double z = test::depth_of_blur(camera, blur_px);
         PlacedMarker plane = test::half_plane(0.0, z).markers[0];
         plane.grid.cells = cv::Mat_<float>::zeros(1, 60);
         for (int i = 0; i < 60; i += 2)
@@ -155,11 +151,10 @@ cv::Mat_<float> pixel_means(const TileSamples& samples, int i, int j) {
 // Largest difference of the pixels' means.
 double largest_difference(const TileSamples& a, const TileSamples& b) {
     double largest = 0.0;
-    for (int j = a.tiles().y; j < a.tiles().br().y; ++j)
-        for (int i = a.tiles().x; i < a.tiles().br().x; ++i) {
-            largest = std::max(
-                largest, test::largest_difference(pixel_means(a, i, j), pixel_means(b, i, j)));
-        }
+    for_each_cell(a.tiles(), [&](int i, int j) {
+        largest =
+            std::max(largest, test::largest_difference(pixel_means(a, i, j), pixel_means(b, i, j)));
+    });
     return largest;
 }
 
@@ -198,35 +193,23 @@ TEST(TileEvaluator, EachTileTakesTheCoarsestGridThatItsOwnBlurAllows) {
     EXPECT_EQ(stripes.samples(too_sharp).used()[0].points_per_pixel_side, 16);
 }
 
-// Thin-prism terms so large that even cubics through points within a tile err by more than 1e-4 px.
-CameraModel bent_camera() {
-    CameraModel camera;
-    camera.width = 32;
-    camera.height = 24;
-    camera.intrinsics = {311.0, 311.0, 17.0, 11.0};
-    camera.distortion = {.k1 = 0.16, .k2 = -0.08, .s4 = -320.0};
-    camera.sensor = Sensor{.pixel_pitch_um = 4.2};
-    camera.lens = Lens{1.4, 40.0, 550.0, {}};
-    return camera;
-}
-
 TEST(TileEvaluator, TilesThatBendTooMuchForAPolynomialTakeCoarserGridsToo) {
-    const CameraModel camera = bent_camera();
+    // Even cubics through points within a tile err by more than 1e-4 px.
+    const CameraModel camera = test::camera_with_lens(32, 24, {311.0, 311.0, 17.0, 11.0},
+                                                      {.k1 = 0.16, .k2 = -0.08, .s4 = -320.0}, 4.2,
+                                                      {1.4, 40.0, 550.0, {}});
     const UndistortionMap map(Projector(camera), 16);
     const cv::Rect tiles(0, 0, 8, 6);
     int bent = 0;
-    for (int j = 0; j < tiles.height; ++j)
-        for (int i = 0; i < tiles.width; ++i)
-            bent += map.validity(i, j) == UndistortionMap::Validity::some;
+    for_each_cell(tiles, [&](int i, int j) {
+        bent += map.validity(i, j) == UndistortionMap::Validity::some;
+    });
     ASSERT_GT(bent, 10);
-    PlacedMarker marker;
-    marker.grid.cells = (cv::Mat_<float>(3, 2) << 0.0f, 1.0f, 1.0f, 0.2f, 0.7f, 0.0f);
-    marker.grid.cell_mm = {27.0, 19.0};
-    marker.grid.corner_mm = {-30.0, -25.0};
-    const Eigen::Vector2d middle = map.exact({15.0, 11.0})->x;
-    marker.camera_from_marker = {
-        Eigen::Quaterniond(Eigen::AngleAxisd(0.4, Eigen::Vector3d(0.36, 0.48, 0.8))),
-        900.0 * middle.homogeneous()};
+    const cv::Mat cells = (cv::Mat_<float>(3, 2) << 0.0f, 1.0f, 1.0f, 0.2f, 0.7f, 0.0f);
+    const PlacedMarker marker{
+        {cells, {-30.0, -25.0}, {27.0, 19.0}},
+        {Eigen::Quaterniond(Eigen::AngleAxisd(0.4, Eigen::Vector3d(0.36, 0.48, 0.8))),
+         900.0 * map.exact({15.0, 11.0})->x.homogeneous()}};
     const MarkerView view(marker, 0.5, aperture_of(camera));
     constexpr int k = 12, coarse_k = 4;
     const Sampling own{.k = k, .kind = SampleKind::point};
@@ -308,11 +291,10 @@ void expect_near_focus_as_reference(double wavelength_nm, double z, RenderMethod
     std::vector<cv::Point> pixels;
     for (int n = 0; n < 30; ++n)
         pixels.push_back({240 + 37 * n % 167, 150 + 53 * n % 173});
-    ReferenceOptions options;
-    options.samples_per_scramble = 512;
     // Where a rare sample would have counted, none may have been drawn.
     const double one_sample = 1.0 / (16.0 * 512.0);
-    const auto reference = integrate_reference(camera, scene, pixels, options);
+    const auto reference =
+        integrate_reference(camera, scene, pixels, {.samples_per_scramble = 512});
     for (std::size_t n = 0; n < pixels.size(); ++n)
         EXPECT_LT(std::abs(image.radiance.at<float>(pixels[n]) - reference[n].mean),
                   0.1 * gray + one_sample + 4.0 * reference[n].standard_error)

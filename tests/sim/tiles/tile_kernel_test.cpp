@@ -3,6 +3,7 @@
 #include "sim/tiles/tile_kernel.h"
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <numeric>
@@ -91,9 +92,12 @@ double overlap(const SquareCut& a, const SquareCut& b) {
     return square_wedge_area(a, b);
 }
 
-template <class Cut>
-double sum_of_cells(const TileGeometry& tile, const std::vector<Cut>& columns,
-                    const std::vector<Cut>& rows) {
+// Of the parts that `cut_of` says of each line.
+template <class CutOf>
+double sum_of_cells(const TileGeometry& tile, CutOf cut_of) {
+    std::vector<std::invoke_result_t<CutOf, TileLine>> columns, rows;
+    std::ranges::transform(tile.columns, std::back_inserter(columns), cut_of);
+    std::ranges::transform(tile.rows, std::back_inserter(rows), cut_of);
     const auto cell = [&](std::size_t row, std::size_t column) {
         return tile.cells[row * (columns.size() + 1) + column];
     };
@@ -110,12 +114,8 @@ double sum_of_cells(const TileGeometry& tile, const std::vector<Cut>& columns,
 }
 
 double lens_average(const TileGeometry& tile, const Point& point) {
-    std::vector<DiskChord> columns, rows;
-    for (const TileLine& line : tile.columns)
-        columns.push_back(chord_of(line_of(tile, line, point)));
-    for (const TileLine& line : tile.rows)
-        rows.push_back(chord_of(line_of(tile, line, point)));
-    return sum_of_cells(tile, columns, rows);
+    return sum_of_cells(tile,
+                        [&](const TileLine& line) { return chord_of(line_of(tile, line, point)); });
 }
 
 SquareCut box_cut(const TileGeometry& tile, const TileLine& tile_line, const Point& point,
@@ -129,12 +129,7 @@ SquareCut box_cut(const TileGeometry& tile, const TileLine& tile_line, const Poi
 }
 
 double area_average(const TileGeometry& tile, const Point& point, const UnitLensPoint& l) {
-    std::vector<SquareCut> columns, rows;
-    for (const TileLine& line : tile.columns)
-        columns.push_back(box_cut(tile, line, point, l));
-    for (const TileLine& line : tile.rows)
-        rows.push_back(box_cut(tile, line, point, l));
-    return sum_of_cells(tile, columns, rows);
+    return sum_of_cells(tile, [&](const TileLine& line) { return box_cut(tile, line, point, l); });
 }
 
 // How far single precision may displace a line, px: some roundings of its largest terms.
@@ -278,28 +273,6 @@ struct WorstError {
     double against_truth = 0.0, against_first = 0.0;  // as parts of what is allowed
 };
 
-// Runs `evaluate` on every target; `truth` and `allowance` (beyond rounding) by point.
-template <class Evaluate>
-void compare(const std::vector<double>& truth, const std::vector<double>& allowance, int n,
-             Evaluate evaluate, WorstError& worst) {
-    std::vector<float> first;
-    on_every_target([&] {
-        std::vector<float> values(static_cast<std::size_t>(n * n));
-        evaluate(values.data());
-        if (first.empty())
-            first = values;
-        for (std::size_t i = 0; i < values.size(); ++i) {
-            const double error = std::abs(values[i] - truth[i]);
-            const double difference = std::abs(values[i] - first[i]);
-            // Written so that NaN counts.
-            if (!(error / (2e-3 * gray + allowance[i]) <= worst.against_truth))
-                worst.against_truth = error / (2e-3 * gray + allowance[i]);
-            if (!(difference / (1e-3 * gray + allowance[i]) <= worst.against_first))
-                worst.against_first = difference / (1e-3 * gray + allowance[i]);
-        }
-    });
-}
-
 // An everyday tile for averages over a disk and the lens.
 TileGeometry disk_tile(TileMaker& make) {
     TileGeometry tile = everyday_tile(make);
@@ -308,55 +281,73 @@ TileGeometry disk_tile(TileMaker& make) {
     return tile;
 }
 
-// Of 24 x 24 points those in blocks that no line cuts are not evaluated one by one.
-WorstError worst_lens_error(TileGeometry (*make_tile)(TileMaker&), int tiles, unsigned seed) {
+// At a point: the truth, and by how much single precision may miss it beyond rounding.
+struct Expected {
+    double value = 0.0, allowance = 0.0;
+};
+
+// Of so many samples a side in the i-th tile, what `evaluate` gives on every target.
+template <class ExpectedAt, class Evaluate>
+WorstError worst_error(TileGeometry (*make_tile)(TileMaker&), int tiles, unsigned seed,
+                       int (*samples_of)(int), ExpectedAt expected_at, Evaluate evaluate) {
     TileMaker make(seed);
     WorstError worst;
     for (int i = 0; i < tiles; ++i) {
-        const int n = i % 4 == 0 ? 24 : 16;
+        const int n = samples_of(i);
         const TilePositions positions(n);
         const TileGeometry tile = make_tile(make);
-        std::vector<double> truth, allowance;
-        for (int row = 0; row < n; ++row)
-            for (int column = 0; column < n; ++column) {
-                const Point point = point_of(tile, n, column, row);
-                truth.push_back(lens_average(tile, point));
-                allowance.push_back(lens_allowance(tile, point));
+        std::vector<Expected> expected;
+        for (int p = 0; p < n * n; ++p)
+            expected.push_back(expected_at(tile, point_of(tile, n, p % n, p / n)));
+        std::vector<float> first;
+        on_every_target([&] {
+            std::vector<float> values(expected.size());
+            evaluate(tile, positions, values.data());
+            if (first.empty())
+                first = values;
+            for (std::size_t p = 0; p < values.size(); ++p) {
+                const double allowance = expected[p].allowance;
+                const double error = std::abs(values[p] - expected[p].value);
+                const double difference = std::abs(values[p] - first[p]);
+                // Written so that NaN counts.
+                if (!(error / (2e-3 * gray + allowance) <= worst.against_truth))
+                    worst.against_truth = error / (2e-3 * gray + allowance);
+                if (!(difference / (1e-3 * gray + allowance) <= worst.against_first))
+                    worst.against_first = difference / (1e-3 * gray + allowance);
             }
-        compare(
-            truth, allowance, n,
-            [&](float* values) { exact_lens_samples(tile, positions, values); }, worst);
+        });
     }
     return worst;
 }
 
+// Of 24 x 24 points those in blocks that no line cuts are not evaluated one by one.
+WorstError worst_lens_error(TileGeometry (*make_tile)(TileMaker&), int tiles, unsigned seed) {
+    return worst_error(
+        make_tile, tiles, seed, [](int i) { return i % 4 == 0 ? 24 : 16; },
+        [](const TileGeometry& tile, const Point& point) {
+            return Expected{lens_average(tile, point), lens_allowance(tile, point)};
+        },
+        [](const TileGeometry& tile, const TilePositions& positions, float* values) {
+            exact_lens_samples(tile, positions, values);
+        });
+}
+
 WorstError worst_area_error(TileGeometry (*make_tile)(TileMaker&), int tiles, unsigned seed) {
-    constexpr int n = 12;
-    const TilePositions positions(n);
-    const std::vector<UnitLensPoint> lens_points{
+    static const std::vector<UnitLensPoint> lens_points{
         {0.3f, -0.6f, 0.375f}, {-0.9f, 0.2f, 0.5f}, {0.0f, 0.0f, 0.125f}};
-    TileMaker make(seed);
-    WorstError worst;
-    for (int i = 0; i < tiles; ++i) {
-        const TileGeometry tile = make_tile(make);
-        std::vector<double> truth, allowance;
-        for (int row = 0; row < n; ++row)
-            for (int column = 0; column < n; ++column) {
-                const Point point = point_of(tile, n, column, row);
-                double sum = 0.0, allowed = 0.0;
-                for (const UnitLensPoint& l : lens_points) {
-                    sum += l.weight * area_average(tile, point, l);
-                    allowed += l.weight * area_allowance(tile, point, l);
-                }
-                truth.push_back(sum);
-                allowance.push_back(allowed);
+    return worst_error(
+        make_tile, tiles, seed, [](int) { return 12; },
+        [](const TileGeometry& tile, const Point& point) {
+            Expected sum;
+            for (const UnitLensPoint& l : lens_points) {
+                sum.value += l.weight * area_average(tile, point, l);
+                sum.allowance += l.weight * area_allowance(tile, point, l);
             }
-        compare(
-            truth, allowance, n,
-            [&](float* values) { exact_area_samples(tile, positions, lens_points, values); },
-            worst);
-    }
-    return worst;
+            return sum;
+        },
+        [](const TileGeometry& tile, const TilePositions& positions, float* values) {
+            exact_area_samples(tile, positions, lens_points, values);
+        });
 }
 
 struct RandomTiles {

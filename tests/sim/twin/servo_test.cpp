@@ -4,8 +4,6 @@
 
 #include <cmath>
 #include <numbers>
-#include <string>
-#include <vector>
 
 #include "core/program/errors.h"
 
@@ -73,28 +71,6 @@ TEST(Servo, AgreesWithItselfForEveryDivisionOfTime) {
     for (int i = 0; i < 700; ++i)
         by_steps = servo.advance(by_steps, motion, i * 1e-3, (i + 1) * 1e-3);
     EXPECT_LT((at_once - by_steps).cwiseAbs().maxCoeff(), 1e-12);
-}
-
-// In steady cruise every second-order part lags by v 2 z / w, the drive by v times its lag, and the
-// carriage follows its motor.
-TEST(Servo, LagsBehindACruiseAsItsClosedFormSays) {
-    const ServoParameters p = soft_servo();
-    const Servo servo(p);
-    const Motion motion = Motion::between(0.0, 500.0, {30.0, 300.0});
-    const auto state = servo.advance(servo.at_rest(0.0), motion, 0.0, 10.0);
-    const double lag = 30.0 * (p.drive_lag + 2 * p.damping / (2 * pi * p.bandwidth_hz));
-    EXPECT_NEAR(motion.position(10.0) - servo.motor(state), lag, 1e-10);
-    EXPECT_NEAR(servo.carriage(state), servo.motor(state), 1e-10);
-}
-
-// Under a steady acceleration a spring of w rad/s is a / w^2 behind.
-TEST(Servo, TheCarriageHangsBackUnderAcceleration) {
-    const ServoParameters p = soft_servo();
-    const Servo servo(p);
-    const Motion motion = Motion::between(0.0, 1e6, {1e5, 300.0});
-    const auto state = servo.advance(servo.at_rest(0.0), motion, 0.0, 20.0);
-    const double wr = 2 * pi * p.resonance_hz;
-    EXPECT_NEAR(servo.motor(state) - servo.carriage(state), 300.0 / (wr * wr), 1e-8);
 }
 
 // After the motor has come to rest the carriage's swing decays by exp(-2 pi z / sqrt(1 - z^2)) from

@@ -1,6 +1,5 @@
 // Photographs as others bring them, through the built program: boards and markers of every kind, no
 // calibration, patterns and films, sets that are not of one camera. All are rendered here.
-#include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>

@@ -3,13 +3,11 @@
 #include <cstdlib>
 #include <regex>
 
-#include "core/file/text.h"
 #include "report/number_text.h"
 #include "station/certify/certificate.h"
 #include "tests/error_text.h"
 #include "tests/paths.h"
 #include "tests/station/station_of_mocks.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
@@ -318,5 +316,4 @@ TEST_F(PdfFile, IsNotWaitedForForEver) {
 }
 
 }  // namespace
-
 }  // namespace etalon

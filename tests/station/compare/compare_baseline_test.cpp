@@ -3,12 +3,8 @@
 #include "station/compare/compare_baseline.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 

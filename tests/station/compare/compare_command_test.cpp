@@ -1,20 +1,14 @@
 // `etalon compare` and `etalon detect` on photographs that were rendered from the same calibration.
 #include <fmt/format.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <tbb/global_control.h>
 
-#include <filesystem>
-#include <map>
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
 #include "station/compare/commands.h"
 #include "tests/error_text.h"
 #include "tests/pages.h"

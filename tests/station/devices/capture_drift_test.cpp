@@ -1,7 +1,5 @@
 #include "station/devices/drift_report.h"
 
-#include <fmt/format.h>
-
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"

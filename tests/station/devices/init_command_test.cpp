@@ -1,5 +1,4 @@
 // `etalon init`: what it writes is read by every command, and nothing is written over.
-#include <gmock/gmock.h>
 
 #include "station/devices/commands.h"
 #include "tests/error_text.h"

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
-#include <vector>
 
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
@@ -238,5 +237,4 @@ TEST(TrendOfRuns, FindsASteadyDrift) {
 }
 
 }  // namespace
-
 }  // namespace etalon

@@ -1,9 +1,7 @@
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "core/time/clock.h"
 #include "station/history/run_history.h"
 #include "tests/error_text.h"
@@ -282,5 +280,4 @@ TEST(Fleet, FitsEightyColumns) {
 }
 
 }  // namespace
-
 }  // namespace etalon

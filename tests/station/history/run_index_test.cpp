@@ -1,16 +1,10 @@
 #include "station/history/run_index.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include <nlohmann/json.hpp>
 
-#include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 #include "tests/file_size_limit.h"
 #include "tests/station/built_program.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {

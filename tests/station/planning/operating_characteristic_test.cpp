@@ -2,14 +2,10 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
-#include <cmath>
 #include <numeric>
 
-#include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

@@ -2,12 +2,8 @@
 #include "station/qualify/recorded_run.h"
 
 #include <fmt/chrono.h>
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 
 #include <ctime>
-#include <fstream>
-#include <map>
 
 #include "core/file/sha256.h"
 #include "core/statistics/random.h"

@@ -1,9 +1,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "station/record/qualify_result.h"
 #include "station/record/run_events.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
@@ -226,5 +224,4 @@ TEST(BootTime, IsComparedWithinOneBootAlone) {
 }
 
 }  // namespace
-
 }  // namespace etalon

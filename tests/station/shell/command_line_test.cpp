@@ -1,5 +1,4 @@
 // The built program as a user meets it: exit codes, one-line errors, nothing half-written.
-#include <gmock/gmock.h>
 
 #include "core/file/file_lock.h"
 #include "core/image/image.h"

@@ -1,11 +1,6 @@
 // The twin's Modbus server as a peer on the wire: hostile bytes, taken ports, several clients.
-#include <arpa/inet.h>
-#include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <poll.h>
-#include <sys/socket.h>
-
 #include "tests/loopback/stage_rig.h"
+#include "tests/loopback/tcp_connection.h"
 
 namespace etalon {
 namespace {
@@ -15,38 +10,20 @@ using Bytes = std::vector<std::uint8_t>;
 
 class RawClient {
 public:
-    explicit RawClient(int port) : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-        sockaddr_in address{};
-        address.sin_family = AF_INET;
-        address.sin_port = htons(static_cast<std::uint16_t>(port));
-        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        connected_ =
-            ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-    }
-    RawClient(const RawClient&) = delete;
-    RawClient& operator=(const RawClient&) = delete;
-    ~RawClient() { ::close(socket_); }
+    explicit RawClient(int port) : connection_(port) {}
 
     void send(const Bytes& bytes) {
-        ASSERT_TRUE(connected_);
-        ASSERT_EQ(::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL),
-                  static_cast<ssize_t>(bytes.size()));
+        ASSERT_TRUE(connection_.send({reinterpret_cast<const char*>(bytes.data()), bytes.size()}));
     }
     // The next bytes; empty when the server closed the connection or a second passed.
     Bytes receive() {
-        pollfd ready{socket_, POLLIN, 0};
-        Bytes bytes(300);
-        const ssize_t count =
-            ::poll(&ready, 1, 1000) == 1 ? recv(socket_, bytes.data(), bytes.size(), 0) : -1;
-        closed = count == 0;
-        bytes.resize(static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
-        return bytes;
+        const std::string bytes = connection_.read(1s);
+        return {bytes.begin(), bytes.end()};
     }
-    bool closed = false;
+    bool is_closed() { return connection_.is_closed_within(1s); }
 
 private:
-    int socket_;
-    bool connected_;
+    TcpConnection connection_;
 };
 
 TEST(ModbusStageServer, AnswersByTheLetterOfTheProtocol) {
@@ -90,7 +67,7 @@ TEST(ModbusStageServer, ClosesAConnectionThatDoesNotSpeakModbus) {
     RawClient client(rig.server->port());
     client.send({'G', 'E', 'T', ' ', '/', ' ', 'H', 'T'});
     EXPECT_TRUE(client.receive().empty());
-    EXPECT_TRUE(client.closed);
+    EXPECT_TRUE(client.is_closed());
 }
 
 TEST(ModbusStageServer, HalfARequestHoldsUpNobodyElse) {

@@ -130,22 +130,5 @@ TEST(Twin, GivesEveryFrameItsOwnNoise) {
     EXPECT_GT(cv::norm(first.pixels, second.pixels, cv::NORM_L1), 1000.0);
 }
 
-TEST(Twin, RefusesAStagePortThatIsTaken) {
-    const TwinFolder folder;
-    TwinFile file = read_twin_file(folder.file("twin.yaml"));
-    SteadyClock clock;
-    SimulatedStage other_stage(file.stage.axes, {}, clock);
-    const ModbusStageServer other(other_stage, builtin_stage_profile("generic"), 0);
-    file.stage.port = other.port();
-    EXPECT_THROW(Twin twin(file), DeviceError);
-}
-
-TEST(Twin, RefusesACameraPortThatIsTaken) {
-    const TwinFolder folder;
-    const TwinFile file = read_twin_file(folder.file("twin.yaml"));
-    const Twin first(file);
-    EXPECT_THROW(Twin second(file), DeviceError);
-}
-
 }  // namespace
 }  // namespace etalon

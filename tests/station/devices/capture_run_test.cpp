@@ -1,13 +1,12 @@
 #include "station/devices/capture_run.h"
 
 #include <gmock/gmock.h>
-#include <sys/resource.h>
 
-#include <csignal>
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
 #include "tests/fakes/fake_camera.h"
+#include "tests/file_size_limit.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -114,16 +113,12 @@ TEST_F(CaptureRun, EndsWhenAskedTo) {
     EXPECT_EQ(result.reason, "");
 }
 
-// No file may grow beyond what the process is allowed, which is what a full disk looks like.
 TEST_F(CaptureRun, SaysThatTheDiskIsFullAndKeepsWhatFitted) {
-    std::signal(SIGXFSZ, SIG_IGN);
-    rlimit before{};
-    getrlimit(RLIMIT_FSIZE, &before);
-    const rlimit small{100, before.rlim_max};
-    setrlimit(RLIMIT_FSIZE, &small);
     request_.frames = 200;
-    const CaptureResult result = run();
-    setrlimit(RLIMIT_FSIZE, &before);
+    const CaptureResult result = [this] {
+        const FileSizeLimit limit(100);
+        return run();
+    }();
     EXPECT_THAT(result.reason, HasSubstr("cannot be written"));
     EXPECT_LT(seen_, 200);
     EXPECT_FALSE(camera_.is_armed());

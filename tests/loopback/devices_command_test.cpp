@@ -1,19 +1,16 @@
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 
 #include "mocks/camera/gige_camera.h"
 #include "station/devices/commands.h"
+#include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
 
 std::string printed(bool json) {
-    DevicesArguments arguments;
-    arguments.json = json;
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_devices(arguments), 0);
-    return testing::internal::GetCapturedStdout();
+    const Finished done = finished([&] { return run_devices({.json = json}); });
+    EXPECT_EQ(done.exit_code, 0);
+    return done.out;
 }
 
 TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {

@@ -1,10 +1,7 @@
 // `etalon stage` on a simulated stage behind a real server.
-#include <gtest/gtest.h>
-
-#include "core/file/text.h"
 #include "station/devices/commands.h"
 #include "tests/loopback/stage_rig.h"
-#include "tests/temporary_folder.h"
+#include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
@@ -34,23 +31,12 @@ protected:
             << "  forbidden: [{name: lens, x: [300, 400]}]\n";
     }
 
-    // What is printed until its end, however that comes.
-    class Capture {
-    public:
-        explicit Capture(std::string& text) : text_(text) { testing::internal::CaptureStdout(); }
-        ~Capture() { text_ = testing::internal::GetCapturedStdout(); }
-        Capture(const Capture&) = delete;
-        Capture& operator=(const Capture&) = delete;
-
-    private:
-        std::string& text_;
-    };
-
     // The exit code; what was printed is in `printed`.
     int run(int (*command)(const StageArguments&), std::vector<std::string> targets = {}) {
         arguments.targets = std::move(targets);
-        const Capture capture(printed);
-        return command(arguments);
+        const Finished done = finished([&] { return command(arguments); });
+        printed = done.out;
+        return done.exit_code;
     }
 
     bool tells(const std::string& part) const { return printed.find(part) != std::string::npos; }
@@ -105,9 +91,7 @@ TEST_F(StageCommand, KeepsToTheStationsRules) {
 
 TEST_F(StageCommand, AsksBeforeHoming) {
     arguments.yes = false;  // and no terminal to ask on
-    testing::internal::CaptureStderr();
     EXPECT_ANY_THROW(run(run_stage_home));
-    testing::internal::GetCapturedStderr();
     EXPECT_TRUE(rig.server->writes().empty());
 }
 

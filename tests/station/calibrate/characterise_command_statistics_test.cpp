@@ -1,17 +1,13 @@
 // `etalon characterise` end to end: photographs of a camera that is known are rendered, and every
 // value that the command finds is within its own stated U of the truth.
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/files/camera_file.h"
-#include "core/file/text.h"
 #include "sim/render/reference_integrator.h"
 #include "station/calibrate/commands.h"
 #include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
@@ -144,13 +140,9 @@ CharacteriseArguments whole_session(Session& session) {
 }
 
 json run(const CharacteriseArguments& arguments, int exit_code) {
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
-    const int code = run_characterise(arguments);
-    const std::string out = testing::internal::GetCapturedStdout();
-    const std::string remarks = testing::internal::GetCapturedStderr();
-    EXPECT_EQ(code, exit_code) << out << remarks;
-    return json::parse(out);
+    const Finished done = finished([&] { return run_characterise(arguments); });
+    EXPECT_EQ(done.exit_code, exit_code) << done.out << done.err;
+    return json::parse(done.out);
 }
 
 void expect_recovered(const json& values, const char* key, double true_value, double most_u) {
@@ -299,9 +291,7 @@ TEST(CharacteriseCommand, TakesTheBitsFromWhateverPhotographsThereAre) {
         arguments.darks.push_back(folder / fmt::format("dark{}.png", i));
         write_image(arguments.darks.back(), {codes, 16});
     }
-    testing::internal::CaptureStdout();
-    run_characterise(arguments);
-    testing::internal::GetCapturedStdout();
+    finished([&] { return run_characterise(arguments); });
     const CameraModel back = read_camera(arguments.out);
     ASSERT_TRUE(back.sensor);
     EXPECT_EQ(back.sensor->bits, 16);
@@ -327,12 +317,11 @@ TEST(CharacteriseCommand, PrintsALineForEachQuantity) {
     CharacteriseArguments arguments = session.arguments();
     arguments.json = false;
     add_darks(session, arguments, 2);
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_characterise(arguments), 0);
-    const std::string out = testing::internal::GetCapturedStdout();
-    EXPECT_THAT(out, testing::ContainsRegex("black 9\\.[0-9]+ \\+- 0\\.0[0-9]+ DN\n"));
-    EXPECT_THAT(out, HasSubstr("not measured: gain and read noise: no repeats of one view\n"));
-    EXPECT_THAT(out, HasSubstr("camera " + arguments.out.string() + "\n"));
+    const Finished done = finished([&] { return run_characterise(arguments); });
+    EXPECT_EQ(done.exit_code, 0);
+    EXPECT_THAT(done.out, testing::ContainsRegex("black 9\\.[0-9]+ \\+- 0\\.0[0-9]+ DN\n"));
+    EXPECT_THAT(done.out, HasSubstr("not measured: gain and read noise: no repeats of one view\n"));
+    EXPECT_THAT(done.out, HasSubstr("camera " + arguments.out.string() + "\n"));
 }
 
 std::string input_error(const CharacteriseArguments& arguments) {

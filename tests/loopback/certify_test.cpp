@@ -83,9 +83,7 @@ TEST_F(CertifyCommand, GoesOnWithoutASensorAndThenRefusesToCertify) {
     EXPECT_EQ(count(record(), "climate lost"), 1);
     EXPECT_EQ(count(record(), "pose"), quick_poses);
     const auto refused = certify();
-    std::string said;
-    for (std::string line = refused->line(); !line.empty(); line = refused->line())
-        said += line + "\n";
+    const std::string said = refused->rest();
     EXPECT_EQ(refused->exit_code(), 3);
     EXPECT_THAT(said, HasSubstr("\nmissing the temperature during the whole run: room sensor"));
     EXPECT_FALSE(std::filesystem::exists(folder_ / "certificate"));

@@ -20,6 +20,10 @@ public:
         const std::string bytes = connection_.read(1s);
         return {bytes.begin(), bytes.end()};
     }
+    Bytes answer(const Bytes& request) {
+        send(request);
+        return receive();
+    }
     bool is_closed() { return connection_.is_closed_within(1s); }
 
 private:
@@ -30,34 +34,34 @@ TEST(ModbusStageServer, AnswersByTheLetterOfTheProtocol) {
     StageRig rig;
     RawClient client(rig.server->port());
     // Transaction 0x0705, unit 9: write 0x0001 to register 200, then read it.
-    client.send({7, 5, 0, 0, 0, 6, 9, 6, 0, 200, 0, 1});
-    EXPECT_EQ(client.receive(), (Bytes{7, 5, 0, 0, 0, 6, 9, 6, 0, 200, 0, 1}));
-    client.send({7, 6, 0, 0, 0, 6, 9, 3, 0, 200, 0, 1});
-    EXPECT_EQ(client.receive(), (Bytes{7, 6, 0, 0, 0, 5, 9, 3, 2, 0, 1}));
-    client.send({7, 7, 0, 0, 0, 11, 9, 16, 0, 100, 0, 2, 4, 0, 3, 0, 4});
-    EXPECT_EQ(client.receive(), (Bytes{7, 7, 0, 0, 0, 6, 9, 16, 0, 100, 0, 2}));
-    client.send({7, 8, 0, 0, 0, 6, 9, 3, 0, 100, 0, 2});
-    EXPECT_EQ(client.receive(), (Bytes{7, 8, 0, 0, 0, 7, 9, 3, 4, 0, 3, 0, 4}));
+    EXPECT_EQ(client.answer({7, 5, 0, 0, 0, 6, 9, 6, 0, 200, 0, 1}),
+              (Bytes{7, 5, 0, 0, 0, 6, 9, 6, 0, 200, 0, 1}));
+    EXPECT_EQ(client.answer({7, 6, 0, 0, 0, 6, 9, 3, 0, 200, 0, 1}),
+              (Bytes{7, 6, 0, 0, 0, 5, 9, 3, 2, 0, 1}));
+    EXPECT_EQ(client.answer({7, 7, 0, 0, 0, 11, 9, 16, 0, 100, 0, 2, 4, 0, 3, 0, 4}),
+              (Bytes{7, 7, 0, 0, 0, 6, 9, 16, 0, 100, 0, 2}));
+    EXPECT_EQ(client.answer({7, 8, 0, 0, 0, 6, 9, 3, 0, 100, 0, 2}),
+              (Bytes{7, 8, 0, 0, 0, 7, 9, 3, 4, 0, 3, 0, 4}));
 }
 
 TEST(ModbusStageServer, AnswersWhatItCannotDoWithAnExceptionAtOnce) {
     StageRig rig;
     RawClient client(rig.server->port());
     const Instant start = rig.clock.now();
-    client.send({0, 1, 0, 0, 0, 2, 1, 0x2B});  // unknown function
-    EXPECT_EQ(client.receive(), (Bytes{0, 1, 0, 0, 0, 3, 1, 0xAB, 1}));
-    client.send({0, 2, 0, 0, 0, 6, 1, 3, 0, 90, 0, 1});  // no such register
-    EXPECT_EQ(client.receive(), (Bytes{0, 2, 0, 0, 0, 3, 1, 0x83, 2}));
-    client.send({0, 7, 0, 0, 0, 6, 1, 4, 0, 100, 0, 1});  // another space
-    EXPECT_EQ(client.receive(), (Bytes{0, 7, 0, 0, 0, 3, 1, 0x84, 2}));
-    client.send({0, 3, 0, 0, 0, 6, 1, 3, 0, 0, 0, 126});  // too many
-    EXPECT_EQ(client.receive(), (Bytes{0, 3, 0, 0, 0, 3, 1, 0x83, 3}));
-    client.send({0, 4, 0, 0, 0, 6, 1, 3, 0, 0, 0, 0});  // none
-    EXPECT_EQ(client.receive(), (Bytes{0, 4, 0, 0, 0, 3, 1, 0x83, 3}));
-    client.send({0, 5, 0, 0, 0, 9, 1, 16, 0, 100, 0, 2, 2, 0, 3});  // count and bytes disagree
-    EXPECT_EQ(client.receive(), (Bytes{0, 5, 0, 0, 0, 3, 1, 0x90, 3}));
-    client.send({0, 6, 0, 0, 0, 3, 1, 3, 0});  // cut short
-    EXPECT_EQ(client.receive(), (Bytes{0, 6, 0, 0, 0, 3, 1, 0x83, 3}));
+    EXPECT_EQ(client.answer({0, 1, 0, 0, 0, 2, 1, 0x2B}),
+              (Bytes{0, 1, 0, 0, 0, 3, 1, 0xAB, 1}));  // unknown function
+    EXPECT_EQ(client.answer({0, 2, 0, 0, 0, 6, 1, 3, 0, 90, 0, 1}),
+              (Bytes{0, 2, 0, 0, 0, 3, 1, 0x83, 2}));  // no such register
+    EXPECT_EQ(client.answer({0, 7, 0, 0, 0, 6, 1, 4, 0, 100, 0, 1}),
+              (Bytes{0, 7, 0, 0, 0, 3, 1, 0x84, 2}));  // another space
+    EXPECT_EQ(client.answer({0, 3, 0, 0, 0, 6, 1, 3, 0, 0, 0, 126}),
+              (Bytes{0, 3, 0, 0, 0, 3, 1, 0x83, 3}));  // too many
+    EXPECT_EQ(client.answer({0, 4, 0, 0, 0, 6, 1, 3, 0, 0, 0, 0}),
+              (Bytes{0, 4, 0, 0, 0, 3, 1, 0x83, 3}));  // none
+    EXPECT_EQ(client.answer({0, 5, 0, 0, 0, 9, 1, 16, 0, 100, 0, 2, 2, 0, 3}),
+              (Bytes{0, 5, 0, 0, 0, 3, 1, 0x90, 3}));  // count and bytes disagree
+    EXPECT_EQ(client.answer({0, 6, 0, 0, 0, 3, 1, 3, 0}),
+              (Bytes{0, 6, 0, 0, 0, 3, 1, 0x83, 3}));  // cut short
     EXPECT_LT(rig.clock.now() - start, 400ms);
     EXPECT_TRUE(rig.server->writes().empty());
 }

@@ -4,9 +4,8 @@
 
 #include <gmock/gmock.h>
 
-#include "core/file/text.h"
 #include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/station/stations.h"
 
 namespace etalon {
 namespace {
@@ -129,10 +128,7 @@ class BaselineFile : public testing::Test {
 protected:
     // The good file with one text replaced.
     std::string message_with(const std::string& text, const std::string& replacement) {
-        std::string file = good_file;
-        const auto at = file.find(text);
-        EXPECT_NE(at, std::string::npos) << text;
-        return message_of(file.replace(at, text.size(), replacement));
+        return message_of(replaced(good_file, text, replacement));
     }
     std::string message_of(const std::string& file) {
         write_text(folder_ / "comparison.json", file);

@@ -6,6 +6,7 @@
 
 #include <numeric>
 
+#include "tests/error_text.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
@@ -208,12 +209,7 @@ protected:
         });
     }
     std::string refusal(const std::vector<std::filesystem::path>& shards) {
-        try {
-            merged_characteristic(shards);
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "merged";
+        return config_error_of([&] { merged_characteristic(shards); });
     }
     std::filesystem::path one() const { return folder_ / "part-1"; }
     std::filesystem::path two() const { return folder_ / "part-2"; }

@@ -107,11 +107,8 @@ TEST(GenicamCamera, NeverHandsOnAFrameOfAnotherSize) {
 }
 
 TEST(GenicamCamera, TriggersAgainWhenPacketsAreLostAndHandsOnOnlyWholeFrames) {
-    GigeCameraOptions options = small();
-    options.width = 151;  // 12 kB: leader, 9 packets, trailer
-    options.height = 80;
-    options.packet_loss = 0.02;
-    Rig rig(options);
+    // 12 kB: leader, 9 packets, trailer.
+    Rig rig({.width = 151, .height = 80, .packet_loss = 0.02});
     CameraLink link{.frame_timeout = 300ms};
     auto camera = rig.armed(link);
     // The chance that 60 frames of 11 packets lose none is 0.98^660 = 2e-6; that one of them fails

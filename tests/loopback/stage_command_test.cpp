@@ -20,15 +20,8 @@ protected:
     StageCommand() {
         arguments.station = folder.path() / "station.yaml";
         arguments.yes = true;
-        std::ofstream(arguments.station)
-            << "etalon: station/1\ncamera: {calibration: there-is-none.yml}\nstage:\n"
-            << "  link: {host: 127.0.0.1, port: " << rig.server->port() << "}\n"
-            << "  axes:\n"
-            << "    - {name: x, kind: linear, direction: [1, 0, 0], travel: [-7, 700], speed: "
-               "200}\n"
-            << "    - {name: rz, kind: rotary, direction: [0, 0, 1], point_mm: [0, 0, 0],\n"
-            << "       travel_deg: [-57, 114], speed_deg: 114}\n"
-            << "  forbidden: [{name: lens, x: [300, 400]}]\n";
+        write_text(arguments.station,
+                   station_of(rig, "  forbidden: [{name: lens, x: [300, 400]}]\n"));
     }
 
     // The exit code; what was printed is in `printed`.
@@ -70,9 +63,7 @@ TEST_F(StageCommand, MovesNothingThatIsNotHomed) {
 TEST_F(StageCommand, MovesAxesThatDoNotTellOnTheOperatorsWord) {
     const std::string profile = (folder.path() / "tacit.yaml").string();
     write_text(profile, tacit);
-    const std::string station = read_text(arguments.station), key = "stage:\n";
-    write_text(arguments.station, std::string(station).insert(station.find(key) + key.size(),
-                                                              "  profile: " + profile + "\n"));
+    write_text(arguments.station, station_of(rig, "  profile: " + profile + "\n"));
     EXPECT_EQ(run(run_stage_home), 0);
     EXPECT_THROW(run(run_stage_move, {"x=12.5"}), DeviceError);
     EXPECT_EQ(rig.count_writes(start_bit), 0);

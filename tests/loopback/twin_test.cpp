@@ -49,6 +49,13 @@ private:
     }
 };
 
+class TwinOnLoopback : public testing::Test {
+protected:
+    const TwinFolder folder;
+    Twin twin{read_twin_file(folder.file("twin.yaml"))};
+    Station station{twin};
+};
+
 // Mean of (code - expected)^2 / variance over the pixels that are neither dark nor saturated: 1 if
 // the picture is the expected one, with the noise that the sensor section says. Expected code
 // 255 L; variance 255 L / gain + (read / gain)^2 + 1/12 of the rounding, gain 40, read noise 20.
@@ -71,10 +78,7 @@ double chi_square(const CodeImage& image, const Radiance& radiance, int& pixels)
 // 18000 pixels here. Four of them, and as much again for the rounding that is not quite uniform.
 constexpr double chi_square_tolerance = 0.08;
 
-TEST(Twin, ShowsThePositionThatTheStageTrulyHas) {
-    const TwinFolder folder;
-    Twin twin(read_twin_file(folder.file("twin.yaml")));
-    Station station(twin);
+TEST_F(TwinOnLoopback, ShowsThePositionThatTheStageTrulyHas) {
     station.home();
     station.prepare(4500us);
     const std::vector<std::vector<double>> targets{
@@ -94,22 +98,16 @@ TEST(Twin, ShowsThePositionThatTheStageTrulyHas) {
     }
 }
 
-TEST(Twin, PutsItsErrorsBetweenTheTruthAndWhatTheStationReads) {
-    const TwinFolder folder;
-    Twin twin(read_twin_file(folder.file("twin.yaml")));
+TEST_F(TwinOnLoopback, PutsItsErrorsBetweenTheTruthAndWhatTheStationReads) {
     EXPECT_NEAR(twin.physics().camera().intrinsics.fx, 190 * 1.005, 1e-9);
     EXPECT_NEAR(twin.physics().camera().intrinsics.fy, 187 * 1.005, 1e-9);
-    Station station(twin);
     station.home();
     station.stage->move(std::vector<double>{20.0, 0.0}, {});
     EXPECT_NEAR(station.stage->position()[0], 20.0, 0.002);
     EXPECT_NEAR(twin.stage().true_positions()[0], 20.0 * 1.002, 0.002);  // came from below
 }
 
-TEST(Twin, IsExposedInProportionToTimeAndGain) {
-    const TwinFolder folder;
-    Twin twin(read_twin_file(folder.file("twin.yaml")));
-    Station station(twin);
+TEST_F(TwinOnLoopback, IsExposedInProportionToTimeAndGain) {
     const cv::Rect corner(2, 2, 12, 12);  // background, radiance 0.6
     const auto mean_at = [&](std::chrono::microseconds exposure, double gain_db) {
         station.prepare(exposure, gain_db);
@@ -124,10 +122,7 @@ TEST(Twin, IsExposedInProportionToTimeAndGain) {
     EXPECT_EQ(mean_at(20000us, 0.0), 255.0);
 }
 
-TEST(Twin, GivesEveryFrameItsOwnNoise) {
-    const TwinFolder folder;
-    Twin twin(read_twin_file(folder.file("twin.yaml")));
-    Station station(twin);
+TEST_F(TwinOnLoopback, GivesEveryFrameItsOwnNoise) {
     station.prepare(5000us);
     const CodeImage first = station.frame(), second = station.frame();
     EXPECT_GT(cv::norm(first.pixels, second.pixels, cv::NORM_L1), 1000.0);

@@ -19,12 +19,10 @@ using testing::HasSubstr;
 constexpr const char* tag_name = "apriltag:36h11:5@40mm";
 
 CameraModel small_camera(double focal_px = 400.0, double k1 = 0.0) {
-    CameraModel camera;
-    camera.width = 320;
-    camera.height = 240;
-    camera.intrinsics = {focal_px, focal_px * 1.005, 161.3, 118.4};
-    camera.distortion.k1 = k1;
-    return camera;
+    return {.width = 320,
+            .height = 240,
+            .intrinsics = {focal_px, focal_px * 1.005, 161.3, 118.4},
+            .distortion = {.k1 = k1}};
 }
 
 CodeImage photo_of(const CameraModel& camera, const std::vector<PlacedMarker>& markers) {

@@ -19,18 +19,17 @@ using testing::Not;
 constexpr const char* board = "chessboard:9x6@8mm";
 
 CameraModel truth() {
-    CameraModel camera;
-    camera.serial = "twin-7";
-    camera.width = 480;
-    camera.height = 360;
-    camera.intrinsics = {800.0, 800.0, 243.0, 171.0};
-    camera.distortion.k1 = -0.08;
-    camera.lens = Lens{1.4, 250.0, 550.0, {PointSpread::Kind::gaussian, 0.7}};
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0,
-                           .bits = 8,
-                           .black_dn = 9.3,
-                           .gain_e_per_dn = 12.0,
-                           .read_noise_e = 14.0};
+    CameraModel camera{.serial = "twin-7",
+                       .width = 480,
+                       .height = 360,
+                       .intrinsics = {800.0, 800.0, 243.0, 171.0},
+                       .distortion = {.k1 = -0.08},
+                       .lens = Lens{1.4, 250.0, 550.0, {PointSpread::Kind::gaussian, 0.7}},
+                       .sensor = Sensor{.pixel_pitch_um = 6.0,
+                                        .bits = 8,
+                                        .black_dn = 9.3,
+                                        .gain_e_per_dn = 12.0,
+                                        .read_noise_e = 14.0}};
     camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.3, 0.08, -0.05}};
     return camera;
 }

@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-constexpr const char* camera_text =
+constexpr const char* tag_camera_text =
     "etalon: camera/1\n"
     "image: {width: 320, height: 240}\n"
     "intrinsics: {fx: 400, fy: 402, cx: 161, cy: 118}\n"
@@ -31,11 +31,8 @@ constexpr const char* tag_name = "apriltag:36h11:5@50mm";
 class CompareCommand : public testing::Test {
 protected:
     void SetUp() override {
-        write_text(folder_ / "camera.yml", camera_text);
-        camera_.width = 320;
-        camera_.height = 240;
-        camera_.intrinsics = {400, 402, 161, 118};
-        camera_.distortion.k1 = -0.1;
+        write_text(folder_ / "camera.yml", tag_camera_text);
+        camera_ = read_camera(folder_ / "camera.yml");
     }
 
     fs::path photo_of_tag(const std::string& name, double x_mm) {

@@ -25,11 +25,7 @@ double warm_up_px(double minutes) {
 // would lie at the same place in their pixels, and their common error there, 0.15 px in sharp
 // images, would be taken for a movement.
 CameraModel small_camera() {
-    CameraModel camera;
-    camera.width = 200;
-    camera.height = 150;
-    camera.intrinsics = {300.0, 300.0, 99.7, 74.2};
-    return camera;
+    return {.width = 200, .height = 150, .intrinsics = {300.0, 300.0, 99.7, 74.2}};
 }
 
 Rigid pose_at(double minutes) {

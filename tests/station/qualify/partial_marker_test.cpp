@@ -13,11 +13,7 @@ Detector told(const DetectedCorners& corners) {
 }
 
 CameraModel webcam() {
-    CameraModel camera;
-    camera.width = 640;
-    camera.height = 480;
-    camera.intrinsics = {700.0, 705.0, 321.7, 238.2};
-    return camera;
+    return {.width = 640, .height = 480, .intrinsics = {700.0, 705.0, 321.7, 238.2}};
 }
 
 const Rigid camera_from_board{rotation_from_vector({0.3, -0.2, 0.5}), {-20.0, -11.0, 400.0}};

@@ -29,14 +29,6 @@ TEST(ImageWriter, WritesEverythingThatItWasGiven) {
         EXPECT_EQ(read_image(folder / fmt::format("{}.png", i)).pixels.at<uchar>(3, 2), i);
 }
 
-TEST(ImageWriter, FlushReturnsWhenTheFilesAreThere) {
-    const TemporaryFolder folder;
-    ImageWriter writer;
-    writer.write(folder / "a.png", image_of(7));
-    writer.flush();
-    EXPECT_TRUE(std::filesystem::exists(folder / "a.png"));
-}
-
 TEST(ImageWriter, SaysOnceThatAnImageCouldNotBeWritten) {
     const TemporaryFolder folder;
     ImageWriter writer;

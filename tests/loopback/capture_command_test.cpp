@@ -70,9 +70,8 @@ class CaptureOfAPoweredCamera : public testing::Test {
 protected:
     void start(int frames) {
         power_.switch_on(1);
-        capture_ = std::make_unique<Program>(
-            "etalon",
-            std::vector<std::string>{"capture", "--camera", "genicam:127.0.0.1", "--bits", "12",
+        capture_ =
+            start_program("etalon", {"capture", "--camera", "genicam:127.0.0.1", "--bits", "12",
                                      "--frames", fmt::to_string(frames), "--out", out_, "--live"});
         EXPECT_THAT(capture_->line(), HasSubstr("fps"));
     }

@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -109,5 +110,10 @@ private:
     pid_t process_ = 0;
     int output_ = -1;
 };
+
+inline std::unique_ptr<Program> start_program(const std::string& name,
+                                              std::vector<std::string> arguments) {
+    return std::make_unique<Program>(name, std::move(arguments));
+}
 
 }  // namespace etalon

@@ -41,7 +41,7 @@ protected:
             "serve",          (folder_ / "station.yaml").string(), "--records", records().string(),
             "--calibrations", (folder_ / "cameras").string(),      "--port",    "0"};
         arguments.insert(arguments.end(), more.begin(), more.end());
-        server_ = std::make_unique<Program>("etalon", arguments);
+        server_ = start_program("etalon", arguments);
         link_ = server_->line();
         ASSERT_EQ(link_.rfind("page http://127.0.0.", 0), 0u) << link_;
         web_port_ = std::stoi(link_.substr(link_.find(':', 12) + 1));

@@ -54,7 +54,6 @@ protected:
                                 150.0 + 12.0 * std::sin(4.0 * i)})});
     }
     Finished etalon(const std::string& arguments) const { return etalon_with(folder_, arguments); }
-    // Of a command that must succeed.
     nlohmann::json json_of(const std::string& arguments) const {
         const Finished finished = etalon(arguments + " --json");
         EXPECT_EQ(finished.exit_code, 0) << finished.err;

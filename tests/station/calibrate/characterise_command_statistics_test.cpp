@@ -42,7 +42,6 @@ CameraModel data_sheet() {
     return camera;
 }
 
-// The photographs of one session in a folder.
 class Session {
 public:
     explicit Session(std::uint64_t seed, const CameraModel& camera = truth())

@@ -177,7 +177,6 @@ TEST_F(CertifiedRun, SaysThatItWasResumedAndWhyThereIsNoVerdict) {
                 Not(HasSubstr("<dcc:conformity>")));
 }
 
-// The contents of an element, of all that there are.
 std::vector<std::string> contents(const std::string& xml, const std::string& element) {
     const std::regex pattern("<" + element + ">([^<]*)</" + element + ">");
     std::vector<std::string> found;

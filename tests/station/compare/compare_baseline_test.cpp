@@ -110,8 +110,6 @@ TEST(CompareBaseline, RefusesAnotherCameraByName) {
     EXPECT_THAT(message(other), HasSubstr("chessboard:9x6@24mm"));
 }
 
-// ---- files ----------------------------------------------------------------------------------
-
 constexpr const char* good_file = R"json({
   "etalon": "comparison/1", "serial": "SN-7", "image": {"width": 640, "height": 480},
   "marker": "chessboard:9x6@25mm", "mean_residual_gray": 5.5,
@@ -126,7 +124,6 @@ constexpr const char* good_file = R"json({
 
 class BaselineFile : public testing::Test {
 protected:
-    // The good file with one text replaced.
     std::string message_with(const std::string& text, const std::string& replacement) {
         return message_of(replaced(good_file, text, replacement));
     }

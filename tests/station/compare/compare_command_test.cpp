@@ -68,7 +68,6 @@ protected:
     static nlohmann::json json_of(const CompareArguments& wanted) {
         return nlohmann::json::parse(read_text(wanted.out / "comparison.json"));
     }
-    // Rows of a pose file.
     fs::path poses(const std::string& rows) const {
         write_text(folder_ / "poses.csv", "rx,ry,rz,tx,ty,tz\n" + rows);
         return folder_ / "poses.csv";
@@ -201,7 +200,6 @@ TEST_F(CompareCommand, RefusesContradictoryArgumentsBeforeItWritesAnything) {
     EXPECT_THROW(run_compare(onto_a_file), ConfigError);
 }
 
-// All files of a folder: name and bytes.
 std::map<std::string, std::string> contents(const fs::path& folder) {
     std::map<std::string, std::string> files;
     for (const auto& entry : fs::directory_iterator(folder))

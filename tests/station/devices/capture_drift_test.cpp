@@ -134,8 +134,6 @@ TEST_F(CaptureDrift, CountsBadFramesAsNotSeen) {
     EXPECT_TRUE(result.monitor.frames()[2].seen);
 }
 
-// ---- the command, with a recording
-
 class DriftCommand : public testing::Test {
 protected:
     DriftCommand() {

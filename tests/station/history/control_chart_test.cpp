@@ -142,7 +142,6 @@ long s_of(const std::vector<double>& values) {
     return s;
 }
 
-// Every order of n values is counted.
 TEST(TrendOfRuns, HasTheProbabilityThatCountingAllOrdersGives) {
     for (int n = 2; n <= 7; ++n) {
         std::vector<double> order(static_cast<std::size_t>(n));

@@ -196,7 +196,6 @@ protected:
             simulate(folder_ / fmt::format("part-{}", i), {i, 2}, planned_);
     }
 
-    // What the shard's record lacks.
     void simulate(const std::filesystem::path& out, const Shard& shard,
                   const StationCharacteristic& planned) {
         RowRecord record(out, oc_rows(planned, shard));

@@ -7,7 +7,6 @@
 namespace etalon {
 namespace {
 
-// Sees what it is told to.
 Detector told(const DetectedCorners& corners) {
     return {"told", [corners](const CodeImage&) { return Detection{corners}; }};
 }

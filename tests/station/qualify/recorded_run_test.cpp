@@ -19,7 +19,6 @@ namespace {
 
 using testing::HasSubstr;
 
-// The files of a folder by their paths in it, with their content.
 std::map<std::string, std::string> files_of(const std::filesystem::path& folder) {
     std::map<std::string, std::string> files;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))

@@ -317,7 +317,6 @@ TEST_F(Runner, GoesOnWhenOneOfTheFirstThreePosesShowsTheMarker) {
     EXPECT_EQ(result.poses.size(), 25u);
 }
 
-// The whole chain in process.
 TEST_F(Runner, PassesATrueCamera) {
     show_a_true_camera(mocks);
     const QualifyResult result = mocks.run();

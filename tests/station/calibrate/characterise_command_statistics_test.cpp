@@ -82,12 +82,10 @@ public:
     }
 
     CharacteriseArguments arguments() const {
-        CharacteriseArguments arguments;
-        arguments.camera = folder_ / "camera.yml";
-        arguments.target = board;
-        arguments.out = folder_ / "characterised.yml";
-        arguments.json = true;
-        return arguments;
+        return {.camera = folder_ / "camera.yml",
+                .target = board,
+                .out = folder_ / "characterised.yml",
+                .json = true};
     }
 
 private:
@@ -278,10 +276,8 @@ TEST(CharacteriseCommand, TakesTheBitsFromWhateverPhotographsThereAre) {
     camera.sensor.reset();
     camera.lens.reset();
     write_camera(folder / "camera.yml", camera);
-    CharacteriseArguments arguments;
-    arguments.camera = folder / "camera.yml";
-    arguments.target = board;
-    arguments.out = folder / "out.yml";
+    CharacteriseArguments arguments{
+        .camera = folder / "camera.yml", .target = board, .out = folder / "out.yml"};
     for (int i = 0; i < 3; ++i) {
         cv::Mat codes(camera.height, camera.width, CV_16UC1);
         cv::RNG random(static_cast<std::uint64_t>(7 + i));

@@ -14,11 +14,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 PhotoSummary photo(const std::string& name, double residual_gray) {
-    PhotoSummary summary;
-    summary.name = name;
-    summary.outcome = "matched";
-    summary.residual_gray = residual_gray;
-    return summary;
+    return {.name = name, .outcome = "matched", .residual_gray = residual_gray};
 }
 
 ComparisonSummary comparison(std::vector<PhotoSummary> photos) {

@@ -51,12 +51,10 @@ protected:
         return path;
     }
     CompareArguments arguments(std::vector<fs::path> photos) const {
-        CompareArguments result;
-        result.camera = folder_ / "camera.yml";
-        result.out = folder_ / "out";
-        result.marker = tag_name;
-        result.photos = std::move(photos);
-        return result;
+        return {.camera = folder_ / "camera.yml",
+                .out = folder_ / "out",
+                .marker = tag_name,
+                .photos = std::move(photos)};
     }
     // Of run_compare() or run_detect(), which must succeed.
     template <class Arguments>
@@ -262,10 +260,10 @@ TEST_F(CompareCommand, NamesWhatStandsInTheWayOfAMatch) {
 }
 
 TEST_F(CompareCommand, DetectPrintsThePoseOfEachPhotograph) {
-    DetectArguments wanted;
-    wanted.marker = tag_name;
-    wanted.camera = folder_ / "camera.yml";
-    wanted.photos = {photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)};
+    DetectArguments wanted{
+        .marker = tag_name,
+        .camera = folder_ / "camera.yml",
+        .photos = {photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)}};
     const std::string table = printed(run_detect, wanted);
     EXPECT_THAT(table, HasSubstr("a.png"));
     EXPECT_THAT(table, HasSubstr("nothing.png marker not found"));
@@ -277,12 +275,11 @@ class PhotometricDetect : public CompareCommand {
 protected:
     // The photograph of photo_of_tag("a.png", 7.0) and where the marker is found in it.
     nlohmann::json found(const std::string& starts) {
-        DetectArguments wanted;
-        wanted.marker = tag_name;
-        wanted.camera = folder_ / "camera.yml";
-        wanted.photos = {photo_of_tag("a.png", 7.0)};
-        wanted.detector = "photometric";
-        wanted.json = true;
+        DetectArguments wanted{.marker = tag_name,
+                               .camera = folder_ / "camera.yml",
+                               .photos = {photo_of_tag("a.png", 7.0)},
+                               .detector = "photometric",
+                               .json = true};
         if (!starts.empty())
             wanted.poses = poses(starts + "\n");
         return nlohmann::json::parse(printed(run_detect, wanted)).at("photos").at(0);

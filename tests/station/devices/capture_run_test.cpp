@@ -134,11 +134,7 @@ TEST(CaptureCommand, RefusesArgumentsWithoutAPurpose) {
 }
 
 Frame frame_of(const cv::Mat& codes, int bits, Instant start) {
-    Frame frame;
-    frame.image = {codes, bits};
-    frame.status = FrameStatus::complete;
-    frame.exposure_start = start;
-    return frame;
+    return {.image = {codes, bits}, .status = FrameStatus::complete, .exposure_start = start};
 }
 
 TEST(LiveView, MeasuresRateMeanNoiseAndSaturation) {

@@ -159,16 +159,14 @@ TEST_F(History, RefusesWhatIsNoRecord) {
 
 HistoricRun run_on(const std::string& day, const std::string& outcome, double value,
                    const std::string& camera = "CAM-7") {
-    HistoricRun run;
-    run.started_utc = day + "T14:05:09Z";
-    run.outcome = outcome;
-    run.camera = camera;
-    run.station = "demo";
-    run.marker = "apriltag:36h11:5@80mm";
-    run.calibration_sha256 = "a";
-    run.due_after_days = 90;
-    run.quantities = {{"b3_position_field_rms_mm", "mm", value, 0.005, 0.06, outcome}};
-    return run;
+    return {.started_utc = day + "T14:05:09Z",
+            .outcome = outcome,
+            .camera = camera,
+            .station = "demo",
+            .marker = "apriltag:36h11:5@80mm",
+            .calibration_sha256 = "a",
+            .due_after_days = 90,
+            .quantities = {{"b3_position_field_rms_mm", "mm", value, 0.005, 0.06, outcome}}};
 }
 
 std::vector<CameraState> states(const std::vector<HistoricRun>& runs, const std::string& today) {

@@ -133,10 +133,7 @@ OperatingCharacteristic of_one_process(const RunSimulator& simulator,
 class Characteristic : public SimulatedRun {
 protected:
     OperatingCharacteristic study(const std::vector<std::string>& errors, int runs) const {
-        CharacteristicRequest request;
-        request.runs = runs;
-        request.errors = errors;
-        return of_one_process(simulator_, request);
+        return of_one_process(simulator_, {.runs = runs, .errors = errors});
     }
 };
 

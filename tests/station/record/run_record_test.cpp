@@ -229,14 +229,12 @@ QualifyResult result_with(RunOutcome outcome, const std::vector<JudgedQuantity>&
 }
 
 JudgedQuantity quantity(const std::string& name, Outcome outcome) {
-    JudgedQuantity q;
-    q.name = name;
-    q.unit = "mm";
-    q.value = 0.07;
-    q.expanded_uncertainty = 0.02;
-    q.limit = 0.3;
-    q.outcome = outcome;
-    return q;
+    return {.name = name,
+            .unit = "mm",
+            .value = 0.07,
+            .expanded_uncertainty = 0.02,
+            .limit = 0.3,
+            .outcome = outcome};
 }
 
 TEST(Junit, HasATestCaseForEachQuantityAndOneForTheVerdict) {

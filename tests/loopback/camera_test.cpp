@@ -62,8 +62,7 @@ TEST(GenicamCamera, DoesNotTakeALateFrameForTheAnswerToTheNextTrigger) {
             released.wait_for(10s);  // not for ever: the camera may be gone by then
         return seen;
     });
-    CameraLink link{.frame_timeout = 100ms};
-    auto camera = open_camera("genicam:127.0.0.1", link, clock);
+    auto camera = open_camera("genicam:127.0.0.1", {.frame_timeout = 100ms}, clock);
     camera->configure({});
     camera->arm();
     dawdle = true;
@@ -109,8 +108,7 @@ TEST(GenicamCamera, NeverHandsOnAFrameOfAnotherSize) {
 TEST(GenicamCamera, TriggersAgainWhenPacketsAreLostAndHandsOnOnlyWholeFrames) {
     // 12 kB: leader, 9 packets, trailer.
     Rig rig({.width = 151, .height = 80, .packet_loss = 0.02});
-    CameraLink link{.frame_timeout = 300ms};
-    auto camera = rig.armed(link);
+    auto camera = rig.armed({.frame_timeout = 300ms});
     // The chance that 60 frames of 11 packets lose none is 0.98^660 = 2e-6; that one of them fails
     // 13 times in a row, with a chance of 0.2 each, 60 * 8e-10.
     for (int i = 0; i < 60; ++i) {

@@ -80,8 +80,7 @@ protected:
     std::array<int, 2> pictures_in_the_record() const {
         SteadyClock clock;
         const auto replay = open_camera("files:" + out_, {}, clock);
-        CaptureSettings as_recorded{.bits = PoweredCamera::bits};
-        replay->configure(as_recorded);
+        replay->configure({.bits = PoweredCamera::bits});
         replay->arm();
         std::array<int, 2> found{};
         const int complete = record()["frames_complete"];

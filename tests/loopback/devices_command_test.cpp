@@ -14,8 +14,8 @@ std::string printed(bool json) {
 }
 
 TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {
-    GigeCameraOptions options{.serial = "SN-75"};
-    const GigeCamera camera(options, [](const CaptureSettings&) { return CodeImage{}; });
+    const GigeCamera camera({.serial = "SN-75"},
+                            [](const CaptureSettings&) { return CodeImage{}; });
     const std::string table = printed(false);
     for (const char* words :
          {"genicam           yes  Aravis", "genicam:Aravis-Fake-SN-75  Aravis Fake, serial SN-75",
@@ -31,8 +31,8 @@ TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {
 }
 
 TEST(DevicesCommand, PrintsTheSameAsJson) {
-    GigeCameraOptions options{.serial = "SN-75"};
-    const GigeCamera camera(options, [](const CaptureSettings&) { return CodeImage{}; });
+    const GigeCamera camera({.serial = "SN-75"},
+                            [](const CaptureSettings&) { return CodeImage{}; });
     const nlohmann::json json = nlohmann::json::parse(printed(true));
     EXPECT_EQ(json.at("etalon"), "devices/1");
     const nlohmann::json genicam = json.at("camera_backends").at(0);

@@ -50,8 +50,7 @@ public:
 
     Clock& clock() override { return rig_.clock_; }
     std::unique_ptr<Camera> open() override {
-        CameraLink link{.frame_timeout = 400ms, .packet_size = 576};
-        return rig_.open(link);
+        return rig_.open({.frame_timeout = 400ms, .packet_size = 576});
     }
     CaptureSettings settings() const override {
         CaptureSettings settings = rig_.settings();

@@ -93,8 +93,7 @@ TEST_F(GenicamFeatures, SwitchesAutomaticFunctionsOff) {
     GigeRig rig(sensor());
     auto camera = rig.open(link_);
     const auto automatic_gain = [&] { return control_of(*camera, "GainAuto").value; };
-    CaptureSettings automatic{.controls = {{"GainAuto", 2.0}}};
-    camera->configure(automatic);
+    camera->configure({.controls = {{"GainAuto", 2.0}}});
     EXPECT_EQ(automatic_gain(), "Continuous");
     camera->configure({});
     EXPECT_EQ(automatic_gain(), "Off");
@@ -119,8 +118,7 @@ TEST_F(GenicamFeatures, ListsFormatsAndControlsWithTheirRanges) {
 TEST_F(GenicamFeatures, WaitsForTheLineThatTriggersIt) {
     GigeRig rig(sensor(true));
     link_.frame_timeout = 400ms;
-    CaptureSettings wanted{.trigger = "Line1"};
-    auto camera = armed(rig, wanted);
+    auto camera = armed(rig, {.trigger = "Line1"});
     EXPECT_EQ(camera->frame_after(rig.clock_.now(), 0, {}).status, FrameStatus::timed_out);
     const Instant t = rig.clock_.now();
     std::thread line([&] {
@@ -139,8 +137,7 @@ TEST_F(GenicamFeatures, WaitsForTheLineThatTriggersIt) {
 TEST_F(GenicamFeatures, DatesAFrameByTheDevicesClockWhereThereIsOne) {
     for (const bool latches : {false, true}) {
         GigeRig rig(sensor(latches));
-        CaptureSettings wanted{.exposure = 2000us};
-        auto camera = armed(rig, wanted);
+        auto camera = armed(rig, {.exposure = 2000us});
         const Instant before = rig.clock_.now();
         const Frame frame = camera->frame_after(before, 5, {});
         EXPECT_EQ(frame.time_source, latches ? TimeSource::device_clock : TimeSource::request);
@@ -154,8 +151,7 @@ TEST_F(GenicamFeatures, RefusesFramesWhoseClockJumpedAndRecovers) {
     for (const std::chrono::nanoseconds jump :
          {std::chrono::nanoseconds(-1h), 1000000000ns * 3600}) {
         GigeRig rig(sensor(true));
-        CaptureSettings wanted{.trigger = "none", .controls = {{"AcquisitionFrameRate", 50.0}}};
-        auto camera = armed(rig, wanted);
+        auto camera = armed(rig, {.trigger = "none", .controls = {{"AcquisitionFrameRate", 50.0}}});
         ASSERT_EQ(camera->frame_after(rig.clock_.now(), 0, {}).status, FrameStatus::complete);
         // Between the reading of the clock and the next frame, if it does not come within 5 ms:
         // of 20.
@@ -202,8 +198,7 @@ TEST_F(GenicamFeatures, CountsWhatTheStreamLost) {
 // A camera whose buffers fill while nobody looks.
 TEST_F(GenicamFeatures, CountsUnderrunsAndSkippedFrames) {
     GigeRig rig(sensor(true));
-    CaptureSettings wanted{.trigger = "none", .controls = {{"AcquisitionFrameRate", 100.0}}};
-    auto camera = armed(rig, wanted);
+    auto camera = armed(rig, {.trigger = "none", .controls = {{"AcquisitionFrameRate", 100.0}}});
     rig.clock_.wait_for(400ms, {});
     EXPECT_EQ(camera->frame_after(rig.clock_.now(), 3, {}).status, FrameStatus::complete);
     EXPECT_GT(camera->statistics().underruns, 10);
@@ -212,8 +207,7 @@ TEST_F(GenicamFeatures, CountsUnderrunsAndSkippedFrames) {
 
 TEST_F(GenicamFeatures, SaysThatAFrozenCameraIsGoneAndTakesItUpAgain) {
     GigeRig rig(sensor());
-    CaptureSettings wanted{.exposure = 7000us, .gain_db = 5.0};
-    auto camera = armed(rig, wanted);
+    auto camera = armed(rig, {.exposure = 7000us, .gain_db = 5.0});
     rig.device_->freeze();
     const Instant frozen = rig.clock_.now();
     EXPECT_THROW(camera->frame_after(frozen, 100, {}), DeviceError);

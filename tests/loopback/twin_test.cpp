@@ -17,15 +17,13 @@ constexpr double deg = std::numbers::pi / 180.0;
 
 struct Station {
     explicit Station(const Twin& twin) {
-        StageLink link;
-        link.address = TcpAddress{"127.0.0.1", twin.stage_port()};
-        stage = open_stage(link, "generic", axes, clock);
+        stage = open_stage({.address = TcpAddress{"127.0.0.1", twin.stage_port()}}, "generic", axes,
+                           clock);
         camera = open_camera("genicam:127.0.0.1", {}, clock);
     }
 
     void prepare(std::chrono::microseconds exposure, double gain_db = 0.0) {
-        CaptureSettings settings{.exposure = exposure, .gain_db = gain_db};
-        camera->configure(settings);
+        camera->configure({.exposure = exposure, .gain_db = gain_db});
         camera->arm();
     }
     void home() {

@@ -7,7 +7,7 @@
 
 namespace etalon {
 
-class FakeStage final : public Stage {
+class FakeStage : public Stage {
 public:
     explicit FakeStage(std::vector<Axis> axes) : axes_(std::move(axes)), position_(axes_.size()) {}
 

@@ -70,9 +70,8 @@ class CaptureOfAPoweredCamera : public testing::Test {
 protected:
     void start(int frames) {
         power_.switch_on(1);
-        capture_ = std::make_unique<Program>(
-            "etalon",
-            std::vector<std::string>{"capture", "--camera", "genicam:127.0.0.1", "--bits", "12",
+        capture_ =
+            start_program("etalon", {"capture", "--camera", "genicam:127.0.0.1", "--bits", "12",
                                      "--frames", fmt::to_string(frames), "--out", out_, "--live"});
         EXPECT_THAT(capture_->line(), HasSubstr("fps"));
     }
@@ -81,8 +80,7 @@ protected:
     std::array<int, 2> pictures_in_the_record() const {
         SteadyClock clock;
         const auto replay = open_camera("files:" + out_, {}, clock);
-        CaptureSettings as_recorded{.bits = PoweredCamera::bits};
-        replay->configure(as_recorded);
+        replay->configure({.bits = PoweredCamera::bits});
         replay->arm();
         std::array<int, 2> found{};
         const int complete = record()["frames_complete"];

@@ -12,19 +12,11 @@ using testing::HasSubstr;
 class CertifyCommand : public QuickRun {
 protected:
     CertifyCommand() {
-        twin_->send(SIGTERM);
-        twin_->exit_code();
-        write_text(folder_ / "twin.yaml",
-                   std::string(quick_twin) +
-                       "room: {port: 0, temperature_c: 20.31, swing_k: 0.12, "
-                       "period_s: 1.7, humidity_percent: 47.3}\n");
-        twin_ = std::make_unique<Program>(
-            "etalon-twin", std::vector<std::string>{(folder_ / "twin.yaml").string()});
-        const std::string line = twin_->line();
-        const std::string stage = "stage 127.0.0.1:", room = "room 127.0.0.1:";
-        stage_port_ = line.substr(line.find(stage) + stage.size());
-        stage_port_ = stage_port_.substr(0, stage_port_.find(','));
-        room_port_ = std::string(trimmed(line.substr(line.find(room) + room.size())));
+        start_twin(
+            "room: {port: 0, temperature_c: 20.31, swing_k: 0.12, period_s: 1.7, "
+            "humidity_percent: 47.3}\n");
+        const std::string room = "room 127.0.0.1:";
+        room_port_ = trimmed(twin_ready_.substr(twin_ready_.find(room) + room.size()));
         write_station_with_room(room_port_);
         write_text(folder_ / "certificate.yaml",
                    read_text(ETALON_SOURCE_DIR "/examples/every-key/certificate.yaml"));
@@ -39,7 +31,7 @@ protected:
             "  temperature: {input_register: 0, type: int16, scale: 0.01}\n"
             "  humidity: {input_register: 1, type: uint16, scale: 0.1}";
         write_text(folder_ / "station.yaml",
-                   quick_station(stage_port_) + replaced(traced_text, by_hand, by_sensor));
+                   quick_station(port_) + replaced(traced_text, by_hand, by_sensor));
     }
 
     std::filesystem::path record() const { return folder_ / "record"; }
@@ -49,13 +41,12 @@ protected:
         return program.exit_code();
     }
     std::unique_ptr<Program> certify() const {
-        return std::make_unique<Program>(
-            "etalon", std::vector<std::string>{"certify", record().string(), "--form",
-                                               (folder_ / "certificate.yaml").string(), "--out",
-                                               (folder_ / "certificate").string()});
+        return start_program("etalon", {"certify", record().string(), "--form",
+                                        (folder_ / "certificate.yaml").string(), "--out",
+                                        (folder_ / "certificate").string()});
     }
 
-    std::string stage_port_, room_port_;
+    std::string room_port_;
 };
 
 // The sine's deviation is 0.12 / sqrt(2) where the poses meet it everywhere.
@@ -83,9 +74,7 @@ TEST_F(CertifyCommand, GoesOnWithoutASensorAndThenRefusesToCertify) {
     EXPECT_EQ(count(record(), "climate lost"), 1);
     EXPECT_EQ(count(record(), "pose"), quick_poses);
     const auto refused = certify();
-    std::string said;
-    for (std::string line = refused->line(); !line.empty(); line = refused->line())
-        said += line + "\n";
+    const std::string said = refused->rest();
     EXPECT_EQ(refused->exit_code(), 3);
     EXPECT_THAT(said, HasSubstr("\nmissing the temperature during the whole run: room sensor"));
     EXPECT_FALSE(std::filesystem::exists(folder_ / "certificate"));

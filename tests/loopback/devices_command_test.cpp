@@ -1,24 +1,21 @@
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 
 #include "mocks/camera/gige_camera.h"
 #include "station/devices/commands.h"
+#include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
 
 std::string printed(bool json) {
-    DevicesArguments arguments;
-    arguments.json = json;
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_devices(arguments), 0);
-    return testing::internal::GetCapturedStdout();
+    const Finished done = finished([&] { return run_devices({.json = json}); });
+    EXPECT_EQ(done.exit_code, 0);
+    return done.out;
 }
 
 TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {
-    GigeCameraOptions options{.serial = "SN-75"};
-    const GigeCamera camera(options, [](const CaptureSettings&) { return CodeImage{}; });
+    const GigeCamera camera({.serial = "SN-75"},
+                            [](const CaptureSettings&) { return CodeImage{}; });
     const std::string table = printed(false);
     for (const char* words :
          {"genicam           yes  Aravis", "genicam:Aravis-Fake-SN-75  Aravis Fake, serial SN-75",
@@ -34,8 +31,8 @@ TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {
 }
 
 TEST(DevicesCommand, PrintsTheSameAsJson) {
-    GigeCameraOptions options{.serial = "SN-75"};
-    const GigeCamera camera(options, [](const CaptureSettings&) { return CodeImage{}; });
+    const GigeCamera camera({.serial = "SN-75"},
+                            [](const CaptureSettings&) { return CodeImage{}; });
     const nlohmann::json json = nlohmann::json::parse(printed(true));
     EXPECT_EQ(json.at("etalon"), "devices/1");
     const nlohmann::json genicam = json.at("camera_backends").at(0);

@@ -34,9 +34,8 @@ public:
     int stale_frames_of(int moves) {
         auto stage = stage_.connect_and_home();
         auto camera = open_camera("genicam:127.0.0.1", {}, stage_.clock);
-        CaptureSettings wanted{.exposure = 2000us, .trigger = "none"};
-        wanted.controls["AcquisitionFrameRate"] = 100.0;
-        camera->configure(wanted);
+        camera->configure(
+            {.exposure = 2000us, .trigger = "none", .controls = {{"AcquisitionFrameRate", 100.0}}});
         camera->arm();
         int stale = 0;
         for (int i = 0; i < moves; ++i) {

@@ -47,8 +47,7 @@ protected:
 
 // A camera of 60 kB a frame.
 TEST_F(FullDisk, EndsACaptureWith4AndKeepsTheFramesThatFitted) {
-    GigeCameraOptions options{.width = 300, .height = 200};
-    GigeRig rig(options);
+    GigeRig rig({.width = 300, .height = 200});
     const int code = run(
         {"capture", "--camera", "genicam:127.0.0.1", "--frames", "500", "--out", out_, "--live"});
     if (IsSkipped())

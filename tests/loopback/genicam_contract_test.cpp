@@ -20,13 +20,27 @@ struct GenicamCase {
 };
 
 GigeCameraOptions options_of(const GenicamCase& tested) {
-    GigeCameraOptions options;
-    options.width = 150;  // 12 kB and more: 23 packets of 576 bytes
-    options.height = 80;
-    options.bits = tested.bits;
-    options.latches = tested.latches;
-    options.chunk_payload_type = tested.chunk_payload_type;
-    return options;
+    return {.width = 150,  // 12 kB and more: 23 packets of 576 bytes
+            .height = 80,
+            .bits = tested.bits,
+            .latches = tested.latches,
+            .chunk_payload_type = tested.chunk_payload_type};
+}
+
+// What no camera here does.
+std::vector<CameraRig::Refusal> refusals_of_any(const CaptureSettings& settings, int too_wide) {
+    CaptureSettings wide = settings, long_exposure = wide, loud = wide, unknown = wide,
+                    nameless = wide;
+    wide.width = too_wide;
+    long_exposure.exposure = 11s;
+    loud.gain_db = 11.0;
+    unknown.format = "Mono14";
+    nameless.controls["Sharpness"] = 1.0;
+    return {{wide, fmt::format("{}x80", too_wide)},
+            {long_exposure, "11000000 us"},
+            {loud, "11 dB"},
+            {unknown, "Mono14"},
+            {nameless, "Sharpness"}};
 }
 
 class GenicamContractRig final : public CameraRig {
@@ -36,8 +50,7 @@ public:
 
     Clock& clock() override { return rig_.clock_; }
     std::unique_ptr<Camera> open() override {
-        CameraLink link{.frame_timeout = 400ms, .packet_size = 576};
-        return rig_.open(link);
+        return rig_.open({.frame_timeout = 400ms, .packet_size = 576});
     }
     CaptureSettings settings() const override {
         CaptureSettings settings = rig_.settings();
@@ -51,21 +64,14 @@ public:
         return settings;
     }
     std::vector<Refusal> refusals() const override {
-        CaptureSettings wide = settings(), long_exposure = wide, loud = wide, unknown = wide,
-                        dark = wide, nameless = wide, between_steps = wide, deep = wide;
+        CaptureSettings dark = settings(), between_steps = dark, deep = dark;
         between_steps.gain_db = 2.5;
         deep.format = "";
         deep.bits = 17;
-        wide.width = 151;
-        long_exposure.exposure = 11s;
-        loud.gain_db = 11.0;
-        unknown.format = "Mono14";
         dark.black_level = 256.0;
-        nameless.controls["Sharpness"] = 1.0;
-        return {{wide, "151x80"},          {long_exposure, "11000000 us"},
-                {loud, "11 dB"},           {unknown, "Mono14"},
-                {dark, "level 256"},       {nameless, "Sharpness"},
-                {between_steps, "2.5 dB"}, {deep, "17"}};
+        std::vector<Refusal> all = refusals_of_any(settings(), 151);
+        all.insert(all.end(), {{dark, "level 256"}, {between_steps, "2.5 dB"}, {deep, "17"}});
+        return all;
     }
     bool show(const CodeImage& scene) override {
         rig_.show(scene);
@@ -116,20 +122,7 @@ public:
                 .gain_db = 3.0,
                 .trigger = trigger_};
     }
-    std::vector<Refusal> refusals() const override {
-        CaptureSettings wide = settings(), long_exposure = wide, loud = wide, unknown = wide,
-                        nameless = wide;
-        wide.width = 4096;
-        long_exposure.exposure = 11s;
-        loud.gain_db = 11.0;
-        unknown.format = "Mono14";
-        nameless.controls["Sharpness"] = 1.0;
-        return {{wide, "4096x80"},
-                {long_exposure, "11000000 us"},
-                {loud, "11 dB"},
-                {unknown, "Mono14"},
-                {nameless, "Sharpness"}};
-    }
+    std::vector<Refusal> refusals() const override { return refusals_of_any(settings(), 4096); }
 
     InProcessRig(int bits, const std::string& trigger) : bits_(bits), trigger_(trigger) {}
 

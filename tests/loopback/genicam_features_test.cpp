@@ -15,12 +15,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-GigeCameraOptions sensor(int bits = 8) {
-    GigeCameraOptions options;
-    options.width = 68;  // packed formats fill whole bytes
-    options.height = 41;
-    options.bits = bits;
-    return options;
+// Of a width with which packed formats fill whole bytes.
+GigeCameraOptions sensor(bool latches = false) {
+    return {.width = 68, .height = 41, .latches = latches};
 }
 
 class GenicamFeatures : public testing::Test {
@@ -81,8 +78,8 @@ TEST_F(GenicamFeatures, ChoosesThePlainestMonochromeFormatThatHoldsTheBits) {
 TEST_F(GenicamFeatures, PutsBlackLevelGainAndFeaturesByNameInForce) {
     GigeRig rig(sensor());
     auto camera = rig.open(link_);
-    CaptureSettings wanted{.gain_db = 3.0, .black_level = 17.0};
-    wanted.controls["AcquisitionFrameRate"] = 40.0;
+    CaptureSettings wanted{
+        .gain_db = 3.0, .black_level = 17.0, .controls = {{"AcquisitionFrameRate", 40.0}}};
     const CaptureSettings actual = camera->configure(wanted);
     EXPECT_EQ(actual.black_level, 17.0);
     EXPECT_EQ(actual.controls.at("AcquisitionFrameRate"), 40.0);
@@ -95,15 +92,8 @@ TEST_F(GenicamFeatures, PutsBlackLevelGainAndFeaturesByNameInForce) {
 TEST_F(GenicamFeatures, SwitchesAutomaticFunctionsOff) {
     GigeRig rig(sensor());
     auto camera = rig.open(link_);
-    const auto automatic_gain = [&] {
-        for (const CameraControl& control : camera->abilities().controls)
-            if (control.name == "GainAuto")
-                return control.value;
-        return std::string("not listed");
-    };
-    CaptureSettings automatic;
-    automatic.controls["GainAuto"] = 2.0;
-    camera->configure(automatic);
+    const auto automatic_gain = [&] { return control_of(*camera, "GainAuto").value; };
+    camera->configure({.controls = {{"GainAuto", 2.0}}});
     EXPECT_EQ(automatic_gain(), "Continuous");
     camera->configure({});
     EXPECT_EQ(automatic_gain(), "Off");
@@ -117,13 +107,7 @@ TEST_F(GenicamFeatures, ListsFormatsAndControlsWithTheirRanges) {
     EXPECT_EQ(abilities.formats[5].name, "Mono12p");
     EXPECT_EQ(abilities.formats[5].bits, 12);
     EXPECT_EQ(abilities.formats[5].sizes.at(0).largest, cv::Size(68, 41));
-    const auto control = [&](const std::string& name) {
-        for (const CameraControl& each : abilities.controls)
-            if (each.name == name)
-                return each;
-        ADD_FAILURE() << name << " is not listed";
-        return CameraControl{};
-    };
+    const auto control = [&](const std::string& name) { return control_of(*camera, name); };
     EXPECT_EQ(control("ExposureTime").value, "10000");
     EXPECT_EQ(control("ExposureTime").unit, "us");
     EXPECT_EQ(control("ExposureTime").low, 10.0);
@@ -132,12 +116,9 @@ TEST_F(GenicamFeatures, ListsFormatsAndControlsWithTheirRanges) {
 }
 
 TEST_F(GenicamFeatures, WaitsForTheLineThatTriggersIt) {
-    GigeCameraOptions options = sensor();
-    options.latches = true;
-    GigeRig rig(options);
+    GigeRig rig(sensor(true));
     link_.frame_timeout = 400ms;
-    CaptureSettings wanted{.trigger = "Line1"};
-    auto camera = armed(rig, wanted);
+    auto camera = armed(rig, {.trigger = "Line1"});
     EXPECT_EQ(camera->frame_after(rig.clock_.now(), 0, {}).status, FrameStatus::timed_out);
     const Instant t = rig.clock_.now();
     std::thread line([&] {
@@ -155,11 +136,8 @@ TEST_F(GenicamFeatures, WaitsForTheLineThatTriggersIt) {
 // A device without a clock to read is dated by its trigger; with one, by the intersection.
 TEST_F(GenicamFeatures, DatesAFrameByTheDevicesClockWhereThereIsOne) {
     for (const bool latches : {false, true}) {
-        GigeCameraOptions options = sensor();
-        options.latches = latches;
-        GigeRig rig(options);
-        CaptureSettings wanted{.exposure = 2000us};
-        auto camera = armed(rig, wanted);
+        GigeRig rig(sensor(latches));
+        auto camera = armed(rig, {.exposure = 2000us});
         const Instant before = rig.clock_.now();
         const Frame frame = camera->frame_after(before, 5, {});
         EXPECT_EQ(frame.time_source, latches ? TimeSource::device_clock : TimeSource::request);
@@ -172,12 +150,8 @@ TEST_F(GenicamFeatures, DatesAFrameByTheDevicesClockWhereThereIsOne) {
 TEST_F(GenicamFeatures, RefusesFramesWhoseClockJumpedAndRecovers) {
     for (const std::chrono::nanoseconds jump :
          {std::chrono::nanoseconds(-1h), 1000000000ns * 3600}) {
-        GigeCameraOptions options = sensor();
-        options.latches = true;
-        GigeRig rig(options);
-        CaptureSettings wanted{.trigger = "none"};
-        wanted.controls["AcquisitionFrameRate"] = 50.0;
-        auto camera = armed(rig, wanted);
+        GigeRig rig(sensor(true));
+        auto camera = armed(rig, {.trigger = "none", .controls = {{"AcquisitionFrameRate", 50.0}}});
         ASSERT_EQ(camera->frame_after(rig.clock_.now(), 0, {}).status, FrameStatus::complete);
         // Between the reading of the clock and the next frame, if it does not come within 5 ms:
         // of 20.
@@ -223,12 +197,8 @@ TEST_F(GenicamFeatures, CountsWhatTheStreamLost) {
 
 // A camera whose buffers fill while nobody looks.
 TEST_F(GenicamFeatures, CountsUnderrunsAndSkippedFrames) {
-    GigeCameraOptions options = sensor();
-    options.latches = true;
-    GigeRig rig(options);
-    CaptureSettings wanted{.trigger = "none"};
-    wanted.controls["AcquisitionFrameRate"] = 100.0;
-    auto camera = armed(rig, wanted);
+    GigeRig rig(sensor(true));
+    auto camera = armed(rig, {.trigger = "none", .controls = {{"AcquisitionFrameRate", 100.0}}});
     rig.clock_.wait_for(400ms, {});
     EXPECT_EQ(camera->frame_after(rig.clock_.now(), 3, {}).status, FrameStatus::complete);
     EXPECT_GT(camera->statistics().underruns, 10);
@@ -237,8 +207,7 @@ TEST_F(GenicamFeatures, CountsUnderrunsAndSkippedFrames) {
 
 TEST_F(GenicamFeatures, SaysThatAFrozenCameraIsGoneAndTakesItUpAgain) {
     GigeRig rig(sensor());
-    CaptureSettings wanted{.exposure = 7000us, .gain_db = 5.0};
-    auto camera = armed(rig, wanted);
+    auto camera = armed(rig, {.exposure = 7000us, .gain_db = 5.0});
     rig.device_->freeze();
     const Instant frozen = rig.clock_.now();
     EXPECT_THROW(camera->frame_after(frozen, 100, {}), DeviceError);

@@ -63,8 +63,7 @@ TEST(GenicamThroughput, DeliversAThousandFramesOf1280x1024At50HzByteForByteWitho
                      << receive_buffer_bytes << " (net.core.rmem_max)";
     NumberedCamera rig;
     auto camera = open_camera("genicam:127.0.0.1", {}, rig.clock);
-    CaptureSettings wanted{.exposure = 1000us, .trigger = "Software"};
-    camera->configure(wanted);
+    camera->configure({.exposure = 1000us, .trigger = "Software"});
     camera->arm();
     // The frame that warms the stream up may have been lost, and is not one of the thousand.
     const long lost_before = camera->statistics().missing_packets;
@@ -88,9 +87,8 @@ TEST(GenicamThroughput, DeliversAThousandFramesOf1280x1024At50HzByteForByteWitho
 // whole depends on the machine: with a stock receive buffer of 212992 bytes it was none to a half.
 TEST(GenicamThroughput, TriggersLargeFramesAgainABoundedNumberOfTimes) {
     NumberedCamera rig;
-    CameraLink link;
-    link.frame_timeout = 500ms;
-    link.packet_size = 4000;  // fits the kernel's memory blocks best
+    // Packets that fit the kernel's memory blocks best.
+    const CameraLink link{.frame_timeout = 500ms, .packet_size = 4000};
     auto camera = open_camera("genicam:127.0.0.1", link, rig.clock);
     camera->configure({});
     camera->arm();

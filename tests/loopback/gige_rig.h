@@ -27,6 +27,14 @@ inline bool same(const cv::Mat& a, const cv::Mat& b) {
     return a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0.0;
 }
 
+// What the camera tells of this control; without a name where it lists none.
+inline CameraControl control_of(const Camera& camera, const std::string& name) {
+    for (const CameraControl& control : camera.abilities().controls)
+        if (control.name == name)
+            return control;
+    return {};
+}
+
 // A camera on loopback that shows the picture that was put before it last.
 struct GigeRig {
     explicit GigeRig(const GigeCameraOptions& options)
@@ -60,11 +68,7 @@ struct GigeRig {
         return open_camera("genicam:127.0.0.1", link, clock_);
     }
     CaptureSettings settings() const {
-        CaptureSettings settings;
-        settings.width = options_.width;
-        settings.height = options_.height;
-        settings.bits = options_.bits;
-        return settings;
+        return {.width = options_.width, .height = options_.height, .bits = options_.bits};
     }
     std::unique_ptr<Camera> armed(CameraLink link = {}) {
         auto camera = open(link);

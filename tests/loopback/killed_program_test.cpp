@@ -1,7 +1,5 @@
 // What becomes of a motion when the program that commanded it is killed or told to end: the real
 // `etalon stage move` against a controller behind a real server.
-#include <fcntl.h>
-
 #include <atomic>
 #include <future>
 
@@ -17,57 +15,6 @@ using namespace std::chrono_literals;
 
 constexpr int interrupted = 130;  // the program's exit code
 
-// A program of its own session in a terminal of its own, as under sshd.
-class TerminalProgram {
-public:
-    TerminalProgram(const std::string& name, std::vector<std::string> arguments)
-        : master_(posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC)) {
-        EXPECT_TRUE(grantpt(master_) == 0 && unlockpt(master_) == 0);
-        std::string program = (std::filesystem::path(ETALON_BINARY_DIR) / name).string();
-        std::vector<char*> argv{program.data()};
-        for (std::string& argument : arguments)
-            argv.push_back(argument.data());
-        argv.push_back(nullptr);
-        posix_spawnattr_t attributes;
-        posix_spawnattr_init(&attributes);
-        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID);
-        posix_spawn_file_actions_t actions;
-        posix_spawn_file_actions_init(&actions);
-        // A session's leader that opens a terminal gets it for its own.
-        posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, ptsname(master_), O_RDWR, 0);
-        posix_spawn_file_actions_adddup2(&actions, STDIN_FILENO, STDOUT_FILENO);
-        posix_spawn_file_actions_adddup2(&actions, STDIN_FILENO, STDERR_FILENO);
-        EXPECT_EQ(posix_spawn(&process_, argv[0], &actions, &attributes, argv.data(), environ), 0);
-        posix_spawn_file_actions_destroy(&actions);
-        posix_spawnattr_destroy(&attributes);
-    }
-    ~TerminalProgram() {
-        close_terminal();
-        if (process_ > 0) {
-            kill(process_, SIGKILL);
-            exit_code();
-        }
-    }
-    TerminalProgram(const TerminalProgram&) = delete;
-    TerminalProgram& operator=(const TerminalProgram&) = delete;
-
-    void close_terminal() {
-        if (master_ >= 0)
-            close(master_);
-        master_ = -1;
-    }
-    int exit_code() {
-        int status = 0;
-        waitpid(process_, &status, 0);
-        process_ = 0;
-        return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    }
-
-private:
-    int master_;
-    pid_t process_ = 0;
-};
-
 const std::string without_watchdog = R"(etalon: stage-profile/1
 name: forgetful
 extends: generic
@@ -80,13 +27,7 @@ protected:
     void start_rig(const std::string& profile) {
         rig = std::make_unique<StageRig>(2s, Wire::tcp, named_stage_profile(profile));
         rig->connect_and_home();
-        std::ofstream(station())
-            << "etalon: station/1\nstage:\n  profile: " << profile
-            << "\n  link: {host: 127.0.0.1, port: " << rig->server->port() << "}\n  axes:\n"
-            << "    - {name: x, kind: linear, direction: [1, 0, 0], travel: [-7, 700], speed: "
-               "200}\n"
-            << "    - {name: rz, kind: rotary, direction: [0, 0, 1], point_mm: [0, 0, 0],\n"
-            << "       travel_deg: [-57, 114], speed_deg: 114}\n";
+        write_text(station(), station_of(*rig, "  profile: " + profile + "\n"));
         rig->server->set_script([this](const ModbusRequest& request) { return watch(request); });
     }
 
@@ -222,9 +163,11 @@ INSTANTIATE_TEST_SUITE_P(Signals, ToldToEnd, testing::Values(SIGTERM, SIGINT, SI
 
 TEST_F(KilledProgram, StopsTheAxesAndHasItConfirmedWhenItsTerminalIsClosed) {
     start_rig("generic");
-    TerminalProgram program("etalon", move_to("690"));
+    const int terminal = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+    ASSERT_TRUE(grantpt(terminal) == 0 && unlockpt(terminal) == 0);
+    Program program("etalon", move_to("690"), ptsname(terminal));
     ASSERT_TRUE(is_under_way());
-    program.close_terminal();
+    close(terminal);
     EXPECT_EQ(program.exit_code(), interrupted);
     expect_stopped_and_confirmed();
 }

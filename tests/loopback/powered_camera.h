@@ -17,10 +17,9 @@ public:
 
     // Returns when the camera answers. It shows the picture of that number.
     void switch_on(int number) {
-        program_ = std::make_unique<Program>(
-            "tests/loopback/gige-camera",
-            std::vector<std::string>{fmt::to_string(width), fmt::to_string(height),
-                                     fmt::to_string(bits), fmt::to_string(number)});
+        program_ = start_program("tests/loopback/gige-camera",
+                                 {fmt::to_string(width), fmt::to_string(height),
+                                  fmt::to_string(bits), fmt::to_string(number)});
         EXPECT_EQ(program_->line(), "ready");
     }
     void cut_power() {

@@ -15,16 +15,15 @@ using namespace std::chrono_literals;
 class PoweredCameraTest : public testing::TestWithParam<const char*> {
 protected:
     static CaptureSettings wanted() {
-        CaptureSettings settings{.width = 150,
-                                 .height = 80,
-                                 .bits = 12,
-                                 .format = "Mono12p",
-                                 .exposure = 7000us,
-                                 .gain_db = 3.0,
-                                 .black_level = 5.0,
-                                 .trigger = GetParam()};
-        settings.controls["AcquisitionFrameRate"] = 40.0;
-        return settings;
+        return {.width = 150,
+                .height = 80,
+                .bits = 12,
+                .format = "Mono12p",
+                .exposure = 7000us,
+                .gain_db = 3.0,
+                .black_level = 5.0,
+                .trigger = GetParam(),
+                .controls = {{"AcquisitionFrameRate", 40.0}}};
     }
 
     // Takes frames of picture `number`, cuts the power after the fifth while more are taken, and
@@ -51,13 +50,6 @@ protected:
         }
     }
 
-    static std::string value(const Camera& camera, const std::string& control) {
-        for (const CameraControl& each : camera.abilities().controls)
-            if (each.name == control)
-                return each.value;
-        return "none";
-    }
-
     SteadyClock clock_;
     PoweredCamera power_;
 };
@@ -65,7 +57,7 @@ protected:
 TEST_P(PoweredCameraTest, IsTakenUpAgainWithEverySettingAfterItWasKilledInMidStream) {
     power_.switch_on(1);
     auto camera = open_camera("genicam:127.0.0.1", {}, clock_);
-    const std::string rate_after_power_up = value(*camera, "AcquisitionFrameRate");
+    const std::string rate_after_power_up = control_of(*camera, "AcquisitionFrameRate").value;
     const CaptureSettings before = camera->configure(wanted());
     camera->arm();
     EXPECT_LT(time_to_notice_the_cut(*camera, 1), 10s);
@@ -85,7 +77,7 @@ TEST_P(PoweredCameraTest, IsTakenUpAgainWithEverySettingAfterItWasKilledInMidStr
     }
     EXPECT_EQ(power_.exposed_with(), "Mono12p, 7000 us, 3 dB, black level 5");
     camera->disarm();
-    EXPECT_EQ(value(*camera, "AcquisitionFrameRate"), "40");
+    EXPECT_EQ(control_of(*camera, "AcquisitionFrameRate").value, "40");
     EXPECT_NE(rate_after_power_up, "40");
 }
 

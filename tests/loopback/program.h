@@ -1,6 +1,7 @@
 // One of the built programs as a child process, for tests of what its user sees.
 #pragma once
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <spawn.h>
 #include <sys/wait.h>
@@ -11,6 +12,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -22,21 +24,33 @@ namespace etalon {
 // is relative to the build folder.
 class Program {
 public:
-    Program(const std::string& name, std::vector<std::string> arguments) {
-        std::array<int, 2> ends{};
-        EXPECT_EQ(pipe(ends.data()), 0);
+    // In a `terminal` it leads a session of its own, as under sshd, and its output is not read.
+    Program(const std::string& name, std::vector<std::string> arguments,
+            const char* terminal = nullptr) {
+        std::array<int, 2> ends{-1, -1};
+        posix_spawnattr_t attributes;
+        posix_spawnattr_init(&attributes);
         posix_spawn_file_actions_t actions;
         posix_spawn_file_actions_init(&actions);
-        posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
-        posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
-        posix_spawn_file_actions_addclose(&actions, ends[0]);
+        if (terminal != nullptr) {
+            // A session's leader that opens a terminal gets it for its own.
+            posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID);
+            posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, terminal, O_RDWR, 0);
+            posix_spawn_file_actions_adddup2(&actions, STDIN_FILENO, STDOUT_FILENO);
+        } else {
+            EXPECT_EQ(pipe(ends.data()), 0);
+            posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
+            posix_spawn_file_actions_addclose(&actions, ends[0]);
+        }
+        posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
         std::string program = (std::filesystem::path(ETALON_BINARY_DIR) / name).string();
         std::vector<char*> argv{program.data()};
         for (std::string& argument : arguments)
             argv.push_back(argument.data());
         argv.push_back(nullptr);
-        EXPECT_EQ(posix_spawn(&process_, argv[0], &actions, nullptr, argv.data(), environ), 0);
+        EXPECT_EQ(posix_spawn(&process_, argv[0], &actions, &attributes, argv.data(), environ), 0);
         posix_spawn_file_actions_destroy(&actions);
+        posix_spawnattr_destroy(&attributes);
         close(ends[1]);
         output_ = ends[0];
     }
@@ -96,5 +110,10 @@ private:
     pid_t process_ = 0;
     int output_ = -1;
 };
+
+inline std::unique_ptr<Program> start_program(const std::string& name,
+                                              std::vector<std::string> arguments) {
+    return std::make_unique<Program>(name, std::move(arguments));
+}
 
 }  // namespace etalon

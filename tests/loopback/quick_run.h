@@ -23,19 +23,20 @@ protected:
         start_twin();
     }
 
-    // Switches the devices on anew: a GigE Vision camera stays with a dead program for 3 s.
-    void start_twin() {
+    // Switches the devices on anew, with `more` lines in the twin's file: a GigE Vision camera
+    // stays with a dead program for 3 s.
+    void start_twin(const std::string& more = "") {
         const std::string before = port_;
         if (twin_) {
             twin_->send(SIGTERM);
             twin_->exit_code();
-            write_text(folder_ / "twin.yaml", replaced(quick_twin, "port: 0", "port: " + before));
+            write_text(folder_ / "twin.yaml",
+                       replaced(quick_twin, "port: 0", "port: " + before) + more);
         }
-        twin_ = std::make_unique<Program>(
-            "etalon-twin", std::vector<std::string>{(folder_ / "twin.yaml").string()});
-        const std::string line = twin_->line();
-        ASSERT_EQ(line.rfind("twin ready: stage 127.0.0.1:", 0), 0u) << line;
-        port_ = line.substr(28, line.find(',') - 28);
+        twin_ = start_program("etalon-twin", {(folder_ / "twin.yaml").string()});
+        twin_ready_ = twin_->line();
+        ASSERT_EQ(twin_ready_.rfind("twin ready: stage 127.0.0.1:", 0), 0u) << twin_ready_;
+        port_ = twin_ready_.substr(28, twin_ready_.find(',') - 28);
         if (before.empty())
             write_text(folder_ / "station.yaml", quick_station(port_));
     }
@@ -46,11 +47,10 @@ protected:
         environment.insert(environment.end(),
                            {std::string(ETALON_BINARY_DIR "/etalon"), "qualify",
                             (folder_ / "station.yaml").string(), "--out", record.string()});
-        return std::make_unique<Program>("/usr/bin/env", environment);
+        return start_program("/usr/bin/env", environment);
     }
     static std::unique_ptr<Program> resume(const std::filesystem::path& record) {
-        return std::make_unique<Program>(
-            "etalon", std::vector<std::string>{"qualify", "--resume", record.string()});
+        return start_program("etalon", {"qualify", "--resume", record.string()});
     }
 
     // The lines of this event that are whole.
@@ -78,7 +78,7 @@ protected:
     }
 
     TemporaryFolder folder_;
-    std::string port_;
+    std::string port_, twin_ready_;  // of the stage; the line that the twin has printed
     std::unique_ptr<Program> twin_;
 };
 

@@ -13,14 +13,11 @@ using testing::HasSubstr;
 
 // The sensor of the twin as a station names it.
 RoomSensor sensor_at(int port) {
-    RoomSensor sensor;
-    sensor.link.address = TcpAddress{"127.0.0.1", port};
-    sensor.link.unit = 7;
-    sensor.link.response_timeout = 200ms;
-    sensor.temperature_c = {.scale = 0.01, .possible = {-40.0, 85.0}};
-    sensor.humidity_percent = SensorRegister{
-        .address = 1, .type = NumberType::uint16, .scale = 0.1, .possible = {0.0, 100.0}};
-    return sensor;
+    return {
+        .link = {.address = TcpAddress{"127.0.0.1", port}, .unit = 7, .response_timeout = 200ms},
+        .temperature_c = {.scale = 0.01, .possible = {-40.0, 85.0}},
+        .humidity_percent = SensorRegister{
+            .address = 1, .type = NumberType::uint16, .scale = 0.1, .possible = {0.0, 100.0}}};
 }
 
 std::string failure(const std::function<ClimateReading()>& read) {

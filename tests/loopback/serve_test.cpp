@@ -6,7 +6,7 @@
 
 #include "core/statistics/random.h"
 #include "tests/loopback/quick_run.h"
-#include "tests/loopback/web_client.h"
+#include "tests/loopback/tcp_connection.h"
 
 namespace etalon {
 namespace {
@@ -14,6 +14,18 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 using namespace std::chrono_literals;
+
+struct WebAnswer {
+    int status = 0;
+    std::string head, body;
+};
+
+WebAnswer answer_of(const std::string& text) {
+    const std::size_t end = text.find("\r\n\r\n");
+    if (end == std::string::npos || text.size() < 12)
+        return {0, text, ""};
+    return {std::stoi(text.substr(9, 3)), text.substr(0, end), text.substr(end + 4)};
+}
 
 class ServedPage : public QuickRun {
 protected:
@@ -29,7 +41,7 @@ protected:
             "serve",          (folder_ / "station.yaml").string(), "--records", records().string(),
             "--calibrations", (folder_ / "cameras").string(),      "--port",    "0"};
         arguments.insert(arguments.end(), more.begin(), more.end());
-        server_ = std::make_unique<Program>("etalon", arguments);
+        server_ = start_program("etalon", arguments);
         link_ = server_->line();
         ASSERT_EQ(link_.rfind("page http://127.0.0.", 0), 0u) << link_;
         web_port_ = std::stoi(link_.substr(link_.find(':', 12) + 1));
@@ -51,7 +63,7 @@ protected:
 
     std::string host() const { return fmt::format("127.0.0.1:{}", web_port_); }
     WebAnswer ask(const std::string& raw) const {
-        WebConnection connection(web_port_);
+        TcpConnection connection(web_port_);
         connection.send(raw);
         return answer_of(connection.read_all());
     }
@@ -149,14 +161,14 @@ TEST_F(ServedPage, CutsOffWhatIsTooLarge) {
                   "X-Etalon-Action: " +
                       action_ + "\r\n") +
               ten_megabytes}) {
-        WebConnection connection(web_port_);
+        TcpConnection connection(web_port_);
         connection.send(huge);
         EXPECT_THAT(connection.read_all(), Not(HasSubstr(" 200 ")));
     }
     std::string many = "GET / HTTP/1.1\r\n";
     for (int i = 0; i < 100000; ++i)
         many += fmt::format("X-{}: y\r\n", i);
-    WebConnection connection(web_port_);
+    TcpConnection connection(web_port_);
     connection.send(many);
     EXPECT_THAT(connection.read_all(), Not(HasSubstr(" 200 ")));
     EXPECT_EQ(get("/").status, 200) << "it goes on";
@@ -187,7 +199,7 @@ TEST_F(ServedPage, OutlastsRequestsThatAreBrokenAnywhere) {
             else
                 broken.erase(at, 1 + below(9));
         }
-        WebConnection connection(web_port_);
+        TcpConnection connection(web_port_);
         connection.send(broken);
         connection.end();
         connection.read_all(100ms);
@@ -197,19 +209,19 @@ TEST_F(ServedPage, OutlastsRequestsThatAreBrokenAnywhere) {
 }
 
 TEST_F(ServedPage, GoesOnBesideConnectionsThatStayHalfOpenAndEndsThem) {
-    std::vector<WebConnection> half_open;
+    std::vector<TcpConnection> half_open;
     for (int i = 0; i < 150; ++i) {
         half_open.emplace_back(web_port_);
         half_open.back().send(i % 2 ? "GET / HTTP/1.1\r\nHost: " : "");
     }
     EXPECT_EQ(get("/api/state").status, 200);
-    for (WebConnection& connection : half_open)
+    for (TcpConnection& connection : half_open)
         EXPECT_TRUE(connection.is_closed_within(8s));
 }
 
 TEST_F(ServedPage, ClosesConnectionsBeyondItsBoundAndIsBackWhenTheyAreGone) {
     {
-        std::vector<WebConnection> many;
+        std::vector<TcpConnection> many;
         for (int i = 0; i < 300; ++i)
             many.emplace_back(web_port_);
         EXPECT_TRUE(many.back().is_closed_within(3s));
@@ -222,7 +234,7 @@ TEST_F(ServedPage, AnotherAddressWantsTheTokenOfTheLink) {
     end_server(SIGTERM);
     begin_server({"--listen", "127.0.0.2"});
     const auto ask_there = [&](const std::string& path, const std::string& headers) {
-        WebConnection connection(web_port_, "127.0.0.2");
+        TcpConnection connection(web_port_, "127.0.0.2");
         connection.send(fmt::format("GET {} HTTP/1.1\r\nHost: 127.0.0.2:{}\r\n{}\r\n", path,
                                     web_port_, headers));
         return answer_of(connection.read_all());
@@ -243,12 +255,12 @@ TEST_F(ServedPage, AnotherAddressWantsTheTokenOfTheLink) {
 
 TEST_F(ServedPage, ARunGoesOnWhileAHundredLookAndOneIsStuck) {
     ASSERT_EQ(start_run("Anna").status, 200);
-    std::vector<WebConnection> readers;
+    std::vector<TcpConnection> readers;
     for (int i = 0; i < 100; ++i) {
         readers.emplace_back(web_port_);
         readers.back().send(request("GET /api/events"));
     }
-    std::vector<WebConnection> stuck;  // never read: each takes a state a time until it is full
+    std::vector<TcpConnection> stuck;  // never read: each takes a state a time until it is full
     for (int i = 0; i < 5; ++i) {
         stuck.emplace_back(web_port_);
         stuck.back().send(request("GET /api/run/photo.jpg?pose=0") + request("GET /api/events"));
@@ -262,7 +274,7 @@ TEST_F(ServedPage, ARunGoesOnWhileAHundredLookAndOneIsStuck) {
     const Json run = state()["run"];
     EXPECT_EQ(run["result"]["outcome"], "PASS") << run;
     EXPECT_EQ(run["visited"], quick_poses);
-    for (WebConnection& reader : readers)
+    for (TcpConnection& reader : readers)
         EXPECT_THAT(reader.read_all(50ms), HasSubstr("\"outcome\":\"PASS\""));
     EXPECT_THAT(get("/report?record=" + record().filename().string()).head,
                 HasSubstr("sandbox allow-scripts"));
@@ -386,7 +398,7 @@ TEST_F(ServedPage, TheCalibrationIsThatOfTheSerialNumberAndOfTheDevice) {
 TEST_F(ServedPage, ShowsAndSetsTheLivePictureUntilItIsHidden) {
     EXPECT_EQ(get("/api/live.mjpg").status, 404);
     EXPECT_EQ(post("/api/live/start", {{"station", 0}}).status, 200);
-    WebConnection reader(web_port_);
+    TcpConnection reader(web_port_);
     reader.send(request("GET /api/live.mjpg"));
     wait_until([&] { return state()["live"].is_object() && state()["live"]["mean"] > 0.0; });
     EXPECT_EQ(state()["live"]["exposure_us"], 2000.0);

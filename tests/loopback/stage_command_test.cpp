@@ -1,10 +1,7 @@
 // `etalon stage` on a simulated stage behind a real server.
-#include <gtest/gtest.h>
-
-#include "core/file/text.h"
 #include "station/devices/commands.h"
 #include "tests/loopback/stage_rig.h"
-#include "tests/temporary_folder.h"
+#include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
@@ -23,34 +20,16 @@ protected:
     StageCommand() {
         arguments.station = folder.path() / "station.yaml";
         arguments.yes = true;
-        std::ofstream(arguments.station)
-            << "etalon: station/1\ncamera: {calibration: there-is-none.yml}\nstage:\n"
-            << "  link: {host: 127.0.0.1, port: " << rig.server->port() << "}\n"
-            << "  axes:\n"
-            << "    - {name: x, kind: linear, direction: [1, 0, 0], travel: [-7, 700], speed: "
-               "200}\n"
-            << "    - {name: rz, kind: rotary, direction: [0, 0, 1], point_mm: [0, 0, 0],\n"
-            << "       travel_deg: [-57, 114], speed_deg: 114}\n"
-            << "  forbidden: [{name: lens, x: [300, 400]}]\n";
+        write_text(arguments.station,
+                   station_of(rig, "  forbidden: [{name: lens, x: [300, 400]}]\n"));
     }
-
-    // What is printed until its end, however that comes.
-    class Capture {
-    public:
-        explicit Capture(std::string& text) : text_(text) { testing::internal::CaptureStdout(); }
-        ~Capture() { text_ = testing::internal::GetCapturedStdout(); }
-        Capture(const Capture&) = delete;
-        Capture& operator=(const Capture&) = delete;
-
-    private:
-        std::string& text_;
-    };
 
     // The exit code; what was printed is in `printed`.
     int run(int (*command)(const StageArguments&), std::vector<std::string> targets = {}) {
         arguments.targets = std::move(targets);
-        const Capture capture(printed);
-        return command(arguments);
+        const Finished done = finished([&] { return command(arguments); });
+        printed = done.out;
+        return done.exit_code;
     }
 
     bool tells(const std::string& part) const { return printed.find(part) != std::string::npos; }
@@ -84,9 +63,7 @@ TEST_F(StageCommand, MovesNothingThatIsNotHomed) {
 TEST_F(StageCommand, MovesAxesThatDoNotTellOnTheOperatorsWord) {
     const std::string profile = (folder.path() / "tacit.yaml").string();
     write_text(profile, tacit);
-    const std::string station = read_text(arguments.station), key = "stage:\n";
-    write_text(arguments.station, std::string(station).insert(station.find(key) + key.size(),
-                                                              "  profile: " + profile + "\n"));
+    write_text(arguments.station, station_of(rig, "  profile: " + profile + "\n"));
     EXPECT_EQ(run(run_stage_home), 0);
     EXPECT_THROW(run(run_stage_move, {"x=12.5"}), DeviceError);
     EXPECT_EQ(rig.count_writes(start_bit), 0);
@@ -105,9 +82,7 @@ TEST_F(StageCommand, KeepsToTheStationsRules) {
 
 TEST_F(StageCommand, AsksBeforeHoming) {
     arguments.yes = false;  // and no terminal to ask on
-    testing::internal::CaptureStderr();
     EXPECT_ANY_THROW(run(run_stage_home));
-    testing::internal::GetCapturedStderr();
     EXPECT_TRUE(rig.server->writes().empty());
 }
 

@@ -83,4 +83,16 @@ private:
     std::chrono::milliseconds timeout_;
 };
 
+// The file of a station with this stage of fast_axes(), and with `more` lines of its stage. Its
+// camera cannot be read.
+inline std::string station_of(const StageRig& rig, const std::string& more) {
+    return "etalon: station/1\ncamera: {calibration: there-is-none.yml}\nstage:\n  link: {host: "
+           "127.0.0.1, port: " +
+           std::to_string(rig.server->port()) + "}\n" + more + R"(  axes:
+    - {name: x, kind: linear, direction: [1, 0, 0], travel: [-7, 700], speed: 200}
+    - {name: rz, kind: rotary, direction: [0, 0, 1], point_mm: [0, 0, 0],
+       travel_deg: [-57, 114], speed_deg: 114}
+)";
+}
+
 }  // namespace etalon

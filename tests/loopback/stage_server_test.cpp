@@ -1,11 +1,6 @@
 // The twin's Modbus server as a peer on the wire: hostile bytes, taken ports, several clients.
-#include <arpa/inet.h>
-#include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <poll.h>
-#include <sys/socket.h>
-
 #include "tests/loopback/stage_rig.h"
+#include "tests/loopback/tcp_connection.h"
 
 namespace etalon {
 namespace {
@@ -15,72 +10,58 @@ using Bytes = std::vector<std::uint8_t>;
 
 class RawClient {
 public:
-    explicit RawClient(int port) : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-        sockaddr_in address{};
-        address.sin_family = AF_INET;
-        address.sin_port = htons(static_cast<std::uint16_t>(port));
-        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        connected_ =
-            ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-    }
-    RawClient(const RawClient&) = delete;
-    RawClient& operator=(const RawClient&) = delete;
-    ~RawClient() { ::close(socket_); }
+    explicit RawClient(int port) : connection_(port) {}
 
     void send(const Bytes& bytes) {
-        ASSERT_TRUE(connected_);
-        ASSERT_EQ(::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL),
-                  static_cast<ssize_t>(bytes.size()));
+        ASSERT_TRUE(connection_.send({reinterpret_cast<const char*>(bytes.data()), bytes.size()}));
     }
     // The next bytes; empty when the server closed the connection or a second passed.
     Bytes receive() {
-        pollfd ready{socket_, POLLIN, 0};
-        Bytes bytes(300);
-        const ssize_t count =
-            ::poll(&ready, 1, 1000) == 1 ? recv(socket_, bytes.data(), bytes.size(), 0) : -1;
-        closed = count == 0;
-        bytes.resize(static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
-        return bytes;
+        const std::string bytes = connection_.read(1s);
+        return {bytes.begin(), bytes.end()};
     }
-    bool closed = false;
+    Bytes answer(const Bytes& request) {
+        send(request);
+        return receive();
+    }
+    bool is_closed() { return connection_.is_closed_within(1s); }
 
 private:
-    int socket_;
-    bool connected_;
+    TcpConnection connection_;
 };
 
 TEST(ModbusStageServer, AnswersByTheLetterOfTheProtocol) {
     StageRig rig;
     RawClient client(rig.server->port());
     // Transaction 0x0705, unit 9: write 0x0001 to register 200, then read it.
-    client.send({7, 5, 0, 0, 0, 6, 9, 6, 0, 200, 0, 1});
-    EXPECT_EQ(client.receive(), (Bytes{7, 5, 0, 0, 0, 6, 9, 6, 0, 200, 0, 1}));
-    client.send({7, 6, 0, 0, 0, 6, 9, 3, 0, 200, 0, 1});
-    EXPECT_EQ(client.receive(), (Bytes{7, 6, 0, 0, 0, 5, 9, 3, 2, 0, 1}));
-    client.send({7, 7, 0, 0, 0, 11, 9, 16, 0, 100, 0, 2, 4, 0, 3, 0, 4});
-    EXPECT_EQ(client.receive(), (Bytes{7, 7, 0, 0, 0, 6, 9, 16, 0, 100, 0, 2}));
-    client.send({7, 8, 0, 0, 0, 6, 9, 3, 0, 100, 0, 2});
-    EXPECT_EQ(client.receive(), (Bytes{7, 8, 0, 0, 0, 7, 9, 3, 4, 0, 3, 0, 4}));
+    EXPECT_EQ(client.answer({7, 5, 0, 0, 0, 6, 9, 6, 0, 200, 0, 1}),
+              (Bytes{7, 5, 0, 0, 0, 6, 9, 6, 0, 200, 0, 1}));
+    EXPECT_EQ(client.answer({7, 6, 0, 0, 0, 6, 9, 3, 0, 200, 0, 1}),
+              (Bytes{7, 6, 0, 0, 0, 5, 9, 3, 2, 0, 1}));
+    EXPECT_EQ(client.answer({7, 7, 0, 0, 0, 11, 9, 16, 0, 100, 0, 2, 4, 0, 3, 0, 4}),
+              (Bytes{7, 7, 0, 0, 0, 6, 9, 16, 0, 100, 0, 2}));
+    EXPECT_EQ(client.answer({7, 8, 0, 0, 0, 6, 9, 3, 0, 100, 0, 2}),
+              (Bytes{7, 8, 0, 0, 0, 7, 9, 3, 4, 0, 3, 0, 4}));
 }
 
 TEST(ModbusStageServer, AnswersWhatItCannotDoWithAnExceptionAtOnce) {
     StageRig rig;
     RawClient client(rig.server->port());
     const Instant start = rig.clock.now();
-    client.send({0, 1, 0, 0, 0, 2, 1, 0x2B});  // unknown function
-    EXPECT_EQ(client.receive(), (Bytes{0, 1, 0, 0, 0, 3, 1, 0xAB, 1}));
-    client.send({0, 2, 0, 0, 0, 6, 1, 3, 0, 90, 0, 1});  // no such register
-    EXPECT_EQ(client.receive(), (Bytes{0, 2, 0, 0, 0, 3, 1, 0x83, 2}));
-    client.send({0, 7, 0, 0, 0, 6, 1, 4, 0, 100, 0, 1});  // another space
-    EXPECT_EQ(client.receive(), (Bytes{0, 7, 0, 0, 0, 3, 1, 0x84, 2}));
-    client.send({0, 3, 0, 0, 0, 6, 1, 3, 0, 0, 0, 126});  // too many
-    EXPECT_EQ(client.receive(), (Bytes{0, 3, 0, 0, 0, 3, 1, 0x83, 3}));
-    client.send({0, 4, 0, 0, 0, 6, 1, 3, 0, 0, 0, 0});  // none
-    EXPECT_EQ(client.receive(), (Bytes{0, 4, 0, 0, 0, 3, 1, 0x83, 3}));
-    client.send({0, 5, 0, 0, 0, 9, 1, 16, 0, 100, 0, 2, 2, 0, 3});  // count and bytes disagree
-    EXPECT_EQ(client.receive(), (Bytes{0, 5, 0, 0, 0, 3, 1, 0x90, 3}));
-    client.send({0, 6, 0, 0, 0, 3, 1, 3, 0});  // cut short
-    EXPECT_EQ(client.receive(), (Bytes{0, 6, 0, 0, 0, 3, 1, 0x83, 3}));
+    EXPECT_EQ(client.answer({0, 1, 0, 0, 0, 2, 1, 0x2B}),
+              (Bytes{0, 1, 0, 0, 0, 3, 1, 0xAB, 1}));  // unknown function
+    EXPECT_EQ(client.answer({0, 2, 0, 0, 0, 6, 1, 3, 0, 90, 0, 1}),
+              (Bytes{0, 2, 0, 0, 0, 3, 1, 0x83, 2}));  // no such register
+    EXPECT_EQ(client.answer({0, 7, 0, 0, 0, 6, 1, 4, 0, 100, 0, 1}),
+              (Bytes{0, 7, 0, 0, 0, 3, 1, 0x84, 2}));  // another space
+    EXPECT_EQ(client.answer({0, 3, 0, 0, 0, 6, 1, 3, 0, 0, 0, 126}),
+              (Bytes{0, 3, 0, 0, 0, 3, 1, 0x83, 3}));  // too many
+    EXPECT_EQ(client.answer({0, 4, 0, 0, 0, 6, 1, 3, 0, 0, 0, 0}),
+              (Bytes{0, 4, 0, 0, 0, 3, 1, 0x83, 3}));  // none
+    EXPECT_EQ(client.answer({0, 5, 0, 0, 0, 9, 1, 16, 0, 100, 0, 2, 2, 0, 3}),
+              (Bytes{0, 5, 0, 0, 0, 3, 1, 0x90, 3}));  // count and bytes disagree
+    EXPECT_EQ(client.answer({0, 6, 0, 0, 0, 3, 1, 3, 0}),
+              (Bytes{0, 6, 0, 0, 0, 3, 1, 0x83, 3}));  // cut short
     EXPECT_LT(rig.clock.now() - start, 400ms);
     EXPECT_TRUE(rig.server->writes().empty());
 }
@@ -90,7 +71,7 @@ TEST(ModbusStageServer, ClosesAConnectionThatDoesNotSpeakModbus) {
     RawClient client(rig.server->port());
     client.send({'G', 'E', 'T', ' ', '/', ' ', 'H', 'T'});
     EXPECT_TRUE(client.receive().empty());
-    EXPECT_TRUE(client.closed);
+    EXPECT_TRUE(client.is_closed());
 }
 
 TEST(ModbusStageServer, HalfARequestHoldsUpNobodyElse) {

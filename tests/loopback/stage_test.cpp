@@ -14,38 +14,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(ModbusStage, EnablesHomesMovesAndReadsBack) {
-    StageRig rig;
-    auto stage = rig.connect();
-    EXPECT_FALSE(stage->status()[0].enabled);
-    stage->enable({});
-    EXPECT_TRUE(stage->status()[1].enabled);
-    EXPECT_FALSE(stage->status()[1].homed);
-    stage->home({});
-    EXPECT_TRUE(stage->status()[1].homed);
-    stage->move(std::vector{7.1234, -0.25}, {});
-    const std::vector<double> position = stage->position();
-    EXPECT_NEAR(position[0], 7.1234, 0.5e-4);  // half a count
-    EXPECT_NEAR(position[1], -0.25, 0.5 * 1.8e-7);
-    EXPECT_NEAR(rig.simulation.true_positions()[0], 7.1234, 0.5e-4);
-    for (const AxisStatus& axis : stage->status())
-        EXPECT_TRUE(axis.enabled && axis.homed && axis.in_position && !axis.moving);
-    stage->move(std::vector{5.0, 0.125}, {});
-    EXPECT_NEAR(stage->position()[0], 5.0, 1e-9);
-    EXPECT_EQ(rig.count_writes(start_bit), 2);
-}
-
 TEST(ModbusStage, IsOpenedByTheNameOfItsProfile) {
     StageRig rig;
     const auto stage = open_stage(rig.link(), "generic", fast_axes(), rig.clock);
     EXPECT_EQ(stage->axes().size(), 2U);
     EXPECT_THROW(open_stage(rig.link(), "nobody's", fast_axes(), rig.clock), ConfigError);
-}
-
-TEST(ModbusStage, CommandsNothingBeforeItIsToldTo) {
-    StageRig rig;
-    rig.connect()->status();
-    EXPECT_TRUE(rig.server->writes().empty());
 }
 
 TEST(ModbusStage, MovesNothingBeforeEnableAndHome) {

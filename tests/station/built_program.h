@@ -1,4 +1,5 @@
-// The built program, run in a folder of its own: what it printed and how it ended.
+// The built program, run in a folder of its own, and commands in this process: what they printed
+// and how they ended.
 #pragma once
 
 #include <fmt/format.h>
@@ -25,6 +26,27 @@ inline Finished etalon_with(const TemporaryFolder& folder, const std::string& ar
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(folder / "out.txt"),
             read_text(folder / "err.txt")};
+}
+
+// Of a command in this process, which returns its exit code or throws.
+template <class Command>
+Finished finished(Command command) {
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    Finished result;
+    const auto end = [&] {
+        std::fflush(stdout);
+        result.out = testing::internal::GetCapturedStdout();
+        result.err = testing::internal::GetCapturedStderr();
+    };
+    try {
+        result.exit_code = command();
+    } catch (...) {
+        end();
+        throw;
+    }
+    end();
+    return result;
 }
 
 inline void expect_one_line_error(const Finished& finished, int exit_code,

@@ -16,7 +16,6 @@ namespace etalon {
 // Mounted as drawn, so that the freedom along rz is held at the truth.
 inline const Rigid true_x{rotation_from_vector({0.02, -0.03, 0.01}), {4.0, -3.0, 330.0}};
 
-// A station's folder with photographs of its marker at known positions.
 class PhotographedStation {
 public:
     PhotographedStation() { write_station(folder_); }

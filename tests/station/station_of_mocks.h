@@ -77,44 +77,40 @@ public:
 
 private:
     // Tells what it went through when the run lets it go.
-    class ObservedStage final : public Stage {
+    class ObservedStage final : public FakeStage {
     public:
-        ObservedStage(FakeStage stage, StationOfMocks& owner)
-            : stage_(std::move(stage)), owner_(owner) {}
+        explicit ObservedStage(StationOfMocks& owner)
+            : FakeStage(owner.station.stage.axes), owner_(owner) {}
         ~ObservedStage() override { ++owner_.closings; }
         ObservedStage(const ObservedStage&) = delete;
         ObservedStage& operator=(const ObservedStage&) = delete;
-        const std::vector<Axis>& axes() const override { return stage_.axes(); }
-        void enable(std::stop_token token) override { stage_.enable(token); }
-        void home(std::stop_token token) override { stage_.home(token); }
-        void resume() override { stage_.resume(); }
         void move(std::span<const double> target, std::stop_token token) override {
-            owner_.before_move(stage_.moves.size());
-            stage_.move(target, token);
-            owner_.moves = static_cast<int>(stage_.moves.size());
+            owner_.before_move(moves.size());
+            FakeStage::move(target, token);
+            owner_.moves = static_cast<int>(moves.size());
             owner_.carriage.assign(target.begin(), target.end());
             if (owner_.first_target.empty())
                 owner_.first_target = owner_.carriage;
         }
-        void limit_speed(double share) override { stage_.limit_speed(share); }
         std::vector<double> position() override {
-            if (owner_.stage_is_silent)
-                throw DeviceError("stage fake", "position", "no answer");
-            return stage_.position();
+            require_answer("position");
+            return FakeStage::position();
         }
         std::vector<AxisStatus> status() override {
-            if (owner_.stage_is_silent)
-                throw DeviceError("stage fake", "status", "no answer");
-            return stage_.status();
+            require_answer("status");
+            return FakeStage::status();
         }
         std::string trace() const override { return "-3 ms read registers 0..13\n"; }
         bool stop() noexcept override {
             ++owner_.stops;
-            return stage_.stop();
+            return FakeStage::stop();
         }
 
     private:
-        FakeStage stage_;
+        void require_answer(const char* request) const {
+            if (owner_.stage_is_silent)
+                throw DeviceError("stage fake", request, "no answer");
+        }
         StationOfMocks& owner_;
     };
 
@@ -135,10 +131,10 @@ private:
     }
     std::unique_ptr<Stage> opened_stage() {
         ++opened;
-        FakeStage stage(station.stage.axes);
-        stage.on_status = on_status;
-        on_stage(stage);
-        return std::make_unique<ObservedStage>(std::move(stage), *this);
+        auto stage = std::make_unique<ObservedStage>(*this);
+        stage->on_status = on_status;
+        on_stage(*stage);
+        return stage;
     }
 
     std::FILE* null_;

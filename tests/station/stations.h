@@ -73,7 +73,6 @@ references:
   thermometer: {value_k: 0.03, U_k: 0.08, certificate: T-1, laboratory: Laboratory C, date: 2026-03-04, due: 2999-03-04}
 )";
 
-// Writes the three files; returns the station file's path.
 inline std::filesystem::path write_station(const TemporaryFolder& folder,
                                            const std::string& text = station_text) {
     write_text(folder / "camera.yml", camera_text);

@@ -1,6 +1,5 @@
 // Photographs as others bring them, through the built program: boards and markers of every kind, no
 // calibration, patterns and films, sets that are not of one camera. All are rendered here.
-#include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
@@ -20,12 +19,10 @@ using testing::HasSubstr;
 constexpr const char* tag_name = "apriltag:36h11:5@40mm";
 
 CameraModel small_camera(double focal_px = 400.0, double k1 = 0.0) {
-    CameraModel camera;
-    camera.width = 320;
-    camera.height = 240;
-    camera.intrinsics = {focal_px, focal_px * 1.005, 161.3, 118.4};
-    camera.distortion.k1 = k1;
-    return camera;
+    return {.width = 320,
+            .height = 240,
+            .intrinsics = {focal_px, focal_px * 1.005, 161.3, 118.4},
+            .distortion = {.k1 = k1}};
 }
 
 CodeImage photo_of(const CameraModel& camera, const std::vector<PlacedMarker>& markers) {
@@ -57,7 +54,6 @@ protected:
                                 150.0 + 12.0 * std::sin(4.0 * i)})});
     }
     Finished etalon(const std::string& arguments) const { return etalon_with(folder_, arguments); }
-    // Of a command that must succeed.
     nlohmann::json json_of(const std::string& arguments) const {
         const Finished finished = etalon(arguments + " --json");
         EXPECT_EQ(finished.exit_code, 0) << finished.err;

@@ -54,9 +54,8 @@ protected:
     }
 
     std::unique_ptr<Program> begin(const std::string& out) const {
-        return std::make_unique<Program>(
-            "etalon", std::vector<std::string>{"study", (folder_ / "study.yaml").string(), "--out",
-                                               (folder_ / out).string()});
+        return start_program("etalon", {"study", (folder_ / "study.yaml").string(), "--out",
+                                        (folder_ / out).string()});
     }
 
     void finish(const std::string& out) const {

@@ -2,8 +2,6 @@
 // detectors show there (growing with distance and tilt, biased in depth, flipped, missed).
 #pragma once
 
-#include <cmath>
-
 #include "compare/expect/pose_statistics.h"
 #include "core/statistics/random.h"
 

@@ -1,12 +1,10 @@
-#include <gmock/gmock.h>
-
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
 #include "core/program/errors.h"
 #include "station/calibrate/commands.h"
-#include "tests/temporary_folder.h"
+#include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
@@ -21,17 +19,8 @@ constexpr const char* folded =
     "intrinsics: {fx: 700, fy: 710, cx: 320, cy: 200}\ndistortion: {k1: -1}\n"
     "covariance: {order: [cy, k1], lower: [0.25, 0, 0.0625]}\n";
 
-struct Output {
-    int exit_code;
-    std::string out, err;
-};
-
-Output run(int (*command)(const CameraFileArguments&), const CameraFileArguments& arguments) {
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
-    const int exit_code = command(arguments);
-    std::string out = testing::internal::GetCapturedStdout();
-    return {exit_code, std::move(out), testing::internal::GetCapturedStderr()};
+Finished run(int (*command)(const CameraFileArguments&), const CameraFileArguments& arguments) {
+    return finished([&] { return command(arguments); });
 }
 
 class CameraCommand : public testing::Test {
@@ -46,7 +35,7 @@ protected:
 
 TEST_F(CameraCommand, ShowsWhatWasReadWithItsStandardDeviations) {
     const auto file = written("camera.yml", folded);
-    const Output text = run(run_camera_show, {.file = file});
+    const Finished text = run(run_camera_show, {.file = file});
     EXPECT_THAT(text.out, HasSubstr("format      etalon\nimage       641 x 401 px\n"));
     EXPECT_THAT(text.out, HasSubstr("cy          200  +- 0.5\n"));
     EXPECT_THAT(text.out, HasSubstr("k1          -1  +- 0.25\n"));
@@ -58,7 +47,7 @@ TEST_F(CameraCommand, ShowsWhatWasReadWithItsStandardDeviations) {
 TEST_F(CameraCommand, ConvertsOneOfSeveralCamerasAndItsPixelOrigin) {
     const auto file = written("cameras.txt", two_cameras);
     const auto out = folder_ / "camchain.yaml";
-    const Output converted =
+    const Finished converted =
         run(run_camera_convert, {.file = file, .out = out, .select = "3", .to = "kalibr"});
     EXPECT_EQ(converted.out, "camera " + out.string() + "\n");
     EXPECT_EQ(converted.err, "");
@@ -70,10 +59,10 @@ TEST_F(CameraCommand, ConvertsOneOfSeveralCamerasAndItsPixelOrigin) {
 }
 
 TEST_F(CameraCommand, SaysWhatItLeavesOut) {
-    const Output converted = run(run_camera_convert, {.file = written("camera.yml", folded),
-                                                      .out = folder_ / "c.json",
-                                                      .to = "matlab",
-                                                      .json = true});
+    const Finished converted = run(run_camera_convert, {.file = written("camera.yml", folded),
+                                                        .out = folder_ / "c.json",
+                                                        .to = "matlab",
+                                                        .json = true});
     EXPECT_THAT(converted.err, HasSubstr("left out, having no place there: serial, covariance"));
     EXPECT_EQ(nlohmann::json::parse(converted.out)["left_out"].size(), 2u);
 }
@@ -88,7 +77,7 @@ TEST_F(CameraCommand, RefusesWhatItCannotDo) {
 
 TEST_F(CameraCommand, ChecksWithAnExitCodeAndNeverPrintsNan) {
     const auto own = written("camera.yml", folded);
-    const Output text = run(run_camera_check, {.file = own});
+    const Finished text = run(run_camera_check, {.file = own});
     EXPECT_EQ(text.exit_code, 1);
     EXPECT_THAT(text.out, HasSubstr("FAULT    valid region: the distortion folds"));
     EXPECT_THAT(text.out, HasSubstr("field of view  no ray x "));

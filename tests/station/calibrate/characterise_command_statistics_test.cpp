@@ -1,17 +1,13 @@
 // `etalon characterise` end to end: photographs of a camera that is known are rendered, and every
 // value that the command finds is within its own stated U of the truth.
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/files/camera_file.h"
-#include "core/file/text.h"
 #include "sim/render/reference_integrator.h"
 #include "station/calibrate/commands.h"
 #include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
@@ -23,18 +19,17 @@ using testing::Not;
 constexpr const char* board = "chessboard:9x6@8mm";
 
 CameraModel truth() {
-    CameraModel camera;
-    camera.serial = "twin-7";
-    camera.width = 480;
-    camera.height = 360;
-    camera.intrinsics = {800.0, 800.0, 243.0, 171.0};
-    camera.distortion.k1 = -0.08;
-    camera.lens = Lens{1.4, 250.0, 550.0, {PointSpread::Kind::gaussian, 0.7}};
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0,
-                           .bits = 8,
-                           .black_dn = 9.3,
-                           .gain_e_per_dn = 12.0,
-                           .read_noise_e = 14.0};
+    CameraModel camera{.serial = "twin-7",
+                       .width = 480,
+                       .height = 360,
+                       .intrinsics = {800.0, 800.0, 243.0, 171.0},
+                       .distortion = {.k1 = -0.08},
+                       .lens = Lens{1.4, 250.0, 550.0, {PointSpread::Kind::gaussian, 0.7}},
+                       .sensor = Sensor{.pixel_pitch_um = 6.0,
+                                        .bits = 8,
+                                        .black_dn = 9.3,
+                                        .gain_e_per_dn = 12.0,
+                                        .read_noise_e = 14.0}};
     camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.3, 0.08, -0.05}};
     return camera;
 }
@@ -47,7 +42,6 @@ CameraModel data_sheet() {
     return camera;
 }
 
-// The photographs of one session in a folder.
 class Session {
 public:
     explicit Session(std::uint64_t seed, const CameraModel& camera = truth())
@@ -88,12 +82,10 @@ public:
     }
 
     CharacteriseArguments arguments() const {
-        CharacteriseArguments arguments;
-        arguments.camera = folder_ / "camera.yml";
-        arguments.target = board;
-        arguments.out = folder_ / "characterised.yml";
-        arguments.json = true;
-        return arguments;
+        return {.camera = folder_ / "camera.yml",
+                .target = board,
+                .out = folder_ / "characterised.yml",
+                .json = true};
     }
 
 private:
@@ -144,13 +136,9 @@ CharacteriseArguments whole_session(Session& session) {
 }
 
 json run(const CharacteriseArguments& arguments, int exit_code) {
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
-    const int code = run_characterise(arguments);
-    const std::string out = testing::internal::GetCapturedStdout();
-    const std::string remarks = testing::internal::GetCapturedStderr();
-    EXPECT_EQ(code, exit_code) << out << remarks;
-    return json::parse(out);
+    const Finished done = finished([&] { return run_characterise(arguments); });
+    EXPECT_EQ(done.exit_code, exit_code) << done.out << done.err;
+    return json::parse(done.out);
 }
 
 void expect_recovered(const json& values, const char* key, double true_value, double most_u) {
@@ -288,10 +276,8 @@ TEST(CharacteriseCommand, TakesTheBitsFromWhateverPhotographsThereAre) {
     camera.sensor.reset();
     camera.lens.reset();
     write_camera(folder / "camera.yml", camera);
-    CharacteriseArguments arguments;
-    arguments.camera = folder / "camera.yml";
-    arguments.target = board;
-    arguments.out = folder / "out.yml";
+    CharacteriseArguments arguments{
+        .camera = folder / "camera.yml", .target = board, .out = folder / "out.yml"};
     for (int i = 0; i < 3; ++i) {
         cv::Mat codes(camera.height, camera.width, CV_16UC1);
         cv::RNG random(static_cast<std::uint64_t>(7 + i));
@@ -299,9 +285,7 @@ TEST(CharacteriseCommand, TakesTheBitsFromWhateverPhotographsThereAre) {
         arguments.darks.push_back(folder / fmt::format("dark{}.png", i));
         write_image(arguments.darks.back(), {codes, 16});
     }
-    testing::internal::CaptureStdout();
-    run_characterise(arguments);
-    testing::internal::GetCapturedStdout();
+    finished([&] { return run_characterise(arguments); });
     const CameraModel back = read_camera(arguments.out);
     ASSERT_TRUE(back.sensor);
     EXPECT_EQ(back.sensor->bits, 16);
@@ -327,12 +311,11 @@ TEST(CharacteriseCommand, PrintsALineForEachQuantity) {
     CharacteriseArguments arguments = session.arguments();
     arguments.json = false;
     add_darks(session, arguments, 2);
-    testing::internal::CaptureStdout();
-    EXPECT_EQ(run_characterise(arguments), 0);
-    const std::string out = testing::internal::GetCapturedStdout();
-    EXPECT_THAT(out, testing::ContainsRegex("black 9\\.[0-9]+ \\+- 0\\.0[0-9]+ DN\n"));
-    EXPECT_THAT(out, HasSubstr("not measured: gain and read noise: no repeats of one view\n"));
-    EXPECT_THAT(out, HasSubstr("camera " + arguments.out.string() + "\n"));
+    const Finished done = finished([&] { return run_characterise(arguments); });
+    EXPECT_EQ(done.exit_code, 0);
+    EXPECT_THAT(done.out, testing::ContainsRegex("black 9\\.[0-9]+ \\+- 0\\.0[0-9]+ DN\n"));
+    EXPECT_THAT(done.out, HasSubstr("not measured: gain and read noise: no repeats of one view\n"));
+    EXPECT_THAT(done.out, HasSubstr("camera " + arguments.out.string() + "\n"));
 }
 
 std::string input_error(const CharacteriseArguments& arguments) {

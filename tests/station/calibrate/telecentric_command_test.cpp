@@ -17,13 +17,11 @@ using Json = nlohmann::json;
 
 // 22 mm x 17 mm; 2.5 px of distortion in the corners.
 CameraModel lens() {
-    CameraModel camera;
-    camera.width = 400;
-    camera.height = 300;
-    camera.projection.kind = Projection::telecentric;
-    camera.intrinsics = {18.2, 17.9, 208.0, 141.0};
-    camera.distortion.k1 = -6.3e-5;
-    return camera;
+    return {.width = 400,
+            .height = 300,
+            .projection = {.kind = Projection::telecentric},
+            .intrinsics = {18.2, 17.9, 208.0, 141.0},
+            .distortion = {.k1 = -6.3e-5}};
 }
 
 // The first one is flat on.

@@ -3,13 +3,11 @@
 #include <cstdlib>
 #include <regex>
 
-#include "core/file/text.h"
 #include "report/number_text.h"
 #include "station/certify/certificate.h"
 #include "tests/error_text.h"
 #include "tests/paths.h"
 #include "tests/station/station_of_mocks.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
@@ -179,7 +177,6 @@ TEST_F(CertifiedRun, SaysThatItWasResumedAndWhyThereIsNoVerdict) {
                 Not(HasSubstr("<dcc:conformity>")));
 }
 
-// The contents of an element, of all that there are.
 std::vector<std::string> contents(const std::string& xml, const std::string& element) {
     const std::regex pattern("<" + element + ">([^<]*)</" + element + ">");
     std::vector<std::string> found;
@@ -318,5 +315,4 @@ TEST_F(PdfFile, IsNotWaitedForForEver) {
 }
 
 }  // namespace
-
 }  // namespace etalon

@@ -3,14 +3,9 @@
 #include "station/compare/compare_baseline.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <cmath>
-
-#include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/station/stations.h"
 
 namespace etalon {
 namespace {
@@ -19,11 +14,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 PhotoSummary photo(const std::string& name, double residual_gray) {
-    PhotoSummary summary;
-    summary.name = name;
-    summary.outcome = "matched";
-    summary.residual_gray = residual_gray;
-    return summary;
+    return {.name = name, .outcome = "matched", .residual_gray = residual_gray};
 }
 
 ComparisonSummary comparison(std::vector<PhotoSummary> photos) {
@@ -115,8 +106,6 @@ TEST(CompareBaseline, RefusesAnotherCameraByName) {
     EXPECT_THAT(message(other), HasSubstr("chessboard:9x6@24mm"));
 }
 
-// ---- files ----------------------------------------------------------------------------------
-
 constexpr const char* good_file = R"json({
   "etalon": "comparison/1", "serial": "SN-7", "image": {"width": 640, "height": 480},
   "marker": "chessboard:9x6@25mm", "mean_residual_gray": 5.5,
@@ -131,12 +120,8 @@ constexpr const char* good_file = R"json({
 
 class BaselineFile : public testing::Test {
 protected:
-    // The good file with one text replaced.
     std::string message_with(const std::string& text, const std::string& replacement) {
-        std::string file = good_file;
-        const auto at = file.find(text);
-        EXPECT_NE(at, std::string::npos) << text;
-        return message_of(file.replace(at, text.size(), replacement));
+        return message_of(replaced(good_file, text, replacement));
     }
     std::string message_of(const std::string& file) {
         write_text(folder_ / "comparison.json", file);

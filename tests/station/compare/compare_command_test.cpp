@@ -1,20 +1,14 @@
 // `etalon compare` and `etalon detect` on photographs that were rendered from the same calibration.
 #include <fmt/format.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <tbb/global_control.h>
 
-#include <filesystem>
-#include <map>
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
 #include "station/compare/commands.h"
 #include "tests/error_text.h"
 #include "tests/pages.h"
@@ -27,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-constexpr const char* camera_text =
+constexpr const char* tag_camera_text =
     "etalon: camera/1\n"
     "image: {width: 320, height: 240}\n"
     "intrinsics: {fx: 400, fy: 402, cx: 161, cy: 118}\n"
@@ -37,11 +31,8 @@ constexpr const char* tag_name = "apriltag:36h11:5@50mm";
 class CompareCommand : public testing::Test {
 protected:
     void SetUp() override {
-        write_text(folder_ / "camera.yml", camera_text);
-        camera_.width = 320;
-        camera_.height = 240;
-        camera_.intrinsics = {400, 402, 161, 118};
-        camera_.distortion.k1 = -0.1;
+        write_text(folder_ / "camera.yml", tag_camera_text);
+        camera_ = read_camera(folder_ / "camera.yml");
     }
 
     fs::path photo_of_tag(const std::string& name, double x_mm) {
@@ -60,12 +51,10 @@ protected:
         return path;
     }
     CompareArguments arguments(std::vector<fs::path> photos) const {
-        CompareArguments result;
-        result.camera = folder_ / "camera.yml";
-        result.out = folder_ / "out";
-        result.marker = tag_name;
-        result.photos = std::move(photos);
-        return result;
+        return {.camera = folder_ / "camera.yml",
+                .out = folder_ / "out",
+                .marker = tag_name,
+                .photos = std::move(photos)};
     }
     // Of run_compare() or run_detect(), which must succeed.
     template <class Arguments>
@@ -77,7 +66,6 @@ protected:
     static nlohmann::json json_of(const CompareArguments& wanted) {
         return nlohmann::json::parse(read_text(wanted.out / "comparison.json"));
     }
-    // Rows of a pose file.
     fs::path poses(const std::string& rows) const {
         write_text(folder_ / "poses.csv", "rx,ry,rz,tx,ty,tz\n" + rows);
         return folder_ / "poses.csv";
@@ -210,7 +198,6 @@ TEST_F(CompareCommand, RefusesContradictoryArgumentsBeforeItWritesAnything) {
     EXPECT_THROW(run_compare(onto_a_file), ConfigError);
 }
 
-// All files of a folder: name and bytes.
 std::map<std::string, std::string> contents(const fs::path& folder) {
     std::map<std::string, std::string> files;
     for (const auto& entry : fs::directory_iterator(folder))
@@ -273,10 +260,10 @@ TEST_F(CompareCommand, NamesWhatStandsInTheWayOfAMatch) {
 }
 
 TEST_F(CompareCommand, DetectPrintsThePoseOfEachPhotograph) {
-    DetectArguments wanted;
-    wanted.marker = tag_name;
-    wanted.camera = folder_ / "camera.yml";
-    wanted.photos = {photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)};
+    DetectArguments wanted{
+        .marker = tag_name,
+        .camera = folder_ / "camera.yml",
+        .photos = {photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)}};
     const std::string table = printed(run_detect, wanted);
     EXPECT_THAT(table, HasSubstr("a.png"));
     EXPECT_THAT(table, HasSubstr("nothing.png marker not found"));
@@ -288,12 +275,11 @@ class PhotometricDetect : public CompareCommand {
 protected:
     // The photograph of photo_of_tag("a.png", 7.0) and where the marker is found in it.
     nlohmann::json found(const std::string& starts) {
-        DetectArguments wanted;
-        wanted.marker = tag_name;
-        wanted.camera = folder_ / "camera.yml";
-        wanted.photos = {photo_of_tag("a.png", 7.0)};
-        wanted.detector = "photometric";
-        wanted.json = true;
+        DetectArguments wanted{.marker = tag_name,
+                               .camera = folder_ / "camera.yml",
+                               .photos = {photo_of_tag("a.png", 7.0)},
+                               .detector = "photometric",
+                               .json = true};
         if (!starts.empty())
             wanted.poses = poses(starts + "\n");
         return nlohmann::json::parse(printed(run_detect, wanted)).at("photos").at(0);

@@ -1,14 +1,11 @@
 #include "station/devices/drift_report.h"
 
-#include <fmt/format.h>
-
 #include <nlohmann/json.hpp>
 
-#include "core/file/text.h"
 #include "sim/render/renderer.h"
 #include "tests/fakes/fake_camera.h"
 #include "tests/pages.h"
-#include "tests/temporary_folder.h"
+#include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
@@ -28,11 +25,7 @@ double warm_up_px(double minutes) {
 // would lie at the same place in their pixels, and their common error there, 0.15 px in sharp
 // images, would be taken for a movement.
 CameraModel small_camera() {
-    CameraModel camera;
-    camera.width = 200;
-    camera.height = 150;
-    camera.intrinsics = {300.0, 300.0, 99.7, 74.2};
-    return camera;
+    return {.width = 200, .height = 150, .intrinsics = {300.0, 300.0, 99.7, 74.2}};
 }
 
 Rigid pose_at(double minutes) {
@@ -141,8 +134,6 @@ TEST_F(CaptureDrift, CountsBadFramesAsNotSeen) {
     EXPECT_TRUE(result.monitor.frames()[2].seen);
 }
 
-// ---- the command, with a recording
-
 class DriftCommand : public testing::Test {
 protected:
     DriftCommand() {
@@ -159,14 +150,8 @@ protected:
             write_image(folder_ / "photos" / fmt::format("{:03}.png", frame),
                         photograph(from_minute + 0.25 * frame));
     }
-    // What it prints on stdout, and its exit code.
-    std::string run(int& exit_code) {
-        testing::internal::CaptureStdout();
-        testing::internal::CaptureStderr();
-        exit_code = run_capture(arguments_);
-        std::fflush(stdout);
-        testing::internal::GetCapturedStderr();
-        return testing::internal::GetCapturedStdout();
+    Finished run() const {
+        return finished([this] { return run_capture(arguments_); });
     }
     nlohmann::json result() const {
         return nlohmann::json::parse(read_text(arguments_.out / "drift.json"));
@@ -178,11 +163,11 @@ protected:
 
 TEST_F(DriftCommand, SaysThatARecordedCameraWasStableAndLeavesARecord) {
     record(30, 30.0);  // long after the warm-up
-    int exit_code = -1;
-    const std::string printed = run(exit_code);
-    EXPECT_EQ(exit_code, 0);
-    EXPECT_THAT(printed, testing::MatchesRegex("drift 0\\.00[0-9] px/min stable after [34]\\.[0-9] "
-                                               "min\nreport .*/drift/report\\.html\n"));
+    const Finished done = run();
+    EXPECT_EQ(done.exit_code, 0);
+    EXPECT_THAT(done.out,
+                testing::MatchesRegex("drift 0\\.00[0-9] px/min stable after [34]\\.[0-9] "
+                                      "min\nreport .*/drift/report\\.html\n"));
     const nlohmann::json json = result();
     EXPECT_EQ(json["etalon"], "drift/1");
     EXPECT_EQ(json["stable"], true);
@@ -206,18 +191,16 @@ TEST_F(DriftCommand, SaysThatARecordedCameraWasStableAndLeavesARecord) {
 TEST_F(DriftCommand, IsInconclusiveWhileTheCameraWarmsUp) {
     record(24);
     arguments_.frames = 24;
-    int exit_code = -1;
-    EXPECT_THAT(run(exit_code), HasSubstr(" px/min not stable in 5.8 min\n"));
-    EXPECT_EQ(exit_code, 2);
+    const Finished done = run();
+    EXPECT_THAT(done.out, HasSubstr(" px/min not stable in 5.8 min\n"));
+    EXPECT_EQ(done.exit_code, 2);
     EXPECT_EQ(result()["stable"], false);
     EXPECT_THAT(read_text(arguments_.out / "report.html"), HasSubstr("it drifts"));
 }
 
 TEST_F(DriftCommand, EndsWithFourAndItsRecordWhereTheRecordingEndsEarly) {
     record(4);
-    int exit_code = -1;
-    run(exit_code);
-    EXPECT_EQ(exit_code, 4);
+    EXPECT_EQ(run().exit_code, 4);
     EXPECT_THAT(result()["reason"].get<std::string>(), HasSubstr("all 4 images were shown"));
     EXPECT_TRUE(result()["rates"].empty());
 }
@@ -227,9 +210,9 @@ TEST_F(DriftCommand, SaysWhereTheTargetIsNeverSeen) {
         write_image(folder_ / "photos" / fmt::format("{}.png", frame),
                     {cv::Mat(150, 200, CV_8UC1, cv::Scalar(90)), 8});
     arguments_.frames = 3;
-    int exit_code = -1;
-    EXPECT_THAT(run(exit_code), HasSubstr("drift not measured"));
-    EXPECT_EQ(exit_code, 2);
+    const Finished done = run();
+    EXPECT_THAT(done.out, HasSubstr("drift not measured"));
+    EXPECT_EQ(done.exit_code, 2);
     EXPECT_EQ(result()["frames_without_target"], 3);
 }
 

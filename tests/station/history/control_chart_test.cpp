@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
-#include <vector>
 
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
@@ -143,7 +142,6 @@ long s_of(const std::vector<double>& values) {
     return s;
 }
 
-// Every order of n values is counted.
 TEST(TrendOfRuns, HasTheProbabilityThatCountingAllOrdersGives) {
     for (int n = 2; n <= 7; ++n) {
         std::vector<double> order(static_cast<std::size_t>(n));
@@ -238,5 +236,4 @@ TEST(TrendOfRuns, FindsASteadyDrift) {
 }
 
 }  // namespace
-
 }  // namespace etalon

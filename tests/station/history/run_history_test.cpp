@@ -1,13 +1,10 @@
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
+#include "station/history/run_history.h"
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "core/time/clock.h"
-#include "station/history/run_history.h"
 #include "tests/error_text.h"
 #include "tests/pages.h"
+#include "tests/station/history/run_json.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -24,23 +21,6 @@ double wobble(int i) {
 
 class History : public testing::Test {
 protected:
-    Json run_of(int day, double value) const {
-        return {{"etalon", "run/1"},
-                {"outcome", "PASS"},
-                {"started_utc", fmt::format("2026-03-{:02}T14:05:09Z", day)},
-                {"station", "demo"},
-                {"marker", "apriltag:36h11:5@80mm"},
-                {"limits", "demo-1"},
-                {"camera", {{"serial", "CAM-7"}, {"uri", "genicam:127.0.0.1"}}},
-                {"inputs", {{{"role", "calibration"}, {"sha256", std::string(64, 'a')}}}},
-                {"measurements",
-                 {{{"name", "b3_position_field_rms_mm"},
-                   {"unit", "mm"},
-                   {"value", value},
-                   {"expanded_uncertainty", 0.005},
-                   {"limit", 0.06},
-                   {"outcome", "PASS"}}}}};
-    }
     std::filesystem::path add(const std::string& name, const Json& run) const {
         std::filesystem::create_directories(folder / name);
         write_text(folder / name / "run.json", run.dump());
@@ -48,7 +28,7 @@ protected:
     }
     void add_runs(int first, int last, double value) const {
         for (int day = first; day <= last; ++day)
-            add(fmt::format("run-{:02}", day), run_of(day, value + wobble(day)));
+            add(fmt::format("run-{:02}", day), run_of_day(day, value + wobble(day)));
     }
     std::vector<HistoricRun> read() const {
         const std::vector<std::filesystem::path> folders = {folder / "."};
@@ -79,7 +59,7 @@ TEST_F(History, RaisesTheAlarmWhenAQuantityDrifts) {
 TEST_F(History, BeginsANewBaselineWithANewCalibration) {
     add_runs(1, 12, 0.030);
     for (int day = 13; day <= 16; ++day) {
-        Json run = run_of(day, 0.040 + wobble(day));
+        Json run = run_of_day(day, 0.040 + wobble(day));
         run["inputs"][0]["sha256"] = std::string(64, 'b');
         add(fmt::format("run-{}", day), run);
     }
@@ -101,11 +81,11 @@ TEST_F(History, KeepsCamerasStationsAndMarkersApart) {
     add_runs(1, 3, 0.030);
     int day = 4;
     for (const char* key : {"station", "marker"}) {
-        Json run = run_of(day++, 0.030);
+        Json run = run_of_day(day++, 0.030);
         run[key] = "another";
         add(key, run);
     }
-    Json run = run_of(day, 0.030);
+    Json run = run_of_day(day, 0.030);
     run["camera"]["serial"] = "";
     add("camera", run);
     const auto charts = chart_history(read());
@@ -115,7 +95,7 @@ TEST_F(History, KeepsCamerasStationsAndMarkersApart) {
 
 TEST_F(History, LeavesOutRunsThatMeasuredNothing) {
     add_runs(1, 3, 0.030);
-    Json ended = run_of(4, 0.0), skipped = run_of(5, 0.0);
+    Json ended = run_of_day(4, 0.0), skipped = run_of_day(5, 0.0);
     ended.erase("measurements");
     ended["outcome"] = "ERROR";
     skipped["measurements"][0]["value"] = nullptr;
@@ -146,7 +126,7 @@ TEST_F(History, FitsEightyColumnsAndWritesAReport) {
 TEST_F(History, GoesByTheDatesOfTheRunsAcross2038) {
     const char* dates[] = {"2037-12-31T23:59:59Z", "2038-01-19T03:14:08Z", "2039-01-20T11:07:05Z"};
     for (int i = 0; i < 3; ++i) {
-        Json run = run_of(1, 0.03);
+        Json run = run_of_day(1, 0.03);
         run["started_utc"] = dates[i];
         add(fmt::format("run-{}", 9 - i), run);
     }
@@ -159,7 +139,7 @@ TEST_F(History, GoesByTheDatesOfTheRunsAcross2038) {
 TEST_F(History, RefusesWhatIsNoRecord) {
     EXPECT_THAT(refusal({folder / "."}), HasSubstr("holds no record"));
     EXPECT_THAT(refusal({folder / "nothing"}), HasSubstr("holds no record"));
-    const auto record = add("run", run_of(1, 0.03));
+    const auto record = add("run", run_of_day(1, 0.03));
     EXPECT_THAT(refusal({record, record}), HasSubstr("is the same run as"));
     for (const auto& [key, value] :
          std::vector<std::pair<std::string, Json>>{{"etalon", "run/2"},
@@ -168,7 +148,7 @@ TEST_F(History, RefusesWhatIsNoRecord) {
                                                    {"camera", 7},
                                                    {"measurements", Json::array({Json::object()})},
                                                    {"inputs", Json::array()}}) {
-        Json broken = run_of(1, 0.03);
+        Json broken = run_of_day(1, 0.03);
         broken[key] = value;
         add("run", broken);
         EXPECT_THAT(refusal({record}), HasSubstr(key));
@@ -179,16 +159,14 @@ TEST_F(History, RefusesWhatIsNoRecord) {
 
 HistoricRun run_on(const std::string& day, const std::string& outcome, double value,
                    const std::string& camera = "CAM-7") {
-    HistoricRun run;
-    run.started_utc = day + "T14:05:09Z";
-    run.outcome = outcome;
-    run.camera = camera;
-    run.station = "demo";
-    run.marker = "apriltag:36h11:5@80mm";
-    run.calibration_sha256 = "a";
-    run.due_after_days = 90;
-    run.quantities = {{"b3_position_field_rms_mm", "mm", value, 0.005, 0.06, outcome}};
-    return run;
+    return {.started_utc = day + "T14:05:09Z",
+            .outcome = outcome,
+            .camera = camera,
+            .station = "demo",
+            .marker = "apriltag:36h11:5@80mm",
+            .calibration_sha256 = "a",
+            .due_after_days = 90,
+            .quantities = {{"b3_position_field_rms_mm", "mm", value, 0.005, 0.06, outcome}}};
 }
 
 std::vector<CameraState> states(const std::vector<HistoricRun>& runs, const std::string& today) {
@@ -282,5 +260,4 @@ TEST(Fleet, FitsEightyColumns) {
 }
 
 }  // namespace
-
 }  // namespace etalon

@@ -1,16 +1,11 @@
 #include "station/history/run_index.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include <nlohmann/json.hpp>
 
-#include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 #include "tests/file_size_limit.h"
 #include "tests/station/built_program.h"
-#include "tests/temporary_folder.h"
+#include "tests/station/history/run_json.h"
 
 namespace etalon {
 namespace {
@@ -19,30 +14,18 @@ using Json = nlohmann::json;
 
 class RunIndexTest : public testing::Test {
 protected:
-    Json run_of(int day, const std::string& camera, const std::string& outcome) const {
-        return {{"etalon", "run/1"},
-                {"outcome", outcome},
-                {"reason", outcome == "ERROR" ? "no answer" : ""},
-                {"started_utc", fmt::format("2026-03-{:02}T14:05:09Z", day)},
-                {"sessions", {{{"operator", "Anna"}}, {{"operator", "Bert"}}}},
-                {"station", "demo"},
-                {"marker", "apriltag:36h11:5@80mm"},
-                {"limits", "demo-1"},
-                {"camera", {{"serial", camera}, {"uri", "genicam:127.0.0.1"}}},
-                {"inputs", {{{"role", "calibration"}, {"sha256", std::string(64, 'a')}}}},
-                {"measurements",
-                 {{{"name", "b3_position_field_rms_mm"},
-                   {"unit", "mm"},
-                   {"value", 0.01 * day},
-                   {"expanded_uncertainty", 0.005},
-                   {"limit", 0.06},
-                   {"outcome", outcome}},
-                  {{"name", "length_error_mm"},
-                   {"unit", "mm"},
-                   {"value", nullptr},
-                   {"expanded_uncertainty", nullptr},
-                   {"limit", 0.1},
-                   {"outcome", "SKIPPED"}}}}};
+    // With two sessions, and a quantity that was not measured.
+    static Json run_of(int day, const std::string& camera, const std::string& outcome) {
+        Json run = run_of_day(day, 0.01 * day, camera, outcome);
+        run["reason"] = outcome == "ERROR" ? "no answer" : "";
+        run["sessions"] = {{{"operator", "Anna"}}, {{"operator", "Bert"}}};
+        run["measurements"].push_back({{"name", "length_error_mm"},
+                                       {"unit", "mm"},
+                                       {"value", nullptr},
+                                       {"expanded_uncertainty", nullptr},
+                                       {"limit", 0.1},
+                                       {"outcome", "SKIPPED"}});
+        return run;
     }
     void add(int day, const std::string& camera, const std::string& outcome = "PASS") const {
         const auto record = folder_ / fmt::format("run-{:02}", day);

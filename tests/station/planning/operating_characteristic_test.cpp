@@ -2,14 +2,11 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
-#include <cmath>
 #include <numeric>
 
-#include "core/file/text.h"
-#include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
@@ -136,10 +133,7 @@ OperatingCharacteristic of_one_process(const RunSimulator& simulator,
 class Characteristic : public SimulatedRun {
 protected:
     OperatingCharacteristic study(const std::vector<std::string>& errors, int runs) const {
-        CharacteristicRequest request;
-        request.runs = runs;
-        request.errors = errors;
-        return of_one_process(simulator_, request);
+        return of_one_process(simulator_, {.runs = runs, .errors = errors});
     }
 };
 
@@ -199,7 +193,6 @@ protected:
             simulate(folder_ / fmt::format("part-{}", i), {i, 2}, planned_);
     }
 
-    // What the shard's record lacks.
     void simulate(const std::filesystem::path& out, const Shard& shard,
                   const StationCharacteristic& planned) {
         RowRecord record(out, oc_rows(planned, shard));
@@ -212,12 +205,7 @@ protected:
         });
     }
     std::string refusal(const std::vector<std::filesystem::path>& shards) {
-        try {
-            merged_characteristic(shards);
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "merged";
+        return config_error_of([&] { merged_characteristic(shards); });
     }
     std::filesystem::path one() const { return folder_ / "part-1"; }
     std::filesystem::path two() const { return folder_ / "part-2"; }

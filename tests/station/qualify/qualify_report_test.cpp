@@ -1,11 +1,6 @@
 #include "station/qualify/run_analysis.h"
 
-#include <gmock/gmock.h>
-
-#include <regex>
-
 #include "compare/qualification/judged_quantities.h"
-#include "core/file/text.h"
 #include "tests/pages.h"
 #include "tests/station/stations.h"
 

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "compare/photo_pose.h"
 #include "tests/error_text.h"
 #include "tests/station/station_of_mocks.h"
 
@@ -48,17 +49,6 @@ TEST_F(Runner, LeavesTheLastAttemptToStopToClosingAStageThatDoesNotAnswer) {
     EXPECT_EQ(mocks.stops, 0);
     EXPECT_EQ(mocks.closings, 1);
     EXPECT_EQ(mocks.events("axes stopped").at(0)["detail"], "NOT confirmed by the controller");
-}
-
-// An alarm must not look like silence: the axes of others may still move.
-TEST_F(Runner, StopsTheAxesWhenOneHasAnAlarmWhileItRests) {
-    mocks.on_status = [&](std::vector<AxisStatus>& axes) {
-        if (mocks.moves == 2)
-            axes[0].alarm = 17;
-    };
-    EXPECT_EQ(mocks.run().outcome, RunOutcome::error);
-    EXPECT_EQ(mocks.stops, 1);
-    EXPECT_EQ(mocks.events("axes stopped").at(0)["detail"], "confirmed");
 }
 
 // Seen by the next move at any other pose; the measured poses stay, as there.
@@ -185,6 +175,7 @@ TEST_P(RunnerAtRest, EndsWhenItHappensDuringAnExposure) {
     EXPECT_EQ(pictures_since, 1);
     EXPECT_EQ(mocks.moves, 3);
     EXPECT_EQ(mocks.stops, 1);
+    EXPECT_EQ(mocks.events("axes stopped").at(0)["detail"], "confirmed");
     EXPECT_THAT(result.remarks, Not(Contains(HasSubstr("stand still"))));
 }
 
@@ -327,7 +318,6 @@ TEST_F(Runner, GoesOnWhenOneOfTheFirstThreePosesShowsTheMarker) {
     EXPECT_EQ(result.poses.size(), 25u);
 }
 
-// The whole chain in process.
 TEST_F(Runner, PassesATrueCamera) {
     show_a_true_camera(mocks);
     const QualifyResult result = mocks.run();
@@ -379,6 +369,44 @@ TEST_F(Runner, GoesOnWithoutASensorThatFailsAndSaysSo) {
     EXPECT_EQ(mocks.run_file()["environment"]["lost"],
               "room sensor 127.0.0.1:1503: read register 0: timed out");
     EXPECT_EQ(mocks.read().result.environment.lost, result.environment.lost);
+}
+
+Detector told(const DetectedCorners& corners) {
+    return {"told", [corners](const CodeImage&) { return Detection{corners}; }};
+}
+
+CameraModel webcam() {
+    return {.width = 640, .height = 480, .intrinsics = {700.0, 705.0, 321.7, 238.2}};
+}
+
+const Rigid camera_from_board{rotation_from_vector({0.3, -0.2, 0.5}), {-20.0, -11.0, 400.0}};
+
+// Of a board's points those that are named; all when none is.
+DetectedCorners seen(const Marker& board, const std::vector<int>& points) {
+    DetectedCorners corners{0, {}, points};
+    for (const Eigen::Vector3d& point : seen_points_mm(board, corners))
+        corners.pixels.push_back(Projector(webcam()).project(camera_from_board * point).value());
+    return corners;
+}
+
+TEST(PartialMarker, HasAPoseByThePointsThatAreSeen) {
+    const Marker board = parse_marker("charuco:4X4_50:6x5@12mm/9mm", "test");
+    Detector detector = told(seen(board, {2, 3, 4, 7, 8, 9, 13}));
+    const PhotoPose pose = find_marker("photo.png", {}, detector, Projector(webcam()), board);
+    ASSERT_TRUE(pose.estimate) << pose.failure;
+    EXPECT_LT(left_difference(camera_from_board, pose.estimate->camera_from_marker).norm(), 1e-6);
+}
+
+TEST(PartialMarker, IsNotDetectedWhereMeansOverFramesAreTaken) {
+    const Marker board = parse_marker("charuco:4X4_50:6x5@12mm/9mm", "test");
+    Detector part = told(seen(board, {2, 3, 4, 7, 8, 9, 13})), whole = told(seen(board, {}));
+    FrameRecord partly, wholly;
+    detect_frame(part, {}, partly);
+    detect_frame(whole, {}, wholly);
+    EXPECT_TRUE(partly.corners.empty());
+    EXPECT_EQ(partly.detection, "marker seen in part only");
+    EXPECT_EQ(wholly.corners.size(), 20u);
+    EXPECT_EQ(wholly.detection, "");
 }
 
 }  // namespace

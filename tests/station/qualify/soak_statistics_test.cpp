@@ -2,10 +2,6 @@
 // that a fault ends is gone on with until it is whole. What a program could lose slowly (memory,
 // file descriptors, threads, time) is as after the first runs. Over the real protocols and in real
 // time: tests/evidence/soak.sh.
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include <fstream>
 
 #include "core/statistics/random.h"
 #include "tests/station/station_of_mocks.h"

@@ -1,12 +1,7 @@
 #include "station/register/stage_registration.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <numbers>
-
-#include "core/program/errors.h"
-#include "stage/axes/kinematics.h"
 #include "station/register/qualification_input.h"
 #include "tests/error_text.h"
 #include "tests/station/photographed_station.h"

@@ -4,15 +4,12 @@
 #include <gmock/gmock.h>
 #include <tbb/global_control.h>
 
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <regex>
 
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/image/image.h"
-#include "core/program/errors.h"
-#include "station/render/image_set.h"
 #include "tests/error_text.h"
 #include "tests/file_size_limit.h"
 #include "tests/read_bytes.h"

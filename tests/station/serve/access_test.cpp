@@ -14,11 +14,11 @@ AccessRules rules_with(const std::string& token) {
 }
 
 WebRequest asked(const std::string& method, const std::string& path) {
-    WebRequest request{method, path};
-    request.host = "127.0.0.1:7530";
-    request.local_address = "127.0.0.1";
-    request.local_port = 7530;
-    return request;
+    return {.method = method,
+            .path = path,
+            .host = "127.0.0.1:7530",
+            .local_address = "127.0.0.1",
+            .local_port = 7530};
 }
 
 WebRequest post_of_own_page() {

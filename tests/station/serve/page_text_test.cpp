@@ -106,5 +106,4 @@ TEST(PageJson, TakesFromADamagedRecordWhatIsWhole) {
 }
 
 }  // namespace
-
 }  // namespace etalon

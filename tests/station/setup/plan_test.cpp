@@ -12,15 +12,13 @@ const std::vector<Axis> axes = {{.name = "x", .low = -130, .high = 120, .speed =
                                 {.name = "z", .low = 0, .high = 400, .speed = 110}};
 
 PlanRequest request() {
-    PlanRequest wanted;
-    wanted.volume = {{-120, 110}, {-80, 90}, {50, 350}};
-    wanted.poses = 75;
-    wanted.hold_out = 0.533;  // 40 of 75
-    wanted.frames = 3;
-    wanted.seed = 5;
-    wanted.settle = std::chrono::milliseconds(70);
-    wanted.place = {"station.yaml", 17, "plan.volume"};
-    return wanted;
+    return {.volume = {{-120, 110}, {-80, 90}, {50, 350}},
+            .poses = 75,
+            .hold_out = 0.533,  // 40 of 75
+            .frames = 3,
+            .seed = 5,
+            .settle = std::chrono::milliseconds(70),
+            .place = {"station.yaml", 17, "plan.volume"}};
 }
 
 Plan plan_of(const PlanRequest& wanted) {

@@ -8,18 +8,10 @@ namespace etalon {
 namespace {
 
 std::vector<Axis> xy_rz() {
-    std::vector<Axis> axes(3);
-    axes[0].name = "x";
-    axes[0].direction = {1, 0, 0};
-    axes[0].scale_uncertainty = 30e-6;
-    axes[0].repeatability = 0.004;
-    axes[1].name = "y";
-    axes[1].direction = {0, 1, 0};
-    axes[2].name = "rz";
-    axes[2].kind = Axis::Kind::rotary;
-    axes[2].direction = {0, 0, 1};
-    axes[2].repeatability = 1e-4;
-    return axes;
+    return {
+        {.name = "x", .direction = {1, 0, 0}, .scale_uncertainty = 30e-6, .repeatability = 0.004},
+        {.name = "y", .direction = {0, 1, 0}},
+        {.name = "rz", .kind = Axis::Kind::rotary, .repeatability = 1e-4}};
 }
 
 VisitedPose visited(const std::vector<double>& position) {

@@ -335,5 +335,4 @@ TEST(Environment, ReadingsWithoutACertificateOnlyWidenTheDeclaredTemperature) {
 }
 
 }  // namespace
-
 }  // namespace etalon

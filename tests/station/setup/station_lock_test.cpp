@@ -159,7 +159,6 @@ TEST_F(StationLockTest, ThatCannotBeTakenIsAnErrorThatNamesTheWayOn) {
     EXPECT_THAT(denied, HasSubstr(".lock: cannot be locked: Permission denied"));
 }
 
-// A link that somebody put there is not followed.
 TEST_F(StationLockTest, FollowsNoLink) {
     { const StationLock first(stage(), "a motion"); }
     const auto file = std::filesystem::directory_iterator(folder_ / "")->path();

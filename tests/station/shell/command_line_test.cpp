@@ -1,5 +1,4 @@
 // The built program as a user meets it: exit codes, one-line errors, nothing half-written.
-#include <gmock/gmock.h>
 
 #include "core/file/file_lock.h"
 #include "core/image/image.h"
@@ -46,21 +45,6 @@ TEST(CommandLine, UsageErrorsAreOneLineAndExitCode3) {
         "--square-mm: must be a number above 0, not 'nan'");
     expect_one_line_error(etalon_with(folder, "calibrate a.png --board 9x6 --square-mm -1 --out c"),
                           3, "--square-mm");
-}
-
-TEST(CommandLine, RenderRefusesBadInputAndWritesNothing) {
-    const TemporaryFolder folder;
-    write_station(folder);
-    const std::string render = "render --out r.png --camera camera.yml ";
-    const auto refused = [&](const std::string& rest, const std::string& message) {
-        expect_one_line_error(etalon_with(folder, render + rest), 3, message);
-        EXPECT_FALSE(std::filesystem::exists(folder / "r.png")) << rest;
-    };
-    refused("--marker apriltag:36h11:5@50mm --pose 0,0,0,0,0", "--pose");
-    refused("--marker apriltag:36h11:5@50mm --pose 0,0,0,0,0,nan", "--pose");
-    refused("--marker apriltag:36h12:5@50mm --pose 0,0,0,0,0,300", "36h12");
-    refused("--marker aruco:4X4_51:5@50mm --pose 0,0,0,0,0,300", "4X4_51");
-    refused("--marker apriltag:36h11:5@50mm --pose 0,0,0,0,0,300 --background 1.5", "--background");
 }
 
 TEST(CommandLine, NamesTheLineAndKeyOfABadCameraFile) {

@@ -10,7 +10,6 @@
 namespace etalon {
 namespace {
 
-// Whether a stop is requested once the signal has been sent to the process.
 bool requests_stop(int signal) {
     std::stop_source source;
     std::promise<void> requested;

@@ -18,12 +18,11 @@ using testing::HasSubstr;
 
 TEST(BenchCommand, QuickWritesEveryMethodWithOneDefaultRowPerScene) {
     const TemporaryFolder folder;
-    BenchArguments arguments;
-    arguments.scenes = {"webcam-1500"};
-    arguments.out = folder / "bench";
-    arguments.quick = true;
-    arguments.poses = 2;
-    arguments.throughput = 10;
+    const BenchArguments arguments{.scenes = {"webcam-1500"},
+                                   .out = folder / "bench",
+                                   .poses = 2,
+                                   .throughput = 10,
+                                   .quick = true};
     EXPECT_EQ(run_bench(arguments), 0);
 
     const std::vector<std::string> lines =

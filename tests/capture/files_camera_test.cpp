@@ -5,7 +5,7 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
-#include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -109,12 +109,7 @@ TEST_F(FilesCameraTest, NamesTheFileThatIsNoImage) {
     std::ofstream(folder_ / "b.png") << "not a PNG";
     auto camera = armed();
     EXPECT_EQ(next_value(*camera), 10);
-    try {
-        camera->frame_after(clock_.now(), 0, {});
-        FAIL() << "no error";
-    } catch (const ConfigError& error) {
-        EXPECT_NE(std::string(error.what()).find("b.png"), std::string::npos);
-    }
+    EXPECT_TRUE(has(config_error_of([&] { camera->frame_after(clock_.now(), 0, {}); }), "b.png"));
 }
 
 TEST_F(FilesCameraTest, RefusesAFolderWithoutImagesAndAMissingOne) {

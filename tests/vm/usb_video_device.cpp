@@ -1,6 +1,7 @@
 #include "tests/vm/usb_video_device.h"
 
 #include <array>
+#include <map>
 #include <string_view>
 
 namespace etalon {
@@ -20,19 +21,7 @@ constexpr int bulk = 2, packet_size = 512;
 constexpr int vendor_string = 1, model_string = 2, serial_string = 3;
 
 // Pixel formats are named by a GUID: a four-character code and the same tail for all.
-std::string_view four_characters(UsbPixels pixels) {
-    switch (pixels) {
-        case UsbPixels::grey:
-            return "Y800";
-        case UsbPixels::y12:
-            return "Y12 ";
-        case UsbPixels::y16:
-            return "Y16 ";
-        case UsbPixels::yuyv:
-            return "YUY2";
-    }
-    return {};
-}
+constexpr std::array<std::string_view, 4> four_characters{"Y800", "Y12 ", "Y16 ", "YUY2"};
 constexpr std::array<std::uint8_t, 12> guid_tail{0x00, 0x00, 0x10, 0x00, 0x80, 0x00,
                                                  0x00, 0xAA, 0x00, 0x38, 0x9B, 0x71};
 
@@ -106,7 +95,7 @@ Bytes format_descriptor(UsbPixels pixels, std::size_t index, std::size_t frames)
     Bytes out = described(class_interface, {{1, format_uncompressed},
                                             {1, static_cast<std::uint32_t>(index)},
                                             {1, static_cast<std::uint32_t>(frames)}});
-    const std::string_view code = four_characters(pixels);
+    const std::string_view code = four_characters[static_cast<std::size_t>(pixels)];
     out.insert(out.end(), code.begin(), code.end());
     out.insert(out.end(), guid_tail.begin(), guid_tail.end());
     put(out, 1, static_cast<std::uint32_t>(8 * bytes_per_pixel(pixels)));
@@ -276,8 +265,8 @@ std::optional<std::size_t> find(int entity, int selector) {
     return std::nullopt;
 }
 
-std::vector<std::uint8_t> encoded(std::int32_t value, int size) {
-    std::vector<std::uint8_t> out;
+Bytes encoded(std::int32_t value, int size) {
+    Bytes out;
     put(out, size, static_cast<std::uint32_t>(value));
     return out;
 }
@@ -299,31 +288,24 @@ UsbVideoControls::UsbVideoControls(int sharpness) {
     values_[sharpness_index] = sharpness;
 }
 
-std::optional<std::vector<std::uint8_t>> UsbVideoControls::get(int entity, int selector,
-                                                               int request) const {
+std::optional<Bytes> UsbVideoControls::get(int entity, int selector, int request) const {
     const auto index = find(entity, selector);
     if (!index)
         return std::nullopt;
     const Control& control = table[*index];
     const bool disabled = *index == exposure_index && automatic_exposure();
-    switch (request) {
-        case get_current:
-            return encoded(values_[*index], control.size);
-        case get_minimum:
-            return encoded(control.minimum, control.size);
-        case get_maximum:
-            return encoded(control.maximum, control.size);
-        case get_step:
-            return encoded(control.step, control.size);
-        case get_default:
-            return encoded(control.initial, control.size);
-        case get_length:
-            return encoded(control.size, 2);
-        case get_info:
-            return encoded(can_get | can_set | (disabled ? disabled_by_automatic : 0), 1);
-        default:
-            return std::nullopt;
-    }
+    if (request == get_length)
+        return encoded(control.size, 2);
+    if (request == get_info)
+        return encoded(can_get | can_set | (disabled ? disabled_by_automatic : 0), 1);
+    const std::map<int, std::int32_t> values{{get_current, values_[*index]},
+                                             {get_minimum, control.minimum},
+                                             {get_maximum, control.maximum},
+                                             {get_step, control.step},
+                                             {get_default, control.initial}};
+    const auto value = values.find(request);
+    return value == values.end() ? std::nullopt
+                                 : std::optional(encoded(value->second, control.size));
 }
 
 bool UsbVideoControls::set(int entity, int selector, std::span<const std::uint8_t> bytes) {
@@ -376,7 +358,7 @@ constexpr int get_status = 0, clear_feature = 1, set_feature = 3, get_descriptor
 // Class requests and the selectors of the stream's interface.
 constexpr int set_current = 0x01;
 constexpr int probe = 1, commit = 2;
-constexpr std::size_t negotiation_bytes = 34;  // UVC 1.1
+constexpr std::int32_t negotiation_bytes = 34;  // UVC 1.1
 
 // A payload is one whole frame behind a header of 2 bytes.
 constexpr std::uint32_t payload_header = 2;
@@ -400,7 +382,7 @@ std::optional<StreamMode> UsbVideoDevice::stream() const {
 }
 
 std::optional<std::vector<std::uint8_t>> UsbVideoDevice::read(const UsbSetup& setup) const {
-    std::optional<std::vector<std::uint8_t>> answer;
+    std::optional<Bytes> answer;
     if ((setup.type & kind_mask) == standard)
         answer = read_standard(setup);
     else if (setup.type == (to_host | of_class | to_interface))
@@ -412,43 +394,28 @@ std::optional<std::vector<std::uint8_t>> UsbVideoDevice::read(const UsbSetup& se
     return answer;
 }
 
-std::optional<std::vector<std::uint8_t>> UsbVideoDevice::read_standard(
-    const UsbSetup& setup) const {
+std::optional<Bytes> UsbVideoDevice::read_standard(const UsbSetup& setup) const {
     if (setup.request == get_status)
-        return std::vector<std::uint8_t>(2, 0);
+        return Bytes(2, 0);
     if (setup.request != get_descriptor)
         return std::nullopt;
-    std::vector<std::uint8_t> descriptor;
-    switch (setup.value >> 8) {
-        case 1:
-            descriptor = device_descriptor();
-            break;
-        case 2:
-            descriptor = configuration_descriptor(options_);
-            break;
-        case 3:
-            descriptor = string_descriptor(options_, setup.value & 0xFF);
-            break;
-        default:
-            break;
-    }
+    const int type = setup.value >> 8;
+    const Bytes descriptor = type == device          ? device_descriptor()
+                             : type == configuration ? configuration_descriptor(options_)
+                             : type == string ? string_descriptor(options_, setup.value & 0xFF)
+                                              : Bytes();
     return descriptor.empty() ? std::nullopt : std::optional(descriptor);
 }
 
-std::optional<std::vector<std::uint8_t>> UsbVideoDevice::read_negotiation(
-    const UsbSetup& setup) const {
+std::optional<Bytes> UsbVideoDevice::read_negotiation(const UsbSetup& setup) const {
     const int selector = setup.value >> 8;
     if (selector != probe && selector != commit)
         return std::nullopt;
-    std::vector<std::uint8_t> out;
-    if (setup.request == get_length) {
-        put(out, 2, negotiation_bytes);
-        return out;
-    }
-    if (setup.request == get_info) {
-        put(out, 1, 3);  // can be read and set
-        return out;
-    }
+    Bytes out;
+    if (setup.request == get_length)
+        return encoded(negotiation_bytes, 2);
+    if (setup.request == get_info)
+        return encoded(can_get | can_set, 1);
     const auto frame = static_cast<std::uint32_t>(mode().frame_bytes());
     put(out, 2, 0);
     put(out, 1, static_cast<std::uint32_t>(format_index_));

@@ -2,13 +2,11 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <fstream>
 
 #include "calib/files/foreign_camera.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/error_text.h"
 #include "tests/temporary_folder.h"

@@ -1,7 +1,6 @@
 #include "calib/intrinsics/camera_check.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <numbers>
 

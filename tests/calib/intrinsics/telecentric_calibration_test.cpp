@@ -1,12 +1,10 @@
 // Calibrating telecentric lenses from the views alone: what is found, what is held, what is
 // refused.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/calibration_start.h"
 #include "calib/intrinsics/camera_consistency.h"
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 

@@ -1,14 +1,12 @@
 #include "calib/registration/registration.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/registration/true_stage.h"

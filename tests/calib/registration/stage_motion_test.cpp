@@ -1,12 +1,10 @@
 #include "calib/registration/stage_motion.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <limits>
 #include <numbers>
 
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "tests/error_text.h"
 

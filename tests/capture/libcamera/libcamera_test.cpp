@@ -4,6 +4,7 @@
 #include "capture/libcamera/libcamera_device.h"
 #include "tests/capture/frame/camera_contract.h"
 #include "tests/capture/libcamera/fake_libcamera.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -245,12 +246,7 @@ protected:
         return camera;
     }
     std::string refusal() {
-        try {
-            open()->configure(wanted_);
-        } catch (const DeviceError& error) {
-            return error.what();
-        }
-        return "it was accepted";
+        return device_error_of([&] { open()->configure(wanted_); });
     }
 
     LibcameraWorld world_;

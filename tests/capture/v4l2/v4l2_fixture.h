@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include "capture/v4l2/v4l2_camera.h"
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 #include "tests/fakes/fake_v4l2.h"
 

@@ -4,7 +4,7 @@
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -214,12 +214,8 @@ TEST(TwinStageFile, NamesTheKeyOfEveryMistake) {
          "faults[0].carried_out"},
         {"faults: [{fault: exception, at: {move: 7}, code: 256}]", "faults[0].code"}};
     for (const auto& [rest, key] : cases) {
-        try {
-            read(rest + "\n");
-            ADD_FAILURE() << rest << " was accepted";
-        } catch (const ConfigError& error) {
-            EXPECT_NE(std::string(error.what()).find(key), std::string::npos) << error.what();
-        }
+        const std::string error = config_error_of([&] { read(rest + "\n"); });
+        EXPECT_TRUE(has(error, key)) << rest << ": " << error;
     }
 }
 

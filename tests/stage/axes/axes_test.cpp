@@ -126,30 +126,22 @@ TEST(Axes, RefuseWhatContradictsItself) {
 }
 
 TEST(SoftLimits, RefuseWhatIsOutsideAndNameTheAxis) {
-    std::vector<Axis> axes(2);
-    axes[0].name = "x";
-    axes[0].low = -7.0;
-    axes[0].high = 5.0;
-    axes[1].name = "rz";
-    axes[1].kind = Axis::Kind::rotary;
-    axes[1].low = -pi / 2;
-    axes[1].high = pi / 4;
-    const auto check = [&](std::vector<double> positions) -> std::string {
-        try {
+    const std::vector<Axis> axes = {
+        {.name = "x", .low = -7.0, .high = 5.0},
+        {.name = "rz", .kind = Axis::Kind::rotary, .low = -pi / 2, .high = pi / 4}};
+    const auto check = [&](std::vector<double> positions) {
+        return config_error_of([&] {
             require_within_limits(axes, positions, {"plan.yml", 9, "poses"});
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "";
+        });
     };
-    EXPECT_EQ(check({-7.0, pi / 4}), "");
+    EXPECT_EQ(check({-7.0, pi / 4}), "no error");
     EXPECT_EQ(check({5.25, 0.0}),
               "plan.yml:9: poses: axis x at 5.25 mm is outside its soft limits -7 mm to 5 mm");
     EXPECT_EQ(
         check({0.0, -pi}),
         "plan.yml:9: poses: axis rz at -180 deg is outside its soft limits -90 deg to 45 deg");
     EXPECT_EQ(check({0.0}), "plan.yml:9: poses: 1 positions for 2 axes");
-    EXPECT_NE(check({std::nan(""), 0.0}), "");
+    EXPECT_NE(check({std::nan(""), 0.0}), "no error");
 }
 
 }  // namespace

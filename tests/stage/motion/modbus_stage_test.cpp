@@ -62,21 +62,38 @@ TEST(ModbusStageProfiles, AnAlarmIsSeenThroughAnInvertedInputAndReset) {
     EXPECT_EQ(stage->status()[1].alarm, 0);
 }
 
+// The error of `act`, which gives one command. Its reply is lost; it is never given again.
+std::string error_of_lost_reply(Rig& rig, bool carried_out,
+                                const std::function<bool(const ModbusRequest&)>& is_command,
+                                const std::function<void()>& act) {
+    int commands = 0;
+    rig.controller.set_script([&](const ModbusRequest& request) {
+        const bool lost = is_command(request);
+        commands += lost;
+        return ModbusReaction{.carry_out = carried_out || !lost, .reply = !lost};
+    });
+    const std::string error = device_error_of(act);
+    rig.controller.set_script([](const ModbusRequest&) { return ModbusReaction{}; });
+    EXPECT_EQ(commands, 1);
+    EXPECT_EQ(error == "no error", carried_out) << error;
+    return error;
+}
+
+bool gives_code(const ModbusRequest& request, int code) {
+    return writes_to(request, 0x6002) && request.values[0] == code;
+}
+
 TEST(ModbusStageProfiles, AStartByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
     for (const bool carried_out : {true, false}) {
         Rig rig(by_code);
-        int starts = 0;
         auto stage = rig.connect_and_home();
-        rig.controller.set_script([&](const ModbusRequest& request) {
-            const bool start = writes_to(request, 0x6002) && request.values[0] == 0x10;
-            starts += start;
-            return ModbusReaction{.carry_out = carried_out || !start, .reply = !start};
-        });
-        const std::string error = device_error_of([&] { stage->move(std::vector{70.0, 0.5}, {}); });
-        EXPECT_EQ(starts, 1);
+        const std::string error = error_of_lost_reply(
+            rig, carried_out, [](const ModbusRequest& r) { return gives_code(r, 0x10); },
+            [&] {
+                stage->move(std::vector{70.0, 0.5}, {});
+            });
         EXPECT_FALSE(rig.simulation.is_moving());
         if (carried_out) {
-            EXPECT_EQ(error, "no error");
             EXPECT_NEAR(stage->position()[0], 70.0, 0.003);
         } else {
             EXPECT_TRUE(has(error,
@@ -91,33 +108,21 @@ TEST(ModbusStageProfiles, AStartByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
 TEST(ModbusStageProfiles, AHomingByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
     for (const bool carried_out : {true, false}) {
         Rig rig(by_code);
-        int homings = 0;
         auto stage = rig.connect();
         stage->enable({});
-        rig.controller.set_script([&](const ModbusRequest& request) {
-            const bool home = writes_to(request, 0x6002) && request.values[0] == 0x20;
-            homings += home;
-            return ModbusReaction{.carry_out = carried_out || !home, .reply = !home};
-        });
-        const std::string error = device_error_of([&] { stage->home({}); });
-        EXPECT_EQ(homings, 1);
-        EXPECT_EQ(error == "no error", carried_out) << error;
+        error_of_lost_reply(
+            rig, carried_out, [](const ModbusRequest& r) { return gives_code(r, 0x20); },
+            [&] { stage->home({}); });
     }
 }
 
 TEST(ModbusStageProfiles, ATargetThatStartsAndWhoseReplyIsLostIsSeenAndNotRepeated) {
     for (const bool carried_out : {true, false}) {
         Rig rig(by_target, {two_axes()[0]});
-        int targets = 0;
         auto stage = rig.connect_and_home();
-        rig.controller.set_script([&](const ModbusRequest& request) {
-            const bool target = writes_to(request, 100);
-            targets += target;
-            return ModbusReaction{.carry_out = carried_out || !target, .reply = !target};
-        });
-        const std::string error = device_error_of([&] { stage->move(std::vector{70.0}, {}); });
-        EXPECT_EQ(targets, 1);
-        EXPECT_EQ(error == "no error", carried_out) << error;
+        error_of_lost_reply(
+            rig, carried_out, [](const ModbusRequest& r) { return writes_to(r, 100); },
+            [&] { stage->move(std::vector{70.0}, {}); });
         EXPECT_FALSE(rig.simulation.is_moving());
     }
 }

@@ -36,17 +36,22 @@ void suspend(Rig& rig, MonotonicClock& clock) {
     clock.suspended += 1h;
 }
 
+std::unique_ptr<Stage> connect_and_home(Rig& rig, Clock& clock) {
+    auto stage = open_modbus_stage(
+        StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(), clock,
+        std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
+    stage->enable({});
+    stage->home({});
+    return stage;
+}
+
 TEST(ModbusStageMoves, AMachineSuspendedInMidMoveFindsTheWatchdogsAlarmOrAnAxisTooFar) {
     for (const bool watched : {true, false}) {
         Rig rig;
         if (!watched)
             rig.profile.watchdog.reset();
         MonotonicClock clock(rig.clock);
-        const auto stage = open_modbus_stage(
-            StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(), clock,
-            std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
-        stage->enable({});
-        stage->home({});
+        const auto stage = connect_and_home(rig, clock);
         rig.once_beyond(20.0, [&] { suspend(rig, clock); });
         const std::string error = device_error_of([&] {
             stage->move(std::vector{600.0, 1.0}, {});
@@ -62,11 +67,7 @@ TEST(ModbusStageMoves, AMachineSuspendedInMidMoveFindsTheWatchdogsAlarmOrAnAxisT
 TEST(ModbusStageMoves, AMachineSuspendedAtRestGoesOn) {
     Rig rig;
     MonotonicClock clock(rig.clock);
-    const auto stage = open_modbus_stage(
-        StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(), clock,
-        std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
-    stage->enable({});
-    stage->home({});
+    const auto stage = connect_and_home(rig, clock);
     stage->move(std::vector{70.0, 0.5}, {});
     suspend(rig, clock);
     stage->move(std::vector{30.0, 1.0}, {});

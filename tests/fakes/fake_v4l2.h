@@ -9,7 +9,6 @@
 #include <functional>
 
 #include "capture/v4l2/v4l2_device.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 

@@ -8,11 +8,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "core/time/clock.h"
 #include "mocks/stage/modbus_controller.h"
-#include "stage/link/modbus_transport.h"
 
 namespace etalon {
 

@@ -51,21 +51,14 @@ public:
         return settings;
     }
     std::vector<Refusal> refusals() const override {
-        CaptureSettings wide = settings(), long_exposure = wide, loud = wide, unknown = wide,
-                        dark = wide, nameless = wide, between_steps = wide, deep = wide;
-        between_steps.gain_db = 2.5;
-        deep.format = "";
-        deep.bits = 17;
-        wide.width = 151;
-        long_exposure.exposure = 11s;
-        loud.gain_db = 11.0;
-        unknown.format = "Mono14";
-        dark.black_level = 256.0;
-        nameless.controls["Sharpness"] = 1.0;
-        return {{wide, "151x80"},          {long_exposure, "11000000 us"},
-                {loud, "11 dB"},           {unknown, "Mono14"},
-                {dark, "level 256"},       {nameless, "Sharpness"},
-                {between_steps, "2.5 dB"}, {deep, "17"}};
+        return {{"151x80", [](CaptureSettings& s) { s.width = 151; }},
+                {"11000000 us", [](CaptureSettings& s) { s.exposure = 11s; }},
+                {"11 dB", [](CaptureSettings& s) { s.gain_db = 11.0; }},
+                {"Mono14", [](CaptureSettings& s) { s.format = "Mono14"; }},
+                {"level 256", [](CaptureSettings& s) { s.black_level = 256.0; }},
+                {"Sharpness", [](CaptureSettings& s) { s.controls["Sharpness"] = 1.0; }},
+                {"2.5 dB", [](CaptureSettings& s) { s.gain_db = 2.5; }},
+                {"17", [](CaptureSettings& s) { s.format = "", s.bits = 17; }}};
     }
     bool show(const CodeImage& scene) override {
         rig_.show(scene);
@@ -117,18 +110,11 @@ public:
                 .trigger = trigger_};
     }
     std::vector<Refusal> refusals() const override {
-        CaptureSettings wide = settings(), long_exposure = wide, loud = wide, unknown = wide,
-                        nameless = wide;
-        wide.width = 4096;
-        long_exposure.exposure = 11s;
-        loud.gain_db = 11.0;
-        unknown.format = "Mono14";
-        nameless.controls["Sharpness"] = 1.0;
-        return {{wide, "4096x80"},
-                {long_exposure, "11000000 us"},
-                {loud, "11 dB"},
-                {unknown, "Mono14"},
-                {nameless, "Sharpness"}};
+        return {{"4096x80", [](CaptureSettings& s) { s.width = 4096; }},
+                {"11000000 us", [](CaptureSettings& s) { s.exposure = 11s; }},
+                {"11 dB", [](CaptureSettings& s) { s.gain_db = 11.0; }},
+                {"Mono14", [](CaptureSettings& s) { s.format = "Mono14"; }},
+                {"Sharpness", [](CaptureSettings& s) { s.controls["Sharpness"] = 1.0; }}};
     }
 
     InProcessRig(int bits, const std::string& trigger) : bits_(bits), trigger_(trigger) {}

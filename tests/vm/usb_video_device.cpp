@@ -29,8 +29,23 @@ void append(Bytes& out, const Bytes& more) {
     out.insert(out.end(), more.begin(), more.end());
 }
 
+// A number in so many bytes.
+struct Field {
+    int bytes;
+    std::uint32_t value;
+};
+constexpr Field u8(auto value) {
+    return {1, static_cast<std::uint32_t>(value)};
+}
+constexpr Field u16(auto value) {
+    return {2, static_cast<std::uint32_t>(value)};
+}
+constexpr Field u32(auto value) {
+    return {4, static_cast<std::uint32_t>(value)};
+}
+
 // Every descriptor begins with its own length and its type.
-Bytes described(int type, std::initializer_list<std::pair<int, std::uint32_t>> fields) {
+Bytes described(int type, std::initializer_list<Field> fields) {
     Bytes out{0, static_cast<std::uint8_t>(type)};
     for (const auto& [bytes, value] : fields)
         put(out, bytes, value);
@@ -39,40 +54,21 @@ Bytes described(int type, std::initializer_list<std::pair<int, std::uint32_t>> f
 }
 
 Bytes interface_descriptor(int number, int endpoints, int subclass) {
-    return described(interface, {{1, number},
-                                 {1, 0},  // alternate setting
-                                 {1, endpoints},
-                                 {1, video_class},
-                                 {1, subclass},
-                                 {1, 0},
-                                 {1, model_string}});
+    return described(interface, {u8(number), u8(0 /*alternate setting*/), u8(endpoints),
+                                 u8(video_class), u8(subclass), u8(0), u8(model_string)});
 }
 
 Bytes units() {
-    Bytes out = described(class_interface, {{1, input_terminal},
-                                            {1, camera_terminal},
-                                            {2, 0x0201},  // a camera sensor
-                                            {1, 0},
-                                            {1, 0},
-                                            {2, 0},
-                                            {2, 0},
-                                            {2, 0},  // no zoom
-                                            {1, 3},
-                                            {3, control_bits(camera_terminal)}});
-    append(out, described(class_interface, {{1, processing_unit_type},
-                                            {1, processing_unit},
-                                            {1, camera_terminal},
-                                            {2, 0},
-                                            {1, 2},
-                                            {2, control_bits(processing_unit)},
-                                            {1, 0},
-                                            {1, 0}}));
-    append(out, described(class_interface, {{1, output_terminal_type},
-                                            {1, output_terminal},
-                                            {2, 0x0101},  // to the host
-                                            {1, 0},
-                                            {1, processing_unit},
-                                            {1, 0}}));
+    Bytes out = described(
+        class_interface,
+        {u8(input_terminal), u8(camera_terminal), u16(0x0201 /*a camera sensor*/), u8(0), u8(0),
+         u16(0), u16(0), u16(0 /*no zoom*/), u8(3), Field{3, control_bits(camera_terminal)}});
+    append(out, described(class_interface,
+                          {u8(processing_unit_type), u8(processing_unit), u8(camera_terminal),
+                           u16(0), u8(2), u16(control_bits(processing_unit)), u8(0), u8(0)}));
+    append(out, described(class_interface,
+                          {u8(output_terminal_type), u8(output_terminal),
+                           u16(0x0101 /*to the host*/), u8(0), u8(processing_unit), u8(0)}));
     return out;
 }
 
@@ -80,21 +76,15 @@ Bytes control_part() {
     constexpr std::uint32_t header_length = 13;
     const Bytes entities = units();
     Bytes out = interface_descriptor(control_interface, 0, video_control);
-    append(out, described(class_interface,
-                          {{1, control_header},
-                           {2, 0x0110},  // UVC 1.1
-                           {2, header_length + static_cast<std::uint32_t>(entities.size())},
-                           {4, 48'000'000},
-                           {1, 1},
-                           {1, stream_interface}}));
+    append(out, described(class_interface, {u8(control_header), u16(0x0110 /*UVC 1.1*/),
+                                            u16(header_length + entities.size()), u32(48'000'000),
+                                            u8(1), u8(stream_interface)}));
     append(out, entities);
     return out;
 }
 
 Bytes format_descriptor(UsbPixels pixels, std::size_t index, std::size_t frames) {
-    Bytes out = described(class_interface, {{1, format_uncompressed},
-                                            {1, static_cast<std::uint32_t>(index)},
-                                            {1, static_cast<std::uint32_t>(frames)}});
+    Bytes out = described(class_interface, {u8(format_uncompressed), u8(index), u8(frames)});
     const std::string_view code = four_characters[static_cast<std::size_t>(pixels)];
     out.insert(out.end(), code.begin(), code.end());
     out.insert(out.end(), guid_tail.begin(), guid_tail.end());
@@ -109,17 +99,10 @@ Bytes frame_descriptor(UsbPixels pixels, cv::Size size, std::size_t index,
                        const UsbCameraOptions& options) {
     const auto bytes = static_cast<std::uint32_t>(size.area() * bytes_per_pixel(pixels));
     const auto rate = 8 * bytes * static_cast<std::uint32_t>(options.frames_per_second);
-    return described(class_interface, {{1, frame_uncompressed},
-                                       {1, static_cast<std::uint32_t>(index)},
-                                       {1, 0},
-                                       {2, static_cast<std::uint32_t>(size.width)},
-                                       {2, static_cast<std::uint32_t>(size.height)},
-                                       {4, rate},
-                                       {4, rate},
-                                       {4, bytes},
-                                       {4, frame_interval(options)},
-                                       {1, 1},  // one interval follows
-                                       {4, frame_interval(options)}});
+    return described(class_interface,
+                     {u8(frame_uncompressed), u8(index), u8(0), u16(size.width), u16(size.height),
+                      u32(rate), u32(rate), u32(bytes), u32(frame_interval(options)),
+                      u8(1 /*one interval follows*/), u32(frame_interval(options))});
 }
 
 Bytes formats(const UsbCameraOptions& options) {
@@ -136,17 +119,10 @@ Bytes stream_part(const UsbCameraOptions& options) {
     const auto count = static_cast<std::uint32_t>(options.formats.size());
     const Bytes all_formats = formats(options);
     const std::uint32_t header_length = 13 + count;
-    Bytes header = described(class_interface,
-                             {{1, input_header},
-                              {1, count},
-                              {2, header_length + static_cast<std::uint32_t>(all_formats.size())},
-                              {1, 0x80 | stream_endpoint},
-                              {1, 0},
-                              {1, output_terminal},
-                              {1, 0},
-                              {1, 0},
-                              {1, 0},
-                              {1, 1}});
+    Bytes header = described(
+        class_interface,
+        {u8(input_header), u8(count), u16(header_length + all_formats.size()),
+         u8(0x80 | stream_endpoint), u8(0), u8(output_terminal), u8(0), u8(0), u8(0), u8(1)});
     header.resize(header_length);  // no controls of the formats
     header[0] = static_cast<std::uint8_t>(header_length);
 
@@ -154,7 +130,7 @@ Bytes stream_part(const UsbCameraOptions& options) {
     append(out, header);
     append(out, all_formats);
     append(out,
-           described(endpoint, {{1, 0x80 | stream_endpoint}, {1, bulk}, {2, packet_size}, {1, 0}}));
+           described(endpoint, {u8(0x80 | stream_endpoint), u8(bulk), u16(packet_size), u8(0)}));
     return out;
 }
 
@@ -170,44 +146,30 @@ std::uint32_t frame_interval(const UsbCameraOptions& options) {
 }
 
 std::vector<std::uint8_t> device_descriptor() {
-    return described(device, {{2, 0x0200},  // USB 2.0
-                              {1, 0xEF},    // the class is in the interface association
-                              {1, 2},
-                              {1, 1},
-                              {1, 64},      // bytes in a packet of endpoint 0
-                              {2, 0x1D6B},  // Linux Foundation: gadgets without a vendor
-                              {2, 0x0102},  // webcam gadget
-                              {2, 0x0100},
-                              {1, vendor_string},
-                              {1, model_string},
-                              {1, serial_string},
-                              {1, 1}});
+    return described(
+        device,
+        {u16(0x0200 /*USB 2.0*/), u8(0xEF /*the class is in the interface association*/), u8(2),
+         u8(1), u8(64 /*bytes in a packet of endpoint 0*/),
+         u16(0x1D6B /*Linux Foundation: gadgets without a vendor*/), u16(0x0102 /*webcam gadget*/),
+         u16(0x0100), u8(vendor_string), u8(model_string), u8(serial_string), u8(1)});
 }
 
 std::vector<std::uint8_t> configuration_descriptor(const UsbCameraOptions& options) {
     constexpr int header_length = 9;
-    Bytes parts = described(interface_association, {{1, control_interface},
-                                                    {1, 2},
-                                                    {1, video_class},
-                                                    {1, video_collection},
-                                                    {1, 0},
-                                                    {1, model_string}});
+    Bytes parts = described(interface_association, {u8(control_interface), u8(2), u8(video_class),
+                                                    u8(video_collection), u8(0), u8(model_string)});
     append(parts, control_part());
     append(parts, stream_part(options));
     Bytes out =
-        described(configuration, {{2, header_length + static_cast<std::uint32_t>(parts.size())},
-                                  {1, 2},  // interfaces
-                                  {1, 1},
-                                  {1, 0},
-                                  {1, 0x80},  // powered by the bus
-                                  {1, 50}});  // 100 mA
+        described(configuration, {u16(header_length + parts.size()), u8(2 /*interfaces*/), u8(1),
+                                  u8(0), u8(0x80 /*powered by the bus*/), u8(50 /*100 mA*/)});
     append(out, parts);
     return out;
 }
 
 std::vector<std::uint8_t> string_descriptor(const UsbCameraOptions& options, int index) {
     if (index == 0)
-        return described(string, {{2, 0x0409}});  // English
+        return described(string, {u16(0x0409 /*English*/)});
     const std::string text = index == vendor_string   ? usb_camera_vendor
                              : index == model_string  ? usb_camera_model
                              : index == serial_string ? options.serial

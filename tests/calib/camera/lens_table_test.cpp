@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>  // cross()
-#include <complex>
 
 #include "core/program/errors.h"
 #include "tests/calib/lens_tables.h"

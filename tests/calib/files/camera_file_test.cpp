@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
-#include <fstream>
-
 #include "calib/files/foreign_camera.h"
 #include "core/file/text.h"
 #include "tests/calib/cameras.h"
@@ -339,14 +337,6 @@ TEST(CameraFile, RefusesIlluminationAndMosaicByLineAndKey) {
                 HasSubstr("case.yml:4: sensor.channel_response: needs a mosaic"));
     EXPECT_THAT(error("mosaic: RGGB, channel_response: [1, 0, 1]"),
                 HasSubstr("case.yml:4: sensor.channel_response[1]: must be between 1e-12"));
-}
-
-TEST(OpenCvFile, WritesWhatReadsBackToTheLastBit) {
-    for (CameraModel camera : {test::all_fourteen(), test::webcam(), test::wide_angle()}) {
-        camera.intrinsics.fx = 2000.0 / 3;
-        write_foreign_camera(temporary("opencv.yml"), CalibrationTool::opencv, camera);
-        EXPECT_EQ(read_camera(temporary("opencv.yml")), camera);
-    }
 }
 
 std::string opencv_yaml(const std::string& matrix, const std::string& distortion) {

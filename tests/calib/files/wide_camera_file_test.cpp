@@ -2,8 +2,6 @@
 // ours, and those of the tools that have them.
 #include <gmock/gmock.h>
 
-#include <fstream>
-
 #include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"

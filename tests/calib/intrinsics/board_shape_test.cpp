@@ -6,7 +6,6 @@
 
 #include <Eigen/QR>
 
-#include "calib/camera/pixel_model.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 

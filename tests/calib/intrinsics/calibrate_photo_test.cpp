@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <map>
-
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/camera_consistency.h"

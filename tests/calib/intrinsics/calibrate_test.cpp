@@ -4,7 +4,6 @@
 
 #include <opencv2/calib3d.hpp>
 
-#include "calib/camera/projector.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 

@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include "calib/intrinsics/calibrate.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 

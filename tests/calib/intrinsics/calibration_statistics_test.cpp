@@ -3,7 +3,6 @@
 // and which model the cross-validation advises for a wide lens.
 #include <gmock/gmock.h>
 
-#include <array>
 #include <iostream>
 
 #include "calib/intrinsics/camera_consistency.h"

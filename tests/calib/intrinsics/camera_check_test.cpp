@@ -2,8 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include <numbers>
-
 #include "tests/calib/cameras.h"
 
 namespace etalon {

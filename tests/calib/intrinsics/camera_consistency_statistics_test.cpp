@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 
 #include "calib/intrinsics/camera_consistency.h"
-#include "core/statistics/random.h"
 #include "tests/calib/synthetic_views.h"
 
 namespace etalon::test {

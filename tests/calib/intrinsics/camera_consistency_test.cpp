@@ -4,8 +4,6 @@
 
 #include <gmock/gmock.h>
 
-#include <algorithm>
-
 #include "tests/calib/synthetic_views.h"
 
 namespace etalon::test {

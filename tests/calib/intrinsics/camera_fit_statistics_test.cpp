@@ -5,13 +5,10 @@
 // programs: each at 0.01 / 47, 3.7 standard errors two-sided. Seeds are the run's number.
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cstdio>
 #include <set>
 
 #include "calib/intrinsics/calibration_covariance.h"
-#include "calib/intrinsics/camera_fit.h"
-#include "calib/intrinsics/projection_uncertainty.h"
 #include "core/statistics/distributions.h"
 #include "tests/calib/synthetic_views.h"
 

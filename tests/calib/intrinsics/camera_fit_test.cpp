@@ -4,7 +4,6 @@
 
 #include <opencv2/calib3d.hpp>
 
-#include "calib/camera/pixel_model.h"
 #include "calib/intrinsics/calibration_start.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"

@@ -8,7 +8,6 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <numbers>
 
 #include "calib/registration/registration.h"
 #include "core/statistics/random.h"

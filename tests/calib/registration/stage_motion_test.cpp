@@ -42,6 +42,15 @@ Vector6d reach(double x, double y, double z, double rx = 0, double ry = 0, doubl
     return (Vector6d() << x, y, z, rx, ry, rz).finished();
 }
 
+// Of every kind, and a screw.
+const std::vector<Vector6d> reaches{reach(70, 0, 0),
+                                    reach(70, 0, 50),
+                                    reach(0, 0, 0, 0, 1.2, 0),
+                                    reach(0, 50, 0, 0, 1.2, 0),
+                                    reach(70, 0, 50, 0, 1.2, 0),
+                                    reach(70, 40, 50, 0, 1.2, 0),
+                                    reach(0, 0, 0, 0.5, 0, 1.2)};
+
 MotionKind kind(const Vector6d& within) {
     return stage_motion(poses_within(within)).kind;
 }
@@ -69,9 +78,7 @@ TEST(StageMotion, KnowsTheKindsAndCountsTheirFreedoms) {
 
 TEST(StageMotion, IsTheSameFromAnyOtherBase) {
     const Rigid other{rotation_from_vector({0.7, -1.1, 0.4}), {1000.0, -3000.0, 500.0}};
-    for (const Vector6d& within :
-         {reach(70, 0, 0), reach(70, 0, 50), reach(0, 0, 0, 0, 1.2, 0), reach(0, 50, 0, 0, 1.2, 0),
-          reach(70, 0, 50, 0, 1.2, 0), reach(70, 40, 50, 0, 1.2, 0), reach(0, 0, 0, 0.5, 0, 1.2)}) {
+    for (const Vector6d& within : reaches) {
         std::vector<Rigid> poses = poses_within(within);
         const StageMotion here = stage_motion(poses);
         for (Rigid& pose : poses)
@@ -101,9 +108,7 @@ TEST(StageMotion, DoesNotTakeTheNoiseOfReadingsForMotion) {
 
 // Neither does it move a pose by more than the noise that it takes away, whatever the kind.
 TEST(StageMotion, LeavesPosesWhereTheyAreButForTheNoise) {
-    for (const Vector6d& within :
-         {reach(70, 0, 0), reach(70, 0, 50), reach(0, 0, 0, 0, 1.2, 0), reach(0, 50, 0, 0, 1.2, 0),
-          reach(70, 0, 50, 0, 1.2, 0), reach(70, 40, 50, 0, 1.2, 0), reach(0, 0, 0, 0.5, 0, 1.2)}) {
+    for (const Vector6d& within : reaches) {
         const std::vector<Rigid> exact = poses_within(within);
         std::vector<Rigid> read = exact;
         for (std::size_t i = 0; i < read.size(); ++i) {

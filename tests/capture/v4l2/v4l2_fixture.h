@@ -11,13 +11,7 @@ namespace etalon {
 
 class V4l2 : public testing::Test {
 protected:
-    V4l2() {
-        using namespace std::chrono_literals;
-        clock_.advance(1h);
-        settings_.width = 17;
-        settings_.height = 11;
-        settings_.exposure = 7000us;
-    }
+    V4l2() { clock_.advance(std::chrono::hours(1)); }
 
     std::unique_ptr<Camera> open() { return open_v4l2_camera("/dev/video0", {}, clock_, device_); }
 
@@ -39,7 +33,7 @@ protected:
     }
 
     std::string configure_error(const CaptureSettings& settings) {
-        return error_of([&] { open()->configure(settings); });
+        return device_error_of([&] { open()->configure(settings); });
     }
 
     // From the next frame that surely counts as new on, as this does.
@@ -53,7 +47,8 @@ protected:
 
     VirtualClock clock_;
     FakeV4l2 device_{clock_};
-    CaptureSettings settings_;
+    CaptureSettings settings_{
+        .width = 17, .height = 11, .exposure = std::chrono::microseconds(7000)};
 };
 
 }  // namespace etalon

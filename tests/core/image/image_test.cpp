@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "tests/error_text.h"
 #include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"

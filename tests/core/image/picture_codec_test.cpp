@@ -1,7 +1,7 @@
 // Independent: OpenCV's own codecs, which read and write the same formats.
 #include "core/image/picture_codec.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <zlib.h>
 #include <opencv2/imgcodecs.hpp>
@@ -12,6 +12,7 @@
 namespace etalon {
 namespace {
 
+using testing::HasSubstr;
 using Bytes = std::vector<unsigned char>;
 
 // A smooth picture with noise, wider than high, of any type of one or three channels.
@@ -163,14 +164,15 @@ TEST(PictureCodec, ReadsPartsOfAPictureThatIsAView) {
 
 // 74 bytes that ask for 8 GB, and a few bytes that claim what they cannot hold.
 TEST(PictureCodec, RefusesASizeBeforeItTakesMemory) {
-    EXPECT_TRUE(has(cause_of(small_png(16, 2, 3, {}, 65000, 20000)), "268435456 px are the most"));
-    EXPECT_TRUE(has(cause_of(small_png(8, 0, 1, {}, 9000, 9000)), "do not fit its"));
+    EXPECT_THAT(cause_of(small_png(16, 2, 3, {}, 65000, 20000)),
+                HasSubstr("268435456 px are the most"));
+    EXPECT_THAT(cause_of(small_png(8, 0, 1, {}, 9000, 9000)), HasSubstr("do not fit its"));
     Bytes jpeg = by_opencv(".jpg", picture(CV_8UC1));
     const Bytes frame{0xff, 0xc0, 0, 11, 8};
     const auto size = std::search(jpeg.begin(), jpeg.end(), frame.begin(), frame.end()) + 5;
     ASSERT_LT(size - jpeg.begin(), static_cast<long>(jpeg.size()));
     std::fill_n(size, 4, 0xf0);
-    EXPECT_TRUE(has(cause_of(jpeg), "61680 x 61680 px")) << cause_of(jpeg);
+    EXPECT_THAT(cause_of(jpeg), HasSubstr("61680 x 61680 px"));
 }
 
 TEST(PictureCodec, SaysWhatIsDamaged) {

@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include "core/file/text.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/program/errors.h"
-#include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
-#include "stage/profile/profile.h"
 #include "tests/fakes/memory_transport.h"
 #include "tests/mocks/stage/two_axes.h"
 

@@ -1,6 +1,5 @@
 #include "mocks/twin/twin_file.h"
 
-#include "core/geometry/units.h"
 #include "tests/error_text.h"
 #include "tests/mocks/twin/twin_folder.h"
 
@@ -81,9 +80,9 @@ TEST(TwinFile, NamesTheKeyOfEveryMistake) {
     const TwinFolder folder;
     for (const Case& wrong : cases) {
         folder.write("twin.yaml", twin_yaml_with(wrong.part, wrong.instead));
-        const std::string error =
-            config_error_of([&] { read_twin_file(folder.file("twin.yaml")); });
-        EXPECT_TRUE(has(error, wrong.key)) << wrong.instead << ": " << error;
+        EXPECT_THAT(config_error_of([&] { read_twin_file(folder.file("twin.yaml")); }),
+                    testing::HasSubstr(wrong.key))
+            << wrong.instead;
     }
 }
 

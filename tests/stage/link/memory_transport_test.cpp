@@ -3,9 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "core/statistics/random.h"
-#include "stage/link/modbus_link.h"
-
 namespace etalon {
 namespace {
 

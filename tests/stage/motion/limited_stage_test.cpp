@@ -1,10 +1,7 @@
 #include "stage/motion/motion_guard.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
-#include "core/statistics/random.h"
-#include "mocks/stage/modbus_controller.h"
-#include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
 #include "tests/error_text.h"
 #include "tests/fakes/fake_stage.h"
@@ -14,6 +11,7 @@
 namespace etalon {
 namespace {
 
+using testing::HasSubstr;
 using Positions = std::vector<double>;
 
 // Forbidden: |x| < 20 with z > 100; slow from z = 85 on.
@@ -87,7 +85,7 @@ TEST(LimitedStage, RefusesASlowZoneThatIsSlowerThanTheControllerCanBeBeforeAnyth
                 rules);
         });
     };
-    EXPECT_TRUE(has(error(), "stage axes: z: 0.1 % of its speed is not 1 to")) << error();
+    EXPECT_THAT(error(), HasSubstr("stage axes: z: 0.1 % of its speed is not 1 to"));
     EXPECT_TRUE(controller.writes().empty());
     rules.slow_share = 0.002;
     EXPECT_EQ(error(), "no error");

@@ -7,6 +7,7 @@
 #include "core/statistics/random.h"
 #include "stage/motion/modbus_stage.h"
 #include "stage/motion/motion_guard.h"
+#include "tests/fakes/fast_axes.h"
 #include "tests/fakes/memory_transport.h"
 
 namespace etalon {
@@ -22,23 +23,9 @@ constexpr std::array<const char*, kinds> kind_names = {"late reply", "silence", 
                                                        "garbage",    "wrong id", "half-open",
                                                        "slow bytes", "reset"};
 
-// x: 200 mm/s; rz: 2 rad/s. What a profile leaves to the axis: 800 pulses per mm and 5 mm per turn,
-// 100 per degree, counting backwards, and 90 degrees per turn; a unit each where a unit has one
-// axis.
-std::vector<Axis> axes_for(const StageProfile& profile) {
-    std::vector<Axis> axes = {
-        {.name = "x", .low = -7.0, .high = 70.0, .speed = 200.0},
-        {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 2.0}};
-    if (profile.max_axes == 1) {
-        axes[0].unit = 3;
-        axes[1].unit = 5;
-    }
-    if (!profile.counts.per_mm) {
-        axes[0].counts_per_unit = 800.0;
-        axes[0].lead = 5.0;
-        axes[1].counts_per_unit = -100.0 * 180.0 / std::numbers::pi;
-        axes[1].lead = 0.5 * std::numbers::pi;
-    }
+std::vector<Axis> short_axes() {
+    std::vector<Axis> axes = fast_axes();
+    axes[0].high = 70.0;
     return axes;
 }
 
@@ -147,7 +134,7 @@ class Rig {
 public:
     Rig(const std::string& name, bool serial, MotionRules rules = {}, Trouble trouble = {})
         : profile(builtin_stage_profile(name)),
-          axes(axes_for(profile)),
+          axes(axes_for(profile, short_axes())),
           wire(profile, trouble),
           rules_(std::move(rules)),
           serial_(serial) {

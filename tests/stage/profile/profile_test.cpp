@@ -1,16 +1,16 @@
 #include "stage/profile/profile.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <fstream>
 
 #include "tests/error_text.h"
-#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
 
+using testing::HasSubstr;
 using namespace std::chrono_literals;
 
 const std::string valid = R"(etalon: stage-profile/1
@@ -290,36 +290,16 @@ TEST_F(ExtendingProfile, MayExtendWhatIsBuiltInButNothingElseThatIsNotThere) {
     write("mine.yaml", "etalon: stage-profile/1\nname: mine\nextends: generic\nmax_axes: 5\n");
     EXPECT_EQ(read("mine.yaml").max_axes, 5);
     write("lost.yaml", "etalon: stage-profile/1\nname: lost\nextends: nobody\n");
-    EXPECT_TRUE(has(error_of("lost.yaml"), "lost.yaml:3: extends: there is no"))
-        << error_of("lost.yaml");
+    EXPECT_THAT(error_of("lost.yaml"), HasSubstr("lost.yaml:3: extends: there is no"));
     write("ring.yaml", "etalon: stage-profile/1\nname: ring\nextends: ring\n");
     EXPECT_EQ(error_of("ring.yaml"),
               "ring.yaml:3: extends: more than 8 profiles extend each other");
 }
 
-TEST(StageProfile, TheGenericOneIsBuiltInAndEqualToItsFile) {
-    const StageProfile built_in = builtin_stage_profile("generic");
-    const StageProfile from_file =
-        read_stage_profile(std::string(ETALON_SOURCE_DIR) + "/stage/profiles/generic.yaml");
-    EXPECT_EQ(built_in.name, "generic");
-    EXPECT_EQ(built_in.max_axes, from_file.max_axes);
-    EXPECT_EQ(built_in.inputs.at(Input::stop).bit, from_file.inputs.at(Input::stop).bit);
-    EXPECT_EQ(built_in.alarms, from_file.alarms);
-}
-
-TEST(StageProfile, AllBuiltInOnesAreInOrderAndTheirFilesSaySo) {
-    const std::vector<std::string> names = builtin_stage_profile_names();
-    EXPECT_EQ(std::ranges::count(names, "generic"), 1);
-    for (const std::string& name : names) {
-        EXPECT_FALSE(name.starts_with("base/"));
-        EXPECT_EQ(builtin_stage_profile(name).name, name);
-    }
-}
-
 TEST(StageProfile, AnUnknownNameIsRefusedWithTheKnownOnes) {
     const std::string text = config_error_of([] { builtin_stage_profile("genric"); });
     EXPECT_TRUE(text.starts_with("stage profile: there is no profile 'genric'; known: "));
-    EXPECT_TRUE(has(text, "generic"));
+    EXPECT_THAT(text, HasSubstr("generic"));
 }
 
 }  // namespace

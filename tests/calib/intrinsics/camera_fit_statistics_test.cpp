@@ -178,10 +178,14 @@ Column summary(const std::vector<double>& errors, const std::vector<double>& us)
     return {inside / n, mean, std::sqrt(squares / stated)};
 }
 
-void expect_stated(const std::string& name, const Column& column, bool every_figure,
-                   double limit = 3.7) {
+void print(const std::string& name, const Column& column) {
     std::printf("%-14s coverage %.4f  mean %+.3f u  scatter / u %.3f\n", name.c_str(),
                 column.coverage, column.mean_error_in_u, column.scatter_over_u);
+}
+
+void expect_stated(const std::string& name, const Column& column, bool every_figure,
+                   double limit = 3.7) {
+    print(name, column);
     EXPECT_NEAR(column.coverage, 0.95, limit * std::sqrt(0.95 * 0.05 / runs)) << name;
     if (!every_figure)
         return;
@@ -229,22 +233,30 @@ Column ray_column(const std::vector<Calibrated>& all, Eigen::Index i) {
     return column_of(all, i, &Calibrated::pixel_error, &Calibrated::pixel_u);
 }
 
-void expect_stated_rays(const std::vector<Calibrated>& all, double limit = 3.7) {
-    for (int i = 0; i < 18; ++i)
-        expect_stated("ray " + std::to_string(i / 2) + (i % 2 ? " y" : " x"), ray_column(all, i),
-                      false, limit);
+std::string ray_name(int i) {
+    return "ray " + std::to_string(i / 2) + (i % 2 ? " y" : " x");
 }
 
-TEST(CameraFitStatistics, StatedCovariancesAreWhatNoiseDoes) {
-    const Experiment experiment;
+void expect_stated_rays(const std::vector<Calibrated>& all, double limit = 3.7) {
+    for (int i = 0; i < 18; ++i)
+        expect_stated(ray_name(i), ray_column(all, i), false, limit);
+}
+
+std::vector<Calibrated> calibrations(const Experiment& experiment) {
     std::vector<Calibrated> all;
     const auto start = std::chrono::steady_clock::now();
     for (int run = 0; run < runs; ++run)
         all.push_back(experiment.calibrate(run));
     const std::chrono::duration<double, std::milli> taken =
         std::chrono::steady_clock::now() - start;
-    std::printf("%d calibrations of %d views x %d points, %.2f ms each\n", runs, views, points,
-                taken.count() / runs);
+    std::printf("%s: %d calibrations of %d views x %d points, %.2f ms each\n",
+                experiment.model().name.c_str(), runs, views, points, taken.count() / runs);
+    return all;
+}
+
+TEST(CameraFitStatistics, StatedCovariancesAreWhatNoiseDoes) {
+    const Experiment experiment;
+    const std::vector<Calibrated> all = calibrations(experiment);
     for (int i = 0; i < parameters; ++i)
         expect_stated(experiment.model().parameters[i], parameter_column(all, i), true);
     expect_stated_rays(all);
@@ -269,9 +281,7 @@ void expect_rays_covered(const CameraModel& truth, const std::string& model, dou
     EXPECT_GT(count, 0.8 * fewer);
     for (int i = 0; i < 18; ++i) {
         const Column column = ray_column(all, i);
-        std::printf("ray %d %c  coverage %.4f  mean %+.3f u  scatter / u %.3f\n", i / 2,
-                    i % 2 ? 'y' : 'x', column.coverage, column.mean_error_in_u,
-                    column.scatter_over_u);
+        print(ray_name(i), column);
         EXPECT_GT(column.coverage, coverage - 3.5 * std::sqrt(coverage * (1.0 - coverage) / count));
         EXPECT_GT(column.scatter_over_u, 0.7);
     }
@@ -286,11 +296,8 @@ TEST(CameraFitStatistics, StatedCovariancesOfWideLensesAreWhatNoiseDoes) {
     for (const auto& [name, truth] : test::wide_models()) {
         if (name == std::string("field_of_view") || name == std::string("extended_unified"))
             continue;  // as double_sphere, with less to tell
-        std::printf("%s\n", name);
         const Experiment experiment(truth, name, {230.0, 150.0}, test::wide_pose);
-        std::vector<Calibrated> all;
-        for (int run = 0; run < runs; ++run)
-            all.push_back(experiment.calibrate(run));
+        const std::vector<Calibrated> all = calibrations(experiment);
         for (Eigen::Index i = 0; i < all.front().error.size(); ++i) {
             const std::string& parameter = experiment.model().parameters[std::size_t(i)];
             const Column column = parameter_column(all, i);
@@ -351,12 +358,9 @@ CameraModel telecentric_lens_for(const std::string& model) {
 // Parameters and rays. 105 statements at 0.01 / 105: 3.9 standard errors.
 TEST(CameraFitStatistics, StatedCovariancesOfTelecentricLensesAreWhatNoiseDoes) {
     for (const CalibrationModel& model : telecentric_calibration_models()) {
-        std::printf("%s\n", model.name.c_str());
         const CameraModel truth = telecentric_lens_for(model.name);
         const Experiment experiment(truth, model.name, image_corner, test::telecentric_pose);
-        std::vector<Calibrated> all;
-        for (int run = 0; run < runs; ++run)
-            all.push_back(experiment.calibrate(run));
+        const std::vector<Calibrated> all = calibrations(experiment);
         for (Eigen::Index i = 0; i < all.front().error.size(); ++i)
             expect_stated(model.parameters[std::size_t(i)], parameter_column(all, i), true, 3.9);
         expect_stated_rays(all, 3.9);

@@ -26,12 +26,6 @@ protected:
         return camera.frame_after(clock_.now(), retries, {});
     }
 
-    // What the DeviceError says that `call` must throw.
-    template <class Call>
-    static std::string error_of(const Call& call) {
-        return device_error_of([&] { call(); });
-    }
-
     std::string configure_error(const CaptureSettings& settings) {
         return device_error_of([&] { open()->configure(settings); });
     }

@@ -25,9 +25,14 @@ struct StageRig {
     SimulatedStage stage;
 };
 
+struct HomedRig : StageRig {
+    explicit HomedRig(const SimulatedStageOptions& options = {}) : StageRig(options) {
+        enable_and_home();
+    }
+};
+
 TEST(SimulatedStage, MovesEachAxisAtItsSpeed) {
-    StageRig rig;
-    rig.enable_and_home();
+    HomedRig rig;
     rig.stage.start({200.0, 15.0}, {100.0, 30.0});
     rig.clock.advance(500ms);
     auto status = rig.stage.status();
@@ -72,8 +77,7 @@ TEST(SimulatedStage, HomingThatIsStoppedDoesNotCount) {
 }
 
 TEST(SimulatedStage, StopBrakesAtOnce) {
-    StageRig rig;
-    rig.enable_and_home();
+    HomedRig rig;
     rig.stage.start({200.0, 0.0}, {100.0, 30.0});
     rig.clock.advance(500ms);
     rig.stage.stop();
@@ -86,8 +90,7 @@ TEST(SimulatedStage, StopBrakesAtOnce) {
 }
 
 TEST(SimulatedStage, IsTrulyWhereScaleAndBacklashPutIt) {
-    StageRig rig({.errors = {{.scale = 0.002, .backlash = 0.03}, {.scale = -0.001}}});
-    rig.enable_and_home();
+    HomedRig rig({.errors = {{.scale = 0.002, .backlash = 0.03}, {.scale = -0.001}}});
     rig.move(100.0, 50.0);
     EXPECT_NEAR(rig.stage.true_positions()[0], 100.2, 1e-9);
     EXPECT_NEAR(rig.stage.true_positions()[1], 49.95, 1e-9);
@@ -97,8 +100,7 @@ TEST(SimulatedStage, IsTrulyWhereScaleAndBacklashPutIt) {
 }
 
 TEST(SimulatedStage, NeverJumpsWhenTheErrorsChange) {
-    StageRig rig({.errors = {{.scale = 0.0, .repeatability = 0.5, .backlash = 0.3}, {}}});
-    rig.enable_and_home();
+    HomedRig rig({.errors = {{.scale = 0.0, .repeatability = 0.5, .backlash = 0.3}, {}}});
     rig.move(100.0, 0.0);
     const double before = rig.stage.true_positions()[0];
     rig.stage.start({60.0, 0.0}, {100.0, 30.0});
@@ -112,8 +114,7 @@ TEST(SimulatedStage, NeverJumpsWhenTheErrorsChange) {
 // The standard deviation of n = 400 draws has a relative standard error of 1 / sqrt(2 n) = 3.5 %,
 // their mean one of sigma / sqrt(n) = 5 %: four of each.
 TEST(SimulatedStage, RepeatsWithTheDeclaredStandardDeviation) {
-    StageRig rig({.errors = {{.repeatability = 0.007}, {}}, .seed = 5});
-    rig.enable_and_home();
+    HomedRig rig({.errors = {{.repeatability = 0.007}, {}}, .seed = 5});
     double sum = 0.0, squares = 0.0;
     for (int i = 0; i < 400; ++i) {
         rig.move(i % 2 == 0 ? 50.0 : 30.0, 0.0);
@@ -163,8 +164,7 @@ TEST(SimulatedStage, RefusesWhatAControllerRefuses) {
 }
 
 TEST(SimulatedStage, AnAlarmBrakesAndStaysUntilReset) {
-    StageRig rig;
-    rig.enable_and_home();
+    HomedRig rig;
     rig.stage.start({200.0, 0.0}, {100.0, 30.0});
     rig.clock.advance(500ms);
     rig.stage.raise_alarm(17);
@@ -181,8 +181,7 @@ TEST(SimulatedStage, AnAlarmBrakesAndStaysUntilReset) {
 }
 
 TEST(SimulatedStage, AJammedAxisClaimsToMoveUntilStopped) {
-    StageRig rig;
-    rig.enable_and_home();
+    HomedRig rig;
     rig.stage.start({200.0, 7.0}, {100.0, 30.0});
     rig.clock.advance(500ms);
     rig.stage.jam(0);
@@ -204,8 +203,7 @@ TEST(SimulatedStage, AJammedAxisClaimsToMoveUntilStopped) {
 
 // A ramp of 50 ms whose acceleration builds up in 20 ms: 0.5 s at 30 mm/s and 70 ms of ramp.
 TEST(SimulatedStage, MovesByAnSCurveWhenTheJerkIsLimited) {
-    StageRig rig({.jerk = 20ms});
-    rig.enable_and_home();
+    HomedRig rig({.jerk = 20ms});
     rig.stage.start({0.0, 15.0}, {100.0, 30.0});
     rig.clock.advance(20ms);  // j t^3 / 6 = 600 mm/s^2 / 20 ms * (20 ms)^3 / 6
     EXPECT_NEAR(rig.stage.status()[1].position, 600.0 * 0.02 * 0.02 / 6.0, 1e-12);
@@ -219,10 +217,9 @@ TEST(SimulatedStage, MovesByAnSCurveWhenTheJerkIsLimited) {
 // The plan stops from 30 mm/s within 1 ms around 500.5 ms. A loop of w rad/s with damping 1 is
 // then behind by (v / w) (2 + w s) exp(-w s), s seconds later.
 TEST(SimulatedStage, IsInPositionOnceTheServoHasSettled) {
-    StageRig rig(
+    HomedRig rig(
         {.ramp = 1ms,
          .servos = {std::nullopt, AxisServo{{.bandwidth_hz = 5.0, .damping = 1.0}, 0.01}}});
-    rig.enable_and_home();
     rig.stage.start({0.0, 15.0}, {100.0, 30.0});
     const double w = 10.0 * std::numbers::pi;
     const auto behind = [&](double s) { return 30.0 / w * (2.0 + w * s) * std::exp(-w * s); };
@@ -241,10 +238,9 @@ TEST(SimulatedStage, IsInPositionOnceTheServoHasSettled) {
 }
 
 TEST(SimulatedStage, ANewCommandTakesTheServoAsItIs) {
-    StageRig rig(
+    HomedRig rig(
         {.jerk = 10ms,
          .servos = {AxisServo{{.bandwidth_hz = 9.0, .resonance_hz = 14.0}, 0.01}, std::nullopt}});
-    rig.enable_and_home();
     rig.stage.start({100.0, 0.0}, {100.0, 30.0});
     rig.clock.advance(300ms);
     for (int i = 0; i < 3; ++i) {  // stopped while it stops
@@ -301,8 +297,7 @@ TEST(SimulatedStage, TellsReadyAndHoming) {
 }
 
 TEST(SimulatedStage, HoldsInPositionUntilThePictureIsReady) {
-    StageRig rig({.errors = {{.scale = 0.01}, {}}});
-    rig.enable_and_home();
+    HomedRig rig({.errors = {{.scale = 0.01}, {}}});
     bool ready = false;
     std::vector<double> asked;
     rig.stage.hold_in_position_until([&](const std::vector<double>& truth) {

@@ -32,12 +32,6 @@ struct RegistersRig {
     void write(int address, std::vector<std::uint16_t> values) {
         EXPECT_TRUE(registers.write(holding, address, values));
     }
-    void home_all() {
-        write(command, {enable});
-        write(command, {enable | home});
-        write(command, {enable});
-        clock.advance(10s);
-    }
     // 50 mm at 100 mm/s; 5 degrees at 20 degrees per second.
     void write_move() { write(move_block, registers_of({500'000, 1'000'000, 500'000, 2'000'000})); }
     std::uint16_t at(int address) { return registers.read(holding, address, 1)->front(); }
@@ -50,6 +44,15 @@ struct RegistersRig {
     VirtualClock clock;
     SimulatedStage stage{x_and_rz(), {}, clock};
     StageRegisters registers{stage, builtin_stage_profile("generic")};
+};
+
+struct HomedRegisters : RegistersRig {
+    HomedRegisters() {
+        write(command, {enable});
+        write(command, {enable | home});
+        write(command, {enable});
+        clock.advance(10s);
+    }
 };
 
 TEST(StageRegisters, EnableHomeAndMoveByTheDocumentedMap) {
@@ -75,8 +78,7 @@ TEST(StageRegisters, EnableHomeAndMoveByTheDocumentedMap) {
 }
 
 TEST(StageRegisters, AStartThatStaysSetStartsOnce) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write_move();
     rig.write(command, {enable | start});
     rig.clock.advance(10s);
@@ -89,8 +91,7 @@ TEST(StageRegisters, AStartThatStaysSetStartsOnce) {
 }
 
 TEST(StageRegisters, NothingStartsWhileStopIsSet) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write_move();
     rig.write(command, {enable | stop | start});
     EXPECT_FALSE(rig.stage.is_moving());
@@ -99,8 +100,7 @@ TEST(StageRegisters, NothingStartsWhileStopIsSet) {
 }
 
 TEST(StageRegisters, StopHaltsAMove) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write_move();
     rig.write(command, {enable | start});
     rig.clock.advance(200ms);
@@ -111,8 +111,7 @@ TEST(StageRegisters, StopHaltsAMove) {
 }
 
 TEST(StageRegisters, ShowAnAlarmAndResetIt) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.stage.raise_alarm(7);
     EXPECT_TRUE(rig.status(1) & alarm);
     EXPECT_EQ(rig.at(5), 7);
@@ -121,8 +120,7 @@ TEST(StageRegisters, ShowAnAlarmAndResetIt) {
 }
 
 TEST(StageRegisters, TheWatchdogStopsAMoveThatNobodyWatches) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write_move();
     rig.write(watchdog, {200});
     rig.write(command, {enable | start});
@@ -139,8 +137,7 @@ TEST(StageRegisters, TheWatchdogStopsAMoveThatNobodyWatches) {
 }
 
 TEST(StageRegisters, TheWatchdogLeavesAStageAtRestAlone) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write(watchdog, {300});
     rig.clock.advance(10s);
     rig.registers.check_watchdog();
@@ -161,8 +158,7 @@ TEST(StageRegisters, RegistersThatDoNotExistAreRefusedAndNothingIsWritten) {
 }
 
 TEST(StageRegisters, DisablingLosesTheHomePosition) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write(command, {0});
     EXPECT_EQ(rig.status(0), 0);
     rig.write(command, {enable});

@@ -111,6 +111,11 @@ public:
     std::vector<ModbusRequest> requests;  // since it happened
 };
 
+struct HomedRig : Rig {
+    using Rig::Rig;
+    std::unique_ptr<Stage> stage = connect_and_home();
+};
+
 inline bool writes_to(const ModbusRequest& request, int address) {
     return !request.values.empty() && request.address == address;
 }

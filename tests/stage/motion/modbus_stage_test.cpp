@@ -85,16 +85,15 @@ bool gives_code(const ModbusRequest& request, int code) {
 
 TEST(ModbusStageProfiles, AStartByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
     for (const bool carried_out : {true, false}) {
-        Rig rig(by_code);
-        auto stage = rig.connect_and_home();
+        HomedRig rig(by_code);
         const std::string error = error_of_lost_reply(
             rig, carried_out, [](const ModbusRequest& r) { return gives_code(r, 0x10); },
             [&] {
-                stage->move(std::vector{70.0, 0.5}, {});
+                rig.stage->move(std::vector{70.0, 0.5}, {});
             });
         EXPECT_FALSE(rig.simulation.is_moving());
         if (carried_out) {
-            EXPECT_NEAR(stage->position()[0], 70.0, 0.003);
+            EXPECT_NEAR(rig.stage->position()[0], 70.0, 0.003);
         } else {
             EXPECT_THAT(error,
                         HasSubstr("no axis was seen to start; it is not given again; the axes "
@@ -117,11 +116,10 @@ TEST(ModbusStageProfiles, AHomingByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
 
 TEST(ModbusStageProfiles, ATargetThatStartsAndWhoseReplyIsLostIsSeenAndNotRepeated) {
     for (const bool carried_out : {true, false}) {
-        Rig rig(by_target, {fast_axes()[0]});
-        auto stage = rig.connect_and_home();
+        HomedRig rig(by_target, {fast_axes()[0]});
         error_of_lost_reply(
             rig, carried_out, [](const ModbusRequest& r) { return writes_to(r, 100); },
-            [&] { stage->move(std::vector{70.0}, {}); });
+            [&] { rig.stage->move(std::vector{70.0}, {}); });
         EXPECT_FALSE(rig.simulation.is_moving());
     }
 }
@@ -129,10 +127,9 @@ TEST(ModbusStageProfiles, ATargetThatStartsAndWhoseReplyIsLostIsSeenAndNotRepeat
 TEST(ModbusStageProfiles, AnAlarmWithoutItsCodeIsSaidSo) {
     StageProfile profile = builtin_stage_profile("generic");
     profile.alarm_code.reset();
-    Rig rig(profile);
-    auto stage = rig.connect_and_home();
+    HomedRig rig(profile);
     rig.once_beyond(20.0, [&] { rig.simulation.raise_alarm(17); });
-    EXPECT_THAT(error_of_move(*stage, {600.0, 1.0}),
+    EXPECT_THAT(error_of_move(*rig.stage, {600.0, 1.0}),
                 HasSubstr("axis x: alarm without a code; the axes were stopped"));
 }
 
@@ -151,13 +148,12 @@ TEST(ModbusStageProfiles, OtherBitsOfAnInputsRegisterStayAsTheyWere) {
 
 // A start bit that somebody left on would be no edge.
 TEST(ModbusStageProfiles, AnEdgeThatIsOnAlreadyGoesOffFirst) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage.reset();
+    HomedRig rig;
+    rig.stage.reset();
     rig.controller.handle({.function = 6, .address = command, .count = 1, .values = {0x5}});
-    stage = rig.connect_and_home();
-    stage->move(std::vector{7.0, 0.5}, {});
-    EXPECT_NEAR(stage->position()[0], 7.0, 1e-9);
+    rig.stage = rig.connect_and_home();
+    rig.stage->move(std::vector{7.0, 0.5}, {});
+    EXPECT_NEAR(rig.stage->position()[0], 7.0, 1e-9);
 }
 
 // ---- what ends a motion
@@ -174,16 +170,15 @@ void PrintTo(const Disturbance& disturbance, std::ostream* stream) {
 class ADisturbedMove : public testing::TestWithParam<Disturbance> {};
 
 TEST_P(ADisturbedMove, IsStoppedWithTheNextRequestAndSaysWhy) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     rig.once_beyond(20.0, [&] { GetParam().happens(rig.simulation); });
-    const std::string error = error_of_move(*stage, {600.0, 1.0});
+    const std::string error = error_of_move(*rig.stage, {600.0, 1.0});
     EXPECT_THAT(error, HasSubstr(std::string("move: ") + GetParam().cause));
     EXPECT_THAT(error, HasSubstr("; the axes were stopped"));
     ASSERT_FALSE(rig.requests.empty());
     EXPECT_TRUE(gives(rig.requests.front(), stop_bit));
     EXPECT_FALSE(rig.simulation.is_moving());
-    EXPECT_THAT(error_of_move(*stage, {7.0, 0.5}), HasSubstr("faulted"));
+    EXPECT_THAT(error_of_move(*rig.stage, {7.0, 0.5}), HasSubstr("faulted"));
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -210,12 +205,11 @@ void stop_from_elsewhere(Rig& rig) {
 }
 
 TEST(ModbusStageMoves, AStopByAnotherMasterEndsTheMove) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     rig.once_beyond(20.0, [&] { stop_from_elsewhere(rig); });
     const Instant begin = rig.clock.now();
     EXPECT_THAT(
-        error_of_move(*stage, {600.0, 1.0}),
+        error_of_move(*rig.stage, {600.0, 1.0}),
         HasSubstr("move: another program or the operator stopped the stage: command register "
                   "200 reads 0x1 and was left at 0x5; the axes were stopped"));
     EXPECT_LT(rig.clock.now() - begin, 500ms);
@@ -224,19 +218,17 @@ TEST(ModbusStageMoves, AStopByAnotherMasterEndsTheMove) {
 
 // By a panel: the commands read as they were left.
 TEST(ModbusStageMoves, AStopThatNoCommandTellsEndsTheMoveAtItsTimeLimit) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     rig.once_beyond(20.0, [&] { rig.simulation.stop(); });
-    EXPECT_THAT(error_of_move(*stage, {600.0, 1.0}),
+    EXPECT_THAT(error_of_move(*rig.stage, {600.0, 1.0}),
                 HasSubstr("; nothing moves: another program or the operator may have stopped it"));
 }
 
 TEST(ModbusStageMoves, AStopByAnotherMasterAtRestKeepsTheNextMoveFromStarting) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{70.0, 0.5}, {});
+    HomedRig rig;
+    rig.stage->move(std::vector{70.0, 0.5}, {});
     stop_from_elsewhere(rig);
-    EXPECT_THAT(error_of_move(*stage, {50.0, 1.0}),
+    EXPECT_THAT(error_of_move(*rig.stage, {50.0, 1.0}),
                 HasSubstr("another program or the operator stopped the stage"));
     EXPECT_EQ(rig.simulation.moves_started(), 1);
     EXPECT_NEAR(rig.simulation.true_positions()[0], 70.0, 1e-3);
@@ -262,12 +254,11 @@ TEST(ModbusStageMoves, AFalseInPositionIsNoArrival) {
 }
 
 TEST(ModbusStageMoves, NothingStartsFromWhereTheAxesWereNotLeft) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{70.0, 0.5}, {});
+    HomedRig rig;
+    rig.stage->move(std::vector{70.0, 0.5}, {});
     rig.simulation.jump_encoder(0, 0.02);
     const std::size_t before = rig.controller.writes().size();
-    EXPECT_THAT(error_of_move(*stage, {50.0, 0.5}),
+    EXPECT_THAT(error_of_move(*rig.stage, {50.0, 0.5}),
                 HasSubstr("the axes are not where they were left: x at 70.0200 mm"));
     for (const ModbusRequest& request : rig.writes_since(before))
         EXPECT_FALSE(gives(request, start_bit));
@@ -275,31 +266,28 @@ TEST(ModbusStageMoves, NothingStartsFromWhereTheAxesWereNotLeft) {
 
 // So does reading: at the last pose of a run nothing starts any more.
 TEST(ModbusStageMoves, APushedAxisIsNoticedWhenThePositionsAreRead) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{70.0, 0.5}, {});
-    EXPECT_NEAR(stage->position()[1], 0.5, 1e-6);
+    HomedRig rig;
+    rig.stage->move(std::vector{70.0, 0.5}, {});
+    EXPECT_NEAR(rig.stage->position()[1], 0.5, 1e-6);
     rig.simulation.jump_encoder(0, 0.02);
-    const std::string error = device_error_of([&] { stage->position(); });
+    const std::string error = device_error_of([&] { rig.stage->position(); });
     EXPECT_THAT(
         error,
         HasSubstr("read the positions: the axes are not where they were left: x at 70.0200 mm"));
-    EXPECT_NO_THROW(stage->status()) << "looking is allowed";
+    EXPECT_NO_THROW(rig.stage->status()) << "looking is allowed";
 }
 
 TEST(ModbusStageMoves, NothingStartsWhenInterruptedBefore) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     std::stop_source interrupt;
     interrupt.request_stop();
-    EXPECT_THROW(stage->move(std::vector{70.0, 0.5}, interrupt.get_token()), Interrupted);
+    EXPECT_THROW(rig.stage->move(std::vector{70.0, 0.5}, interrupt.get_token()), Interrupted);
     EXPECT_EQ(rig.simulation.moves_started(), 0);
-    stage->move(std::vector{7.0, 0.5}, {});
+    rig.stage->move(std::vector{7.0, 0.5}, {});
 }
 
 TEST(ModbusStageMoves, AnInterruptionSaysWhenItsStopWasNotConfirmed) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     std::stop_source interrupt;
     rig.once_beyond(20.0, [&] {
         interrupt.request_stop();
@@ -308,54 +296,50 @@ TEST(ModbusStageMoves, AnInterruptionSaysWhenItsStopWasNotConfirmed) {
             return ModbusReaction{.carry_out = read, .reply = read};
         });
     });
-    EXPECT_THAT(error_of_move(*stage, {600.0, 1.0}, interrupt.get_token()),
+    EXPECT_THAT(error_of_move(*rig.stage, {600.0, 1.0}, interrupt.get_token()),
                 HasSubstr("interrupted; the stop was NOT confirmed"));
-    EXPECT_THAT(error_of_move(*stage, {7.0, 0.5}), HasSubstr("faulted"));
+    EXPECT_THAT(error_of_move(*rig.stage, {7.0, 0.5}), HasSubstr("faulted"));
 }
 
 // While it is on the controller ignores homing, and says "homed" since an earlier one.
 TEST(ModbusStageMoves, AStopThatWasLeftOnIsEndedBeforeHoming) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{70.0, 0.5}, {});
-    stage.reset();
+    HomedRig rig;
+    rig.stage->move(std::vector{70.0, 0.5}, {});
+    rig.stage.reset();
     rig.controller.handle(
         {.function = 6, .address = command, .count = 1, .values = {enable_bit | stop_bit}});
     EXPECT_THAT(device_error_of([&] { rig.connect()->resume(); }), HasSubstr("stop is still on"));
-    stage = rig.connect_and_home();
+    rig.stage = rig.connect_and_home();
     EXPECT_NEAR(rig.simulation.true_positions()[0], 0.0, 1e-9);
-    stage->move(std::vector{7.0, 0.5}, {});
+    rig.stage->move(std::vector{7.0, 0.5}, {});
 }
 
 TEST(ModbusStageMoves, TheWatchdogIsFedWhileALongMoveLasts) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->limit_speed(0.1);  // 680 mm at 20 mm/s: 34 s with a watchdog of 1.5 s
-    stage->move(std::vector{680.0, 0.5}, {});
+    HomedRig rig;
+    rig.stage->limit_speed(0.1);  // 680 mm at 20 mm/s: 34 s with a watchdog of 1.5 s
+    rig.stage->move(std::vector{680.0, 0.5}, {});
     EXPECT_GT(rig.simulation.uptime(), 34s);
-    EXPECT_NEAR(stage->position()[0], 680.0, 1e-3);
+    EXPECT_NEAR(rig.stage->position()[0], 680.0, 1e-3);
 }
 
 TEST(ModbusStageMoves, ALimitedSpeedIsWhatTheControllerIsTold) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->limit_speed(0.25);
+    HomedRig rig;
+    rig.stage->limit_speed(0.25);
     const Instant start = rig.clock.now();
-    stage->move(std::vector{100.0, 0.0}, {});  // at 50 mm/s
+    rig.stage->move(std::vector{100.0, 0.0}, {});  // at 50 mm/s
     EXPECT_NEAR(std::chrono::duration<double>(rig.clock.now() - start).count(), 2.07, 0.05);
-    EXPECT_THROW(stage->limit_speed(0.0), ConfigError);
-    EXPECT_THROW(stage->limit_speed(1.01), ConfigError);
+    EXPECT_THROW(rig.stage->limit_speed(0.0), ConfigError);
+    EXPECT_THROW(rig.stage->limit_speed(1.01), ConfigError);
 }
 
 // ---- several units on one bus
 
 TEST(ModbusStageUnits, AllTargetsAreWrittenBeforeAnyUnitStarts) {
-    Rig rig(builtin_stage_profile("generic"), three_units());
-    auto stage = rig.connect_and_home();
+    HomedRig rig(builtin_stage_profile("generic"), three_units());
     const std::size_t before = rig.controller.writes().size();
-    stage->move(std::vector{70.0, 50.0, 30.0}, {});
-    EXPECT_NEAR(stage->position()[0], 70.0, 1e-9);
-    EXPECT_NEAR(stage->position()[2], 30.0, 1e-9);
+    rig.stage->move(std::vector{70.0, 50.0, 30.0}, {});
+    EXPECT_NEAR(rig.stage->position()[0], 70.0, 1e-9);
+    EXPECT_NEAR(rig.stage->position()[2], 30.0, 1e-9);
     std::vector<int> targets, starts;
     for (const ModbusRequest& request : rig.writes_since(before)) {
         if (writes_to(request, 100)) {
@@ -370,10 +354,9 @@ TEST(ModbusStageUnits, AllTargetsAreWrittenBeforeAnyUnitStarts) {
 }
 
 TEST(ModbusStageUnits, AnAlarmOfOneStopsAll) {
-    Rig rig(builtin_stage_profile("generic"), three_units());
-    auto stage = rig.connect_and_home();
+    HomedRig rig(builtin_stage_profile("generic"), three_units());
     rig.once_beyond(20.0, [&] { rig.simulation.raise_alarm(17, 1); });
-    EXPECT_THAT(error_of_move(*stage, {600.0, 400.0, 200.0}),
+    EXPECT_THAT(error_of_move(*rig.stage, {600.0, 400.0, 200.0}),
                 HasSubstr("axis y: alarm 17; the axes were stopped"));
     EXPECT_FALSE(rig.simulation.is_moving());
     EXPECT_LT(rig.simulation.true_positions()[0], 50.0);
@@ -402,13 +385,12 @@ TEST(ModbusStageUnits, ASilentOneKeepsNoOtherFromBeingStopped) {
 
 // As `etalon stage move --trace | head`.
 TEST(ModbusStageUnits, ATraceThatCannotBeWrittenKeepsNoneFromBeingStopped) {
-    Rig rig(builtin_stage_profile("generic"), three_units());
-    auto stage = rig.connect_and_home();
-    stage->set_trace([&](const std::string&) {
+    HomedRig rig(builtin_stage_profile("generic"), three_units());
+    rig.stage->set_trace([&](const std::string&) {
         if (rig.simulation.true_positions()[0] > 20.0)
             throw std::runtime_error("broken pipe");
     });
-    EXPECT_THROW(stage->move(std::vector{600.0, 400.0, 200.0}, {}), std::runtime_error);
+    EXPECT_THROW(rig.stage->move(std::vector{600.0, 400.0, 200.0}, {}), std::runtime_error);
     EXPECT_FALSE(rig.simulation.is_moving());
     EXPECT_LT(rig.simulation.true_positions()[0], 50.0);
 }

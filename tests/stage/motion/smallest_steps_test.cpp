@@ -44,26 +44,24 @@ TEST(ModbusStageSteps, NoTargetIsRoundedToBeyondASoftLimit) {
     std::vector<Axis> axes = fast_axes();
     axes[0].low = -7.0029;
     axes[0].high = 50.0029;
-    Rig rig(by_code, axes);
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{50.0029, 0.5}, {});
+    HomedRig rig(by_code, axes);
+    rig.stage->move(std::vector{50.0029, 0.5}, {});
     EXPECT_NEAR(rig.simulation.true_positions()[0], 50.0, 1e-6);
-    stage->move(std::vector{-7.0029, 0.5}, {});
+    rig.stage->move(std::vector{-7.0029, 0.5}, {});
     EXPECT_NEAR(rig.simulation.true_positions()[0], -7.0, 1e-6);
-    stage->move(std::vector{7.0029, 0.5}, {});
+    rig.stage->move(std::vector{7.0029, 0.5}, {});
     EXPECT_NEAR(rig.simulation.true_positions()[0], 7.005, 1e-6) << "elsewhere to the nearest";
 }
 
 // Speeds in whole steps of 5 counts a second, 25 um/s: 1.9 of them are 1, and less would be faster
 // than was asked for.
 TEST(ModbusStageSteps, ASpeedBelowTheSmallestStepIsRefusedAndNotMadeFaster) {
-    Rig rig(by_code);
-    auto stage = rig.connect_and_home();
-    stage->limit_speed(1.9 * 0.025 / 200.0);
+    HomedRig rig(by_code);
+    rig.stage->limit_speed(1.9 * 0.025 / 200.0);
     const Instant start = rig.clock.now();
-    stage->move(std::vector{0.1, 0.0}, {});
+    rig.stage->move(std::vector{0.1, 0.0}, {});
     EXPECT_NEAR(std::chrono::duration<double>(rig.clock.now() - start).count(), 4.0, 0.2);
-    EXPECT_THAT(config_error_of([&] { stage->limit_speed(0.99 * 0.025 / 200.0); }),
+    EXPECT_THAT(config_error_of([&] { rig.stage->limit_speed(0.99 * 0.025 / 200.0); }),
                 HasSubstr("stage axes: x: 0.012375 % of its speed is not 1 to 65535 in the speed "
                           "register"));
 }

@@ -13,6 +13,15 @@
 
 namespace etalon {
 
+// Of a client whose wire this is; a serial line's replies come up to `quiet` late.
+inline StageLink memory_link(bool serial) {
+    using namespace std::chrono_literals;
+    StageLink link{.response_timeout = 100ms, .quiet = 250ms};
+    if (serial)
+        link.address = SerialPort{.device = "in memory"};
+    return link;
+}
+
 class MemoryTransport final : public ModbusTransport {
 public:
     // Both must outlive the transport.

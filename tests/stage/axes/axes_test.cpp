@@ -45,30 +45,31 @@ TEST(Axes, AreReadWithTheirUnits) {
 
 TEST(Axes, NameFileLineAndKeyOfEveryFault) {
     const std::string x = "{name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 7}";
+    const auto linear = [](const std::string& keys) {
+        return error_of("- {name: x, kind: linear, " + keys + "}");
+    };
     EXPECT_EQ(error_of("  []\n"), "s.yml:3: axes: must have at least one axis");
     EXPECT_EQ(error_of("- " + x + "\n- " + x + "\n"),
               "s.yml:4: axes[1].name: two axes are called 'x'");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [0, 0, 0], travel: [0, 5], speed: 7}"),
+    EXPECT_EQ(linear("direction: [0, 0, 0], travel: [0, 5], speed: 7"),
               "s.yml:3: axes[0].direction: must be a direction, not zero");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [5, 5], speed: 7}"),
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [5, 5], speed: 7"),
               "s.yml:3: axes[0].travel: must be [low, high] with low < high, not [5, 5]");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 0}"),
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [0, 5], speed: 0"),
               "s.yml:3: axes[0].speed: must be between 0.0001 and 100000 mm/s, not 0");
-    EXPECT_EQ(
-        error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 1e-300}"),
-        "s.yml:3: axes[0].speed: must be between 0.0001 and 100000 mm/s, not 1e-300");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 1e300],"
-                       " speed: 7}"),
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [0, 5], speed: 1e-300"),
+              "s.yml:3: axes[0].speed: must be between 0.0001 and 100000 mm/s, not 1e-300");
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [0, 1e300], speed: 7"),
               "s.yml:3: axes[0].travel[1]: must be between -10000000 and 10000000 mm, not 1e+300");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 7,"
-                       " counts_per_mm: -1e-300}"),
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [0, 5], speed: 7, counts_per_mm: -1e-300"),
               "s.yml:3: axes[0].counts_per_mm: must be at least 0.001 in size, not -1e-300");
-    EXPECT_EQ(error_of("- {name: x, kind: rotary, direction: [1, 0, 0], point_mm: [0, 0, 0],"
-                       " travel: [0, 5], speed_deg: 7}"),
+    EXPECT_EQ(error_of("- {name: x, kind: rotary, direction: [1, 0, 0], point_mm: [0, 0, 0], "
+                       "travel: [0, 5], speed_deg: 7}"),
               "s.yml:3: axes[0].travel_deg: missing");
-    EXPECT_EQ(error_of("- {name: x, kind: rotary, direction: [1, 0, 0], travel_deg: [0, 5],"
-                       " speed_deg: 7}"),
-              "s.yml:3: axes[0].point_mm: missing");
+    EXPECT_EQ(
+        error_of(
+            "- {name: x, kind: rotary, direction: [1, 0, 0], travel_deg: [0, 5], speed_deg: 7}"),
+        "s.yml:3: axes[0].point_mm: missing");
 }
 
 TEST(Axes, AreReadWithTheirErrorsAndTheirController) {

@@ -17,7 +17,8 @@ using namespace std::chrono_literals;
 using Kind = ModbusFault::Kind;
 
 constexpr int moves = 10'000;
-constexpr auto response_timeout = 100ms, quiet = 250ms;  // replies come up to `quiet` late
+// A faulty wire brings replies up to `quiet` late.
+const auto response_timeout = memory_link(true).response_timeout, quiet = memory_link(true).quiet;
 constexpr int kinds = 8;
 constexpr std::array<const char*, kinds> kind_names = {"late reply", "silence",  "exception",
                                                        "garbage",    "wrong id", "half-open",
@@ -27,13 +28,6 @@ std::vector<Axis> short_axes() {
     std::vector<Axis> axes = fast_axes();
     axes[0].high = 70.0;
     return axes;
-}
-
-StageLink link_for(bool serial) {
-    StageLink link{.response_timeout = response_timeout, .quiet = quiet};
-    if (serial)
-        link.address = SerialPort{.device = "in memory"};
-    return link;
 }
 
 // How often the wire fails, and for how many requests in a row at most.
@@ -174,7 +168,7 @@ private:
     void connect() {
         ++figures.clients;
         client_ = std::make_unique<LimitedStage>(
-            open_modbus_stage(link_for(serial_), profile, axes, clock_,
+            open_modbus_stage(memory_link(serial_), profile, axes, clock_,
                               std::make_unique<MemoryTransport>(controller_, clock_, serial_)),
             rules_);
         try {

@@ -51,29 +51,24 @@ const std::vector<Vector6d> reaches{reach(70, 0, 0),
                                     reach(70, 40, 50, 0, 1.2, 0),
                                     reach(0, 0, 0, 0.5, 0, 1.2)};
 
-MotionKind kind(const Vector6d& within) {
-    return stage_motion(poses_within(within)).kind;
-}
-
 // The counts are those of docs/metrology.md: what commutes with all motions of the stage.
 TEST(StageMotion, KnowsTheKindsAndCountsTheirFreedoms) {
-    const auto freedoms = [](const Vector6d& within) {
-        return stage_motion(poses_within(within)).freedoms;
-    };
-    EXPECT_EQ(kind(reach(70, 0, 0)), MotionKind::collinear);
-    EXPECT_EQ(kind(reach(70, 0, 50)), MotionKind::planar_shifts);
-    EXPECT_EQ(kind(reach(70, 40, 50)), MotionKind::shifts);
-    EXPECT_EQ(kind(reach(0, 0, 0, 0, 1.2, 0)), MotionKind::one_axis);
-    EXPECT_EQ(kind(reach(0, 50, 0, 0, 1.2, 0)), MotionKind::one_axis);  // a screw keeps its line
-    EXPECT_EQ(kind(reach(70, 0, 50, 0, 1.2, 0)), MotionKind::planar_motion);
-    EXPECT_EQ(kind(reach(70, 40, 50, 0, 1.2, 0)), MotionKind::parallel_turns);
-    EXPECT_EQ(kind(reach(0, 0, 0, 0.5, 0, 1.2)), MotionKind::all_turns);
-    EXPECT_EQ(kind(reach(70, 40, 50, 0.5, 0.4, 1.2)), MotionKind::all_turns);
-    EXPECT_EQ(freedoms(reach(70, 0, 0)), 4);
-    EXPECT_EQ(freedoms(reach(70, 0, 50)), 3);
-    EXPECT_EQ(freedoms(reach(0, 0, 0, 0, 1.2, 0)), 2);
-    EXPECT_EQ(freedoms(reach(70, 0, 50, 0, 1.2, 0)), 1);
-    EXPECT_EQ(freedoms(reach(0, 0, 0, 0.5, 0, 1.2)), 0);
+    using enum MotionKind;
+    const std::tuple<Vector6d, MotionKind, int> stages[] = {
+        {reach(70, 0, 0), collinear, 4},
+        {reach(70, 0, 50), planar_shifts, 3},
+        {reach(70, 40, 50), shifts, 3},
+        {reach(0, 0, 0, 0, 1.2, 0), one_axis, 2},
+        {reach(0, 50, 0, 0, 1.2, 0), one_axis, 2},  // a screw keeps its line
+        {reach(70, 0, 50, 0, 1.2, 0), planar_motion, 1},
+        {reach(70, 40, 50, 0, 1.2, 0), parallel_turns, 1},
+        {reach(0, 0, 0, 0.5, 0, 1.2), all_turns, 0},
+        {reach(70, 40, 50, 0.5, 0.4, 1.2), all_turns, 0}};
+    for (const auto& [within, kind, freedoms] : stages) {
+        const StageMotion found = stage_motion(poses_within(within));
+        EXPECT_EQ(found.kind, kind) << found.words;
+        EXPECT_EQ(found.freedoms, freedoms) << found.words;
+    }
 }
 
 TEST(StageMotion, IsTheSameFromAnyOtherBase) {

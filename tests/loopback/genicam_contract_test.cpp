@@ -58,7 +58,10 @@ public:
                 {"level 256", [](CaptureSettings& s) { s.black_level = 256.0; }},
                 {"Sharpness", [](CaptureSettings& s) { s.controls["Sharpness"] = 1.0; }},
                 {"2.5 dB", [](CaptureSettings& s) { s.gain_db = 2.5; }},
-                {"17", [](CaptureSettings& s) { s.format = "", s.bits = 17; }}};
+                {"17", [](CaptureSettings& s) {
+                     s.format = "";
+                     s.bits = 17;
+                 }}};
     }
     bool show(const CodeImage& scene) override {
         rig_.show(scene);

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <complex>
-#include <numbers>
 
 #include "calib/camera/lens_projection.h"
 

@@ -117,19 +117,23 @@ inline CameraModel wide_truth(LensProjection projection, double focal, Distortio
     return camera;
 }
 
-// Boards 250 to 350 mm away, tilted up to 35 degrees against the line of sight, whose middles lie
-// up to 72 degrees from the axis: their corners reach beyond 90.
-inline Rigid wide_pose(int view) {
-    const double turn = 2.4 * view, angles[] = {0.15, 0.75, 1.25};
-    const double angle = angles[view % 3];
+// Boards tilted up to 35 degrees against the line of sight, which lies at one of the angles to the
+// axis; within 50 mm of the distance.
+inline Rigid pose_aside(int view, const std::array<double, 3>& angles, double distance_mm) {
+    const double turn = 2.4 * view, angle = angles[std::size_t(view % 3)];
     const Eigen::Vector3d sight(std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn),
                                 std::cos(angle));
     const Eigen::Quaterniond facing = rotation_between(Eigen::Vector3d::UnitZ(), sight);
     const Eigen::Quaterniond rotation =
         facing * rotation_from_vector({0.55 * std::cos(3 * turn), 0.5 * std::sin(2 * turn),
                                        0.15 * std::sin(5 * turn)});
-    return {rotation,
-            (300.0 + 50.0 * std::sin(4 * turn)) * sight - rotation * Eigen::Vector3d(100, 62.5, 0)};
+    return {rotation, (distance_mm + 50.0 * std::sin(4 * turn)) * sight -
+                          rotation * Eigen::Vector3d(100, 62.5, 0)};
+}
+
+// Middles up to 72 degrees from the axis: the corners reach beyond 90.
+inline Rigid wide_pose(int view) {
+    return pose_aside(view, {0.15, 0.75, 1.25}, 300.0);
 }
 
 inline std::vector<CalibrationView> wide_views(const CameraModel& camera, int count,

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "capture/frame/camera.h"
 #include "tests/fakes/fake_camera.h"
 
 namespace etalon {

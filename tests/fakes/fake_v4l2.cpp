@@ -15,28 +15,16 @@ using namespace std::chrono_literals;
 std::vector<FakeControl> uvc_controls() {
     const std::uint32_t number = V4L2_CTRL_TYPE_INTEGER, flag = V4L2_CTRL_TYPE_BOOLEAN,
                         menu = V4L2_CTRL_TYPE_MENU;
+    const std::map<int, std::string> lamps{{0, "Disabled"}, {1, "50 Hz"}, {2, "60 Hz"}},
+        exposures{{1, "Manual Mode"}, {3, "Aperture Priority Mode"}};
     return {{V4L2_CID_BRIGHTNESS, number, "Brightness", -64, 64, 1, 0, {}, 5},
             {V4L2_CID_CONTRAST, number, "Contrast", 0, 64, 1, 32, {}},
             {V4L2_CID_AUTO_WHITE_BALANCE, flag, "White Balance, Automatic", 0, 1, 1, 1, {}},
             {V4L2_CID_GAMMA, number, "Gamma", 72, 500, 1, 100, {}},
             {V4L2_CID_GAIN, number, "Gain", 3, 100, 1, 20, {}},
-            {V4L2_CID_POWER_LINE_FREQUENCY,
-             menu,
-             "Power Line Frequency",
-             0,
-             2,
-             1,
-             1,
-             {{0, "Disabled"}, {1, "50 Hz"}, {2, "60 Hz"}}},
+            {V4L2_CID_POWER_LINE_FREQUENCY, menu, "Power Line Frequency", 0, 2, 1, 1, lamps},
             {V4L2_CID_SHARPNESS, number, "Sharpness", 0, 6, 1, 3, {}},
-            {V4L2_CID_EXPOSURE_AUTO,
-             menu,
-             "Auto Exposure",
-             0,
-             3,
-             1,
-             3,
-             {{1, "Manual Mode"}, {3, "Aperture Priority Mode"}}},
+            {V4L2_CID_EXPOSURE_AUTO, menu, "Auto Exposure", 0, 3, 1, 3, exposures},
             {V4L2_CID_EXPOSURE_ABSOLUTE, number, "Exposure Time, Absolute", 3, 2047, 1, 250, {}}};
 }
 
@@ -78,8 +66,7 @@ void FakeV4l2::plug_in(const std::string& as_node) {
 }
 
 FakeControl& FakeV4l2::control(const std::string& name) {
-    return *std::find_if(controls.begin(), controls.end(),
-                         [&](const FakeControl& control) { return control.name == name; });
+    return *std::ranges::find(controls, name, &FakeControl::name);
 }
 
 // ---- files -----------------------------------------------------------------------------------
@@ -98,11 +85,7 @@ int FakeV4l2::open(const std::string& path) {
 }
 
 int FakeV4l2::close(int file) {
-    const auto found = std::find(files_.begin(), files_.end(), file);
-    if (found == files_.end())
-        return -EBADF;
-    files_.erase(found);
-    return 0;
+    return std::erase(files_, file) == 0 ? -EBADF : 0;
 }
 
 void* FakeV4l2::map(int, std::size_t length, off_t offset) {
@@ -146,53 +129,32 @@ int FakeV4l2::ioctl(int file, unsigned long request, void* argument) {
 
 // 0 or the error number.
 int FakeV4l2::answer(unsigned long request, void* argument) {
-    switch (request) {
-        case VIDIOC_QUERYCAP:
-            return query_capability(argument);
-        case VIDIOC_ENUM_FMT:
-            return enumerate_format(argument);
-        case VIDIOC_ENUM_FRAMESIZES:
-            return enumerate_size(argument);
-        case VIDIOC_G_FMT:
-            return get_format(argument);
-        case VIDIOC_S_FMT:
-            return set_format(argument);
-        case VIDIOC_G_PARM:
-            return get_rate(argument);
-        case VIDIOC_S_PARM:
-            return set_rate(argument);
-        case VIDIOC_ENUM_FRAMEINTERVALS:
-            return enumerate_rate(argument);
-        case VIDIOC_QUERY_EXT_CTRL:
-            return query_control(argument);
-        case VIDIOC_QUERYMENU:
-            return query_menu(argument);
-        case VIDIOC_G_EXT_CTRLS:
-            return access_control(argument, false);
-        case VIDIOC_S_EXT_CTRLS:
-            return access_control(argument, true);
-        case VIDIOC_REQBUFS:
-            return request_buffers(argument);
-        case VIDIOC_QUERYBUF:
-            return query_buffer(argument);
-        case VIDIOC_QBUF:
-            return queue_buffer(argument);
-        case VIDIOC_DQBUF:
-            return dequeue_buffer(argument);
-        case VIDIOC_STREAMON:
-            start();
-            return 0;
-        case VIDIOC_STREAMOFF:
-            stop();
-            return 0;
-        default:
-            return ENOTTY;
-    }
+    static const std::map<unsigned long, int (FakeV4l2::*)(void*)> answers{
+        {VIDIOC_QUERYCAP, &FakeV4l2::query_capability},
+        {VIDIOC_ENUM_FMT, &FakeV4l2::enumerate_format},
+        {VIDIOC_ENUM_FRAMESIZES, &FakeV4l2::enumerate_size},
+        {VIDIOC_G_FMT, &FakeV4l2::get_format},
+        {VIDIOC_S_FMT, &FakeV4l2::set_format},
+        {VIDIOC_G_PARM, &FakeV4l2::get_rate},
+        {VIDIOC_S_PARM, &FakeV4l2::set_rate},
+        {VIDIOC_ENUM_FRAMEINTERVALS, &FakeV4l2::enumerate_rate},
+        {VIDIOC_QUERY_EXT_CTRL, &FakeV4l2::query_control},
+        {VIDIOC_QUERYMENU, &FakeV4l2::query_menu},
+        {VIDIOC_REQBUFS, &FakeV4l2::request_buffers},
+        {VIDIOC_QUERYBUF, &FakeV4l2::query_buffer},
+        {VIDIOC_QBUF, &FakeV4l2::queue_buffer},
+        {VIDIOC_DQBUF, &FakeV4l2::dequeue_buffer},
+        {VIDIOC_STREAMON, &FakeV4l2::start},
+        {VIDIOC_STREAMOFF, &FakeV4l2::stop}};
+    if (request == VIDIOC_G_EXT_CTRLS || request == VIDIOC_S_EXT_CTRLS)
+        return access_control(argument, request == VIDIOC_S_EXT_CTRLS);
+    const auto found = answers.find(request);
+    return found == answers.end() ? ENOTTY : (this->*found->second)(argument);
 }
 
 // ---- description -----------------------------------------------------------------------------
 
-int FakeV4l2::query_capability(void* argument) const {
+int FakeV4l2::query_capability(void* argument) {
     auto& answer = *static_cast<v4l2_capability*>(argument);
     put(answer.driver, driver);
     put(answer.card, card);
@@ -206,7 +168,7 @@ int FakeV4l2::query_capability(void* argument) const {
     return 0;
 }
 
-int FakeV4l2::enumerate_format(void* argument) const {
+int FakeV4l2::enumerate_format(void* argument) {
     auto& answer = *static_cast<v4l2_fmtdesc*>(argument);
     if (answer.index >= formats.size())
         return EINVAL;
@@ -215,7 +177,7 @@ int FakeV4l2::enumerate_format(void* argument) const {
     return 0;
 }
 
-int FakeV4l2::enumerate_size(void* argument) const {
+int FakeV4l2::enumerate_size(void* argument) {
     auto& answer = *static_cast<v4l2_frmsizeenum*>(argument);
     if (answer.index > 1)
         return EINVAL;
@@ -234,7 +196,7 @@ std::size_t FakeV4l2::image_size() const {
     return compressed ? 100000 : bytes_per_line() * static_cast<std::size_t>(height);
 }
 
-int FakeV4l2::get_format(void* argument) const {
+int FakeV4l2::get_format(void* argument) {
     auto& answer = *static_cast<v4l2_format*>(argument);
     const auto fill = [&](auto& pixels) {
         pixels.width = static_cast<std::uint32_t>(width);
@@ -262,8 +224,7 @@ int FakeV4l2::set_format(void* argument) {
         width = std::min(static_cast<int>(pixels.width), width_limit);
         height = static_cast<int>(pixels.height);
         const std::uint32_t code = pixels.pixelformat;
-        const auto known = std::find_if(formats.begin(), formats.end(),
-                                        [=](const std::string& f) { return fourcc(f) == code; });
+        const auto known = std::ranges::find(formats, code, fourcc);
         format = known == formats.end() ? formats.front() : *known;
     };
     if (multi_planar)
@@ -273,7 +234,7 @@ int FakeV4l2::set_format(void* argument) {
     return get_format(argument);
 }
 
-int FakeV4l2::get_rate(void* argument) const {
+int FakeV4l2::get_rate(void* argument) {
     if (!says_period)
         return ENOTTY;
     auto& capture = static_cast<v4l2_streamparm*>(argument)->parm.capture;
@@ -286,14 +247,13 @@ int FakeV4l2::set_rate(void* argument) {
     const auto& wanted = static_cast<v4l2_streamparm*>(argument)->parm.capture.timeperframe;
     const double hz = double(wanted.denominator) / wanted.numerator;
     const int nearest =
-        *std::min_element(frame_rates.begin(), frame_rates.end(),
-                          [=](int a, int b) { return std::abs(a - hz) < std::abs(b - hz); });
+        *std::ranges::min_element(frame_rates, {}, [=](int rate) { return std::abs(rate - hz); });
     unset_period_ = unset_period_.value_or(period);
     period = Duration(1s) / nearest;
     return get_rate(argument);
 }
 
-int FakeV4l2::enumerate_rate(void* argument) const {
+int FakeV4l2::enumerate_rate(void* argument) {
     auto& answer = *static_cast<v4l2_frmivalenum*>(argument);
     if (answer.index >= frame_rates.size() || answer.pixel_format != fourcc(format) ||
         answer.width != static_cast<std::uint32_t>(width))
@@ -305,7 +265,7 @@ int FakeV4l2::enumerate_rate(void* argument) const {
 
 // ---- controls --------------------------------------------------------------------------------
 
-int FakeV4l2::query_control(void* argument) const {
+int FakeV4l2::query_control(void* argument) {
     auto& answer = *static_cast<v4l2_query_ext_ctrl*>(argument);
     const bool next = answer.id & V4L2_CTRL_FLAG_NEXT_CTRL;
     const std::uint32_t id = answer.id & ~std::uint32_t{V4L2_CTRL_FLAG_NEXT_CTRL};
@@ -326,7 +286,7 @@ int FakeV4l2::query_control(void* argument) const {
     return 0;
 }
 
-int FakeV4l2::query_menu(void* argument) const {
+int FakeV4l2::query_menu(void* argument) {
     auto& item = *static_cast<v4l2_querymenu*>(argument);
     for (const FakeControl& control : controls)
         if (control.id == item.id && control.menu.count(static_cast<int>(item.index))) {
@@ -340,13 +300,11 @@ int FakeV4l2::query_menu(void* argument) const {
 int FakeV4l2::access_control(void* argument, bool set) {
     v4l2_ext_control& asked = static_cast<v4l2_ext_controls*>(argument)->controls[0];
     const std::uint32_t id = asked.id;
-    const auto found = std::find_if(controls.begin(), controls.end(),
-                                    [=](const FakeControl& control) { return control.id == id; });
+    const auto found = std::ranges::find(controls, id, &FakeControl::id);
     if (found == controls.end())
         return EINVAL;
-    const auto automatic = std::find_if(controls.begin(), controls.end(), [](const auto& control) {
-        return control.id == V4L2_CID_EXPOSURE_AUTO;
-    });
+    const std::uint32_t exposure_auto = V4L2_CID_EXPOSURE_AUTO;
+    const auto automatic = std::ranges::find(controls, exposure_auto, &FakeControl::id);
     if (set && id == V4L2_CID_EXPOSURE_ABSOLUTE && automatic != controls.end() &&
         automatic->value != V4L2_EXPOSURE_MANUAL)
         return EACCES;
@@ -369,7 +327,7 @@ int FakeV4l2::request_buffers(void* argument) {
     return 0;
 }
 
-int FakeV4l2::query_buffer(void* argument) const {
+int FakeV4l2::query_buffer(void* argument) {
     auto& buffer = *static_cast<v4l2_buffer*>(argument);
     if (buffer.index >= memory_.size())
         return EINVAL;
@@ -420,16 +378,18 @@ int FakeV4l2::dequeue_buffer(void* argument) {
     return 0;
 }
 
-void FakeV4l2::start() {
+int FakeV4l2::start(void*) {
     streaming_ = true;
     started_ = clock_.now();
     made_ = 0;
+    return 0;
 }
 
-void FakeV4l2::stop() {
+int FakeV4l2::stop(void*) {
     streaming_ = false;
     queued_.clear();
     filled_.clear();
+    return 0;
 }
 
 Duration FakeV4l2::exposure_now() const {

@@ -9,7 +9,6 @@
 #include <functional>
 
 #include "capture/v4l2/v4l2_device.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 
@@ -98,23 +97,23 @@ private:
     };
 
     int answer(unsigned long request, void* argument);
-    int query_capability(void* argument) const;
-    int enumerate_format(void* argument) const;
-    int enumerate_size(void* argument) const;
-    int get_format(void* argument) const;
+    int query_capability(void* argument);
+    int enumerate_format(void* argument);
+    int enumerate_size(void* argument);
+    int get_format(void* argument);
     int set_format(void* argument);
-    int get_rate(void* argument) const;
+    int get_rate(void* argument);
     int set_rate(void* argument);
-    int enumerate_rate(void* argument) const;
-    int query_control(void* argument) const;
-    int query_menu(void* argument) const;
+    int enumerate_rate(void* argument);
+    int query_control(void* argument);
+    int query_menu(void* argument);
     int access_control(void* argument, bool set);
     int request_buffers(void* argument);
-    int query_buffer(void* argument) const;
+    int query_buffer(void* argument);
     int queue_buffer(void* argument);
     int dequeue_buffer(void* argument);
-    void start();
-    void stop();
+    int start(void* = nullptr);
+    int stop(void* = nullptr);
 
     std::size_t bytes_per_line() const;
     std::size_t image_size() const;

@@ -8,13 +8,19 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "core/time/clock.h"
 #include "mocks/stage/modbus_controller.h"
-#include "stage/link/modbus_transport.h"
 
 namespace etalon {
+
+// Of a client whose wire this is; a serial line's replies come up to `quiet` late.
+inline StageLink memory_link(bool serial) {
+    using namespace std::chrono_literals;
+    StageLink link{.response_timeout = 100ms, .quiet = 250ms};
+    if (serial)
+        link.address = SerialPort{.device = "in memory"};
+    return link;
+}
 
 class MemoryTransport final : public ModbusTransport {
 public:

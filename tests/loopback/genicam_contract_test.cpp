@@ -28,19 +28,12 @@ GigeCameraOptions options_of(const GenicamCase& tested) {
 }
 
 // What no camera here does.
-std::vector<CameraRig::Refusal> refusals_of_any(const CaptureSettings& settings, int too_wide) {
-    CaptureSettings wide = settings, long_exposure = wide, loud = wide, unknown = wide,
-                    nameless = wide;
-    wide.width = too_wide;
-    long_exposure.exposure = 11s;
-    loud.gain_db = 11.0;
-    unknown.format = "Mono14";
-    nameless.controls["Sharpness"] = 1.0;
-    return {{wide, fmt::format("{}x80", too_wide)},
-            {long_exposure, "11000000 us"},
-            {loud, "11 dB"},
-            {unknown, "Mono14"},
-            {nameless, "Sharpness"}};
+std::vector<CameraRig::Refusal> refusals_of_any(const char* size, int too_wide) {
+    return {{size, [too_wide](CaptureSettings& s) { s.width = too_wide; }},
+            {"11000000 us", [](CaptureSettings& s) { s.exposure = 11s; }},
+            {"11 dB", [](CaptureSettings& s) { s.gain_db = 11.0; }},
+            {"Mono14", [](CaptureSettings& s) { s.format = "Mono14"; }},
+            {"Sharpness", [](CaptureSettings& s) { s.controls["Sharpness"] = 1.0; }}};
 }
 
 class GenicamContractRig final : public CameraRig {
@@ -64,13 +57,13 @@ public:
         return settings;
     }
     std::vector<Refusal> refusals() const override {
-        CaptureSettings dark = settings(), between_steps = dark, deep = dark;
-        between_steps.gain_db = 2.5;
-        deep.format = "";
-        deep.bits = 17;
-        dark.black_level = 256.0;
-        std::vector<Refusal> all = refusals_of_any(settings(), 151);
-        all.insert(all.end(), {{dark, "level 256"}, {between_steps, "2.5 dB"}, {deep, "17"}});
+        std::vector<Refusal> all = refusals_of_any("151x80", 151);
+        all.insert(all.end(), {{"level 256", [](CaptureSettings& s) { s.black_level = 256.0; }},
+                               {"2.5 dB", [](CaptureSettings& s) { s.gain_db = 2.5; }},
+                               {"17", [](CaptureSettings& s) {
+                                    s.format = "";
+                                    s.bits = 17;
+                                }}});
         return all;
     }
     bool show(const CodeImage& scene) override {
@@ -122,7 +115,7 @@ public:
                 .gain_db = 3.0,
                 .trigger = trigger_};
     }
-    std::vector<Refusal> refusals() const override { return refusals_of_any(settings(), 4096); }
+    std::vector<Refusal> refusals() const override { return refusals_of_any("4096x80", 4096); }
 
     InProcessRig(int bits, const std::string& trigger) : bits_(bits), trigger_(trigger) {}
 

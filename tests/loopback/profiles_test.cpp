@@ -11,23 +11,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// What the families that leave it to the axis need: 800 pulses per mm and 5 mm per turn; 100 per
-// degree and 90 degrees per turn.
-std::vector<Axis> axes_for(const StageProfile& profile) {
-    std::vector<Axis> axes = fast_axes();
-    if (profile.max_axes == 1) {
-        axes[0].unit = 3;
-        axes[1].unit = 5;
-    }
-    if (!profile.counts.per_mm) {
-        axes[0].counts_per_unit = 800.0;
-        axes[0].lead = 5.0;
-        axes[1].counts_per_unit = -100.0 * 180.0 / std::numbers::pi;  // it counts backwards
-        axes[1].lead = 0.5 * std::numbers::pi;
-    }
-    return axes;
-}
-
 // Half a count, and the last digit of the conversion.
 double half_count(const StageRig& rig, std::size_t axis) {
     return 0.501 / std::abs(rig.profile.counts_of(rig.axes[axis], 1.0) -

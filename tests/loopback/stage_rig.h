@@ -4,18 +4,13 @@
 
 #include "mocks/stage/modbus_controller.h"
 #include "stage/motion/modbus_stage.h"
+#include "tests/fakes/fast_axes.h"
 
 namespace etalon {
 
 // Of the generic profile (docs/stage.md).
 constexpr int command_register = 200;
 constexpr std::uint16_t enable_bit = 1, home_bit = 2, start_bit = 4, stop_bit = 8;
-
-// x: 200 mm/s over 700 mm; rz: 2 rad/s.
-inline std::vector<Axis> fast_axes() {
-    return {{.name = "x", .low = -7.0, .high = 700.0, .speed = 200.0},
-            {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 2.0}};
-}
 
 inline bool gives(const ModbusRequest& request, std::uint16_t bit) {
     return !request.values.empty() && request.address == command_register &&

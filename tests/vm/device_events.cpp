@@ -11,7 +11,6 @@
 #include <cstring>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

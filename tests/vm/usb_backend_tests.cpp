@@ -23,15 +23,8 @@ namespace {
 
 // The grey values of a frame as the camera sent it, in the low bits.
 cv::Mat grey_values(std::vector<std::uint8_t>& frame, const StreamMode& mode) {
-    switch (mode.pixels) {
-        case UsbPixels::grey:
-            return {mode.size, CV_8UC1, frame.data()};
-        case UsbPixels::y12:
-        case UsbPixels::y16:
-            return {mode.size, CV_16UC1, frame.data()};
-        case UsbPixels::yuyv:
-            break;
-    }
+    if (mode.pixels != UsbPixels::yuyv)
+        return {mode.size, bytes_per_pixel(mode.pixels) == 1 ? CV_8UC1 : CV_16UC1, frame.data()};
     cv::Mat luma;
     cv::extractChannel(cv::Mat(mode.size, CV_8UC2, frame.data()), luma, 0);
     return luma;

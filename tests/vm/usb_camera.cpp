@@ -204,11 +204,9 @@ constexpr std::chrono::milliseconds blanking(2);
 // frame is lost, as if there had been none: clients rely on what the moment of arrival tells them.
 constexpr std::chrono::milliseconds latest_start(4);
 
-std::optional<timespec> as_timespec(std::optional<Duration> duration) {
-    if (!duration)
-        return std::nullopt;
-    const auto whole = std::chrono::duration_cast<std::chrono::seconds>(*duration);
-    return timespec{whole.count(), std::chrono::nanoseconds(*duration - whole).count()};
+timespec as_timespec(Duration duration) {
+    const auto whole = std::chrono::duration_cast<std::chrono::seconds>(duration);
+    return {whole.count(), std::chrono::nanoseconds(duration - whole).count()};
 }
 
 }  // namespace
@@ -283,11 +281,13 @@ struct UsbCamera::Session {
 
     void expose(Instant now) {
         const UsbVideoControls& controls = device.controls();
-        UsbExposure exposure{.mode = *device.stream(), .frame = camera.frames_++, .start = now};
-        exposure.time = controls.exposure();
-        exposure.gain_db = controls.gain_db();
-        exposure.sharpness = controls.sharpness();
-        exposure.automatic = controls.automatic_exposure();
+        const UsbExposure exposure{.mode = *device.stream(),
+                                   .frame = camera.frames_++,
+                                   .start = now,
+                                   .time = controls.exposure(),
+                                   .gain_db = controls.gain_db(),
+                                   .sharpness = controls.sharpness(),
+                                   .automatic = controls.automatic_exposure()};
         const std::vector<std::uint8_t> pixels = camera.source_(exposure);
         frame = {2, static_cast<std::uint8_t>(end_of_header | end_of_frame |
                                               (parity ? frame_parity : 0))};
@@ -368,12 +368,11 @@ void UsbCamera::wake() {
 void UsbCamera::serve(Session& session) {
     while (!pulled_) {
         const auto due = session.due();
-        const Duration left =
-            due ? std::max(*due - session.clock.now(), Duration::zero()) : Duration::zero();
-        const auto patience = as_timespec(due ? std::optional(left) : std::nullopt);
+        const timespec left = as_timespec(
+            due ? std::max(*due - session.clock.now(), Duration::zero()) : Duration::zero());
         std::array<pollfd, 2> wanted{pollfd{session.plug.descriptor(), POLLIN, 0},
                                      pollfd{wake_, POLLIN, 0}};
-        ppoll(wanted.data(), wanted.size(), patience ? &*patience : nullptr, nullptr);
+        ppoll(wanted.data(), wanted.size(), due ? &left : nullptr, nullptr);
         eventfd_t count = 0;
         (void)eventfd_read(wake_, &count);
         if (wanted[0].revents != 0) {

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include "tests/vm/test_pattern.h"
-#include "tests/vm/usb_video_device.h"
 
 namespace etalon {
 namespace {

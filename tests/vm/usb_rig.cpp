@@ -9,13 +9,6 @@ constexpr int width = 320, height = 200;
 // libcamera's name of the camera: its host controller (firmware_node.cpp), port and product.
 constexpr const char* libcamera_id = "libcamera:virtual-1:1.0-1d6b:0102";
 
-UsbCameraOptions options() {
-    UsbCameraOptions options;
-    options.sizes = {{640, 480}, {width, height}};
-    options.frames_per_second = 60;
-    return options;
-}
-
 }  // namespace
 
 UsbRig::UsbRig(UsbBackend backend, UsbPixels pixels, std::string format, int bits)
@@ -23,33 +16,29 @@ UsbRig::UsbRig(UsbBackend backend, UsbPixels pixels, std::string format, int bit
       pixels_(pixels),
       format_(std::move(format)),
       bits_(bits),
-      camera_(options(), [this](const UsbExposure& exposure) { return expose(exposure); }) {
+      camera_({.sizes = {{640, 480}, {width, height}}, .frames_per_second = 60},
+              [this](const UsbExposure& exposure) { return expose(exposure); }) {
     device_ = next_camera(events_);
 }
 
 std::unique_ptr<Camera> UsbRig::open() {
-    CameraLink link;
-    link.frame_timeout = std::chrono::seconds(2);  // the guest is slow
-    return open_camera(backend_.name == "v4l2" ? "v4l2:" + device_ : libcamera_id, link, clock_);
+    return open_camera(backend_.name == "v4l2" ? "v4l2:" + device_ : libcamera_id,
+                       {.frame_timeout = std::chrono::seconds(2)},  // the guest is slow
+                       clock_);
 }
 
 CaptureSettings UsbRig::settings() const {
-    CaptureSettings settings;
-    settings.width = width;
-    settings.height = height;
-    settings.bits = bits_;
-    settings.format = format_;
-    if (backend_.sets_exposure)
-        settings.exposure = std::chrono::microseconds(7000);
-    return settings;
+    return {.width = width,
+            .height = height,
+            .bits = bits_,
+            .format = format_,
+            .exposure = std::chrono::microseconds(backend_.sets_exposure ? 7000 : 0)};
 }
 
 std::vector<CameraRig::Refusal> UsbRig::refusals() const {
-    CaptureSettings other_size = settings(), other_format = settings(), high_gain = settings();
-    other_size.width = 322;
-    other_format.format = "ABCD";
-    high_gain.gain_db = 70.0;
-    return {{other_size, "322"}, {other_format, "ABCD"}, {high_gain, "gain"}};
+    return {{"322", [](CaptureSettings& s) { s.width = 322; }},
+            {"ABCD", [](CaptureSettings& s) { s.format = "ABCD"; }},
+            {"gain", [](CaptureSettings& s) { s.gain_db = 70.0; }}};
 }
 
 StreamMode UsbRig::mode() const {

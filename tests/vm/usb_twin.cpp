@@ -9,14 +9,12 @@ namespace {
 constexpr double automatic_exposure = 0.8;
 
 UsbCameraOptions camera_options(const TwinFile& file, int sharpness) {
-    UsbCameraOptions options;
     const CameraModel& model = file.true_camera;
     const bool deep = model.sensor && model.sensor->bits > 8;
-    options.formats = {deep ? UsbPixels::y16 : UsbPixels::grey};
-    options.sizes = {{model.width, model.height}};
-    options.frames_per_second = 10;  // each costs the guest a sensor's noise
-    options.sharpness = sharpness;
-    return options;
+    return {.formats = {deep ? UsbPixels::y16 : UsbPixels::grey},
+            .sizes = {{model.width, model.height}},
+            .frames_per_second = 10,  // each costs the guest a sensor's noise
+            .sharpness = sharpness};
 }
 
 // As cameras do it: what a blur would take away is added. Edges overshoot.

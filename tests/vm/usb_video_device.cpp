@@ -1,6 +1,7 @@
 #include "tests/vm/usb_video_device.h"
 
 #include <array>
+#include <map>
 #include <string_view>
 
 namespace etalon {
@@ -20,19 +21,7 @@ constexpr int bulk = 2, packet_size = 512;
 constexpr int vendor_string = 1, model_string = 2, serial_string = 3;
 
 // Pixel formats are named by a GUID: a four-character code and the same tail for all.
-std::string_view four_characters(UsbPixels pixels) {
-    switch (pixels) {
-        case UsbPixels::grey:
-            return "Y800";
-        case UsbPixels::y12:
-            return "Y12 ";
-        case UsbPixels::y16:
-            return "Y16 ";
-        case UsbPixels::yuyv:
-            return "YUY2";
-    }
-    return {};
-}
+constexpr std::array<std::string_view, 4> four_characters{"Y800", "Y12 ", "Y16 ", "YUY2"};
 constexpr std::array<std::uint8_t, 12> guid_tail{0x00, 0x00, 0x10, 0x00, 0x80, 0x00,
                                                  0x00, 0xAA, 0x00, 0x38, 0x9B, 0x71};
 
@@ -40,8 +29,23 @@ void append(Bytes& out, const Bytes& more) {
     out.insert(out.end(), more.begin(), more.end());
 }
 
+// A number in so many bytes.
+struct Field {
+    int bytes;
+    std::uint32_t value;
+};
+constexpr Field u8(auto value) {
+    return {1, static_cast<std::uint32_t>(value)};
+}
+constexpr Field u16(auto value) {
+    return {2, static_cast<std::uint32_t>(value)};
+}
+constexpr Field u32(auto value) {
+    return {4, static_cast<std::uint32_t>(value)};
+}
+
 // Every descriptor begins with its own length and its type.
-Bytes described(int type, std::initializer_list<std::pair<int, std::uint32_t>> fields) {
+Bytes described(int type, std::initializer_list<Field> fields) {
     Bytes out{0, static_cast<std::uint8_t>(type)};
     for (const auto& [bytes, value] : fields)
         put(out, bytes, value);
@@ -50,40 +54,21 @@ Bytes described(int type, std::initializer_list<std::pair<int, std::uint32_t>> f
 }
 
 Bytes interface_descriptor(int number, int endpoints, int subclass) {
-    return described(interface, {{1, number},
-                                 {1, 0},  // alternate setting
-                                 {1, endpoints},
-                                 {1, video_class},
-                                 {1, subclass},
-                                 {1, 0},
-                                 {1, model_string}});
+    return described(interface, {u8(number), u8(0 /*alternate setting*/), u8(endpoints),
+                                 u8(video_class), u8(subclass), u8(0), u8(model_string)});
 }
 
 Bytes units() {
-    Bytes out = described(class_interface, {{1, input_terminal},
-                                            {1, camera_terminal},
-                                            {2, 0x0201},  // a camera sensor
-                                            {1, 0},
-                                            {1, 0},
-                                            {2, 0},
-                                            {2, 0},
-                                            {2, 0},  // no zoom
-                                            {1, 3},
-                                            {3, control_bits(camera_terminal)}});
-    append(out, described(class_interface, {{1, processing_unit_type},
-                                            {1, processing_unit},
-                                            {1, camera_terminal},
-                                            {2, 0},
-                                            {1, 2},
-                                            {2, control_bits(processing_unit)},
-                                            {1, 0},
-                                            {1, 0}}));
-    append(out, described(class_interface, {{1, output_terminal_type},
-                                            {1, output_terminal},
-                                            {2, 0x0101},  // to the host
-                                            {1, 0},
-                                            {1, processing_unit},
-                                            {1, 0}}));
+    Bytes out = described(
+        class_interface,
+        {u8(input_terminal), u8(camera_terminal), u16(0x0201 /*a camera sensor*/), u8(0), u8(0),
+         u16(0), u16(0), u16(0 /*no zoom*/), u8(3), Field{3, control_bits(camera_terminal)}});
+    append(out, described(class_interface,
+                          {u8(processing_unit_type), u8(processing_unit), u8(camera_terminal),
+                           u16(0), u8(2), u16(control_bits(processing_unit)), u8(0), u8(0)}));
+    append(out, described(class_interface,
+                          {u8(output_terminal_type), u8(output_terminal),
+                           u16(0x0101 /*to the host*/), u8(0), u8(processing_unit), u8(0)}));
     return out;
 }
 
@@ -91,22 +76,16 @@ Bytes control_part() {
     constexpr std::uint32_t header_length = 13;
     const Bytes entities = units();
     Bytes out = interface_descriptor(control_interface, 0, video_control);
-    append(out, described(class_interface,
-                          {{1, control_header},
-                           {2, 0x0110},  // UVC 1.1
-                           {2, header_length + static_cast<std::uint32_t>(entities.size())},
-                           {4, 48'000'000},
-                           {1, 1},
-                           {1, stream_interface}}));
+    append(out, described(class_interface, {u8(control_header), u16(0x0110 /*UVC 1.1*/),
+                                            u16(header_length + entities.size()), u32(48'000'000),
+                                            u8(1), u8(stream_interface)}));
     append(out, entities);
     return out;
 }
 
 Bytes format_descriptor(UsbPixels pixels, std::size_t index, std::size_t frames) {
-    Bytes out = described(class_interface, {{1, format_uncompressed},
-                                            {1, static_cast<std::uint32_t>(index)},
-                                            {1, static_cast<std::uint32_t>(frames)}});
-    const std::string_view code = four_characters(pixels);
+    Bytes out = described(class_interface, {u8(format_uncompressed), u8(index), u8(frames)});
+    const std::string_view code = four_characters[static_cast<std::size_t>(pixels)];
     out.insert(out.end(), code.begin(), code.end());
     out.insert(out.end(), guid_tail.begin(), guid_tail.end());
     put(out, 1, static_cast<std::uint32_t>(8 * bytes_per_pixel(pixels)));
@@ -120,17 +99,10 @@ Bytes frame_descriptor(UsbPixels pixels, cv::Size size, std::size_t index,
                        const UsbCameraOptions& options) {
     const auto bytes = static_cast<std::uint32_t>(size.area() * bytes_per_pixel(pixels));
     const auto rate = 8 * bytes * static_cast<std::uint32_t>(options.frames_per_second);
-    return described(class_interface, {{1, frame_uncompressed},
-                                       {1, static_cast<std::uint32_t>(index)},
-                                       {1, 0},
-                                       {2, static_cast<std::uint32_t>(size.width)},
-                                       {2, static_cast<std::uint32_t>(size.height)},
-                                       {4, rate},
-                                       {4, rate},
-                                       {4, bytes},
-                                       {4, frame_interval(options)},
-                                       {1, 1},  // one interval follows
-                                       {4, frame_interval(options)}});
+    return described(class_interface,
+                     {u8(frame_uncompressed), u8(index), u8(0), u16(size.width), u16(size.height),
+                      u32(rate), u32(rate), u32(bytes), u32(frame_interval(options)),
+                      u8(1 /*one interval follows*/), u32(frame_interval(options))});
 }
 
 Bytes formats(const UsbCameraOptions& options) {
@@ -147,17 +119,10 @@ Bytes stream_part(const UsbCameraOptions& options) {
     const auto count = static_cast<std::uint32_t>(options.formats.size());
     const Bytes all_formats = formats(options);
     const std::uint32_t header_length = 13 + count;
-    Bytes header = described(class_interface,
-                             {{1, input_header},
-                              {1, count},
-                              {2, header_length + static_cast<std::uint32_t>(all_formats.size())},
-                              {1, 0x80 | stream_endpoint},
-                              {1, 0},
-                              {1, output_terminal},
-                              {1, 0},
-                              {1, 0},
-                              {1, 0},
-                              {1, 1}});
+    Bytes header = described(
+        class_interface,
+        {u8(input_header), u8(count), u16(header_length + all_formats.size()),
+         u8(0x80 | stream_endpoint), u8(0), u8(output_terminal), u8(0), u8(0), u8(0), u8(1)});
     header.resize(header_length);  // no controls of the formats
     header[0] = static_cast<std::uint8_t>(header_length);
 
@@ -165,7 +130,7 @@ Bytes stream_part(const UsbCameraOptions& options) {
     append(out, header);
     append(out, all_formats);
     append(out,
-           described(endpoint, {{1, 0x80 | stream_endpoint}, {1, bulk}, {2, packet_size}, {1, 0}}));
+           described(endpoint, {u8(0x80 | stream_endpoint), u8(bulk), u16(packet_size), u8(0)}));
     return out;
 }
 
@@ -181,44 +146,30 @@ std::uint32_t frame_interval(const UsbCameraOptions& options) {
 }
 
 std::vector<std::uint8_t> device_descriptor() {
-    return described(device, {{2, 0x0200},  // USB 2.0
-                              {1, 0xEF},    // the class is in the interface association
-                              {1, 2},
-                              {1, 1},
-                              {1, 64},      // bytes in a packet of endpoint 0
-                              {2, 0x1D6B},  // Linux Foundation: gadgets without a vendor
-                              {2, 0x0102},  // webcam gadget
-                              {2, 0x0100},
-                              {1, vendor_string},
-                              {1, model_string},
-                              {1, serial_string},
-                              {1, 1}});
+    return described(
+        device,
+        {u16(0x0200 /*USB 2.0*/), u8(0xEF /*the class is in the interface association*/), u8(2),
+         u8(1), u8(64 /*bytes in a packet of endpoint 0*/),
+         u16(0x1D6B /*Linux Foundation: gadgets without a vendor*/), u16(0x0102 /*webcam gadget*/),
+         u16(0x0100), u8(vendor_string), u8(model_string), u8(serial_string), u8(1)});
 }
 
 std::vector<std::uint8_t> configuration_descriptor(const UsbCameraOptions& options) {
     constexpr int header_length = 9;
-    Bytes parts = described(interface_association, {{1, control_interface},
-                                                    {1, 2},
-                                                    {1, video_class},
-                                                    {1, video_collection},
-                                                    {1, 0},
-                                                    {1, model_string}});
+    Bytes parts = described(interface_association, {u8(control_interface), u8(2), u8(video_class),
+                                                    u8(video_collection), u8(0), u8(model_string)});
     append(parts, control_part());
     append(parts, stream_part(options));
     Bytes out =
-        described(configuration, {{2, header_length + static_cast<std::uint32_t>(parts.size())},
-                                  {1, 2},  // interfaces
-                                  {1, 1},
-                                  {1, 0},
-                                  {1, 0x80},  // powered by the bus
-                                  {1, 50}});  // 100 mA
+        described(configuration, {u16(header_length + parts.size()), u8(2 /*interfaces*/), u8(1),
+                                  u8(0), u8(0x80 /*powered by the bus*/), u8(50 /*100 mA*/)});
     append(out, parts);
     return out;
 }
 
 std::vector<std::uint8_t> string_descriptor(const UsbCameraOptions& options, int index) {
     if (index == 0)
-        return described(string, {{2, 0x0409}});  // English
+        return described(string, {u16(0x0409 /*English*/)});
     const std::string text = index == vendor_string   ? usb_camera_vendor
                              : index == model_string  ? usb_camera_model
                              : index == serial_string ? options.serial
@@ -276,8 +227,8 @@ std::optional<std::size_t> find(int entity, int selector) {
     return std::nullopt;
 }
 
-std::vector<std::uint8_t> encoded(std::int32_t value, int size) {
-    std::vector<std::uint8_t> out;
+Bytes encoded(std::int32_t value, int size) {
+    Bytes out;
     put(out, size, static_cast<std::uint32_t>(value));
     return out;
 }
@@ -299,31 +250,24 @@ UsbVideoControls::UsbVideoControls(int sharpness) {
     values_[sharpness_index] = sharpness;
 }
 
-std::optional<std::vector<std::uint8_t>> UsbVideoControls::get(int entity, int selector,
-                                                               int request) const {
+std::optional<Bytes> UsbVideoControls::get(int entity, int selector, int request) const {
     const auto index = find(entity, selector);
     if (!index)
         return std::nullopt;
     const Control& control = table[*index];
     const bool disabled = *index == exposure_index && automatic_exposure();
-    switch (request) {
-        case get_current:
-            return encoded(values_[*index], control.size);
-        case get_minimum:
-            return encoded(control.minimum, control.size);
-        case get_maximum:
-            return encoded(control.maximum, control.size);
-        case get_step:
-            return encoded(control.step, control.size);
-        case get_default:
-            return encoded(control.initial, control.size);
-        case get_length:
-            return encoded(control.size, 2);
-        case get_info:
-            return encoded(can_get | can_set | (disabled ? disabled_by_automatic : 0), 1);
-        default:
-            return std::nullopt;
-    }
+    if (request == get_length)
+        return encoded(control.size, 2);
+    if (request == get_info)
+        return encoded(can_get | can_set | (disabled ? disabled_by_automatic : 0), 1);
+    const std::map<int, std::int32_t> values{{get_current, values_[*index]},
+                                             {get_minimum, control.minimum},
+                                             {get_maximum, control.maximum},
+                                             {get_step, control.step},
+                                             {get_default, control.initial}};
+    const auto value = values.find(request);
+    return value == values.end() ? std::nullopt
+                                 : std::optional(encoded(value->second, control.size));
 }
 
 bool UsbVideoControls::set(int entity, int selector, std::span<const std::uint8_t> bytes) {
@@ -376,7 +320,7 @@ constexpr int get_status = 0, clear_feature = 1, set_feature = 3, get_descriptor
 // Class requests and the selectors of the stream's interface.
 constexpr int set_current = 0x01;
 constexpr int probe = 1, commit = 2;
-constexpr std::size_t negotiation_bytes = 34;  // UVC 1.1
+constexpr std::int32_t negotiation_bytes = 34;  // UVC 1.1
 
 // A payload is one whole frame behind a header of 2 bytes.
 constexpr std::uint32_t payload_header = 2;
@@ -400,7 +344,7 @@ std::optional<StreamMode> UsbVideoDevice::stream() const {
 }
 
 std::optional<std::vector<std::uint8_t>> UsbVideoDevice::read(const UsbSetup& setup) const {
-    std::optional<std::vector<std::uint8_t>> answer;
+    std::optional<Bytes> answer;
     if ((setup.type & kind_mask) == standard)
         answer = read_standard(setup);
     else if (setup.type == (to_host | of_class | to_interface))
@@ -412,43 +356,28 @@ std::optional<std::vector<std::uint8_t>> UsbVideoDevice::read(const UsbSetup& se
     return answer;
 }
 
-std::optional<std::vector<std::uint8_t>> UsbVideoDevice::read_standard(
-    const UsbSetup& setup) const {
+std::optional<Bytes> UsbVideoDevice::read_standard(const UsbSetup& setup) const {
     if (setup.request == get_status)
-        return std::vector<std::uint8_t>(2, 0);
+        return Bytes(2, 0);
     if (setup.request != get_descriptor)
         return std::nullopt;
-    std::vector<std::uint8_t> descriptor;
-    switch (setup.value >> 8) {
-        case 1:
-            descriptor = device_descriptor();
-            break;
-        case 2:
-            descriptor = configuration_descriptor(options_);
-            break;
-        case 3:
-            descriptor = string_descriptor(options_, setup.value & 0xFF);
-            break;
-        default:
-            break;
-    }
+    const int type = setup.value >> 8;
+    const Bytes descriptor = type == device          ? device_descriptor()
+                             : type == configuration ? configuration_descriptor(options_)
+                             : type == string ? string_descriptor(options_, setup.value & 0xFF)
+                                              : Bytes();
     return descriptor.empty() ? std::nullopt : std::optional(descriptor);
 }
 
-std::optional<std::vector<std::uint8_t>> UsbVideoDevice::read_negotiation(
-    const UsbSetup& setup) const {
+std::optional<Bytes> UsbVideoDevice::read_negotiation(const UsbSetup& setup) const {
     const int selector = setup.value >> 8;
     if (selector != probe && selector != commit)
         return std::nullopt;
-    std::vector<std::uint8_t> out;
-    if (setup.request == get_length) {
-        put(out, 2, negotiation_bytes);
-        return out;
-    }
-    if (setup.request == get_info) {
-        put(out, 1, 3);  // can be read and set
-        return out;
-    }
+    Bytes out;
+    if (setup.request == get_length)
+        return encoded(negotiation_bytes, 2);
+    if (setup.request == get_info)
+        return encoded(can_get | can_set, 1);
     const auto frame = static_cast<std::uint32_t>(mode().frame_bytes());
     put(out, 2, 0);
     put(out, 1, static_cast<std::uint32_t>(format_index_));

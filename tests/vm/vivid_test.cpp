@@ -8,7 +8,6 @@
 #include <unistd.h>
 
 #include "capture/v4l2/v4l2_camera.h"
-#include "core/program/errors.h"
 #include "tests/capture/frame/camera_contract.h"
 
 namespace etalon {
@@ -73,27 +72,18 @@ public:
         return open_v4l2_camera(place_of(device_), {}, clock_);
     }
     CaptureSettings settings() const override {
-        CaptureSettings settings;
-        settings.width = width;
-        settings.height = height;
-        settings.bits = bits_;
-        settings.format = format_;
-        settings.controls["frame_rate"] = 30;
-        return settings;
+        return {.width = width,
+                .height = height,
+                .bits = bits_,
+                .format = format_,
+                .controls = {{"frame_rate", 30}}};
     }
     std::vector<Refusal> refusals() const override {
-        CaptureSettings wide = settings(), deep = settings(), exposed = settings(),
-                        triggered = settings(), fast = settings();
-        wide.width = 322;
-        deep.bits = 15;
-        exposed.exposure = 7ms;
-        triggered.trigger = "Line1";
-        fast.controls["frame_rate"] = 1001;
-        return {{wide, "322"},
-                {deep, "15 bits"},
-                {exposed, "7000 us"},
-                {triggered, "Line1"},
-                {fast, "1001"}};
+        return {{"322", [](CaptureSettings& s) { s.width = 322; }},
+                {"15 bits", [](CaptureSettings& s) { s.bits = 15; }},
+                {"7000 us", [](CaptureSettings& s) { s.exposure = 7ms; }},
+                {"Line1", [](CaptureSettings& s) { s.trigger = "Line1"; }},
+                {"1001", [](CaptureSettings& s) { s.controls["frame_rate"] = 1001; }}};
     }
 
 private:

@@ -3,10 +3,6 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <opencv2/calib3d.hpp>
-#include <opencv2/ccalib/omnidir.hpp>
-#include <vector>
-
 #include "core/program/errors.h"
 #include "tests/calib/lens_tables.h"
 
@@ -189,24 +185,6 @@ TEST(LensProjection, MeetsPerspectiveWhereItsParameterIsZero) {
                                     {Kind::extended_unified, 1.7, 0.0},
                                     {Kind::double_sphere, 0.0, 0.0}})
         EXPECT_LE((onto_plane(p, ray)->point - straight->point).norm(), 1e-15) << text(p);
-}
-
-TEST(LensProjection, IsOpenCvsFisheyeAndOmnidir) {
-    const cv::Matx33d k(431.0, 0.0, 253.7, 0.0, 407.0, 194.2, 0.0, 0.0, 1.0);
-    for (const double angle : {0.0, 0.4, 1.2, 1.5}) {
-        const Eigen::Vector3d ray = ray_at(angle, 1.9, 640.0);
-        const std::vector<cv::Point3d> points{{ray.x(), ray.y(), ray.z()}};
-        std::vector<cv::Point2d> pixels;
-        cv::fisheye::projectPoints(points, pixels, cv::Vec3d(), cv::Vec3d(), k, cv::Vec4d());
-        const Eigen::Vector2d equidistant = onto_plane({Kind::equidistant}, ray)->point;
-        EXPECT_NEAR(pixels[0].x, 431.0 * equidistant.x() + 253.7, 1e-9);
-        EXPECT_NEAR(pixels[0].y, 407.0 * equidistant.y() + 194.2, 1e-9);
-
-        cv::omnidir::projectPoints(points, pixels, cv::Vec3d(), cv::Vec3d(), k, 1.27, cv::Vec4d());
-        const Eigen::Vector2d unified = onto_plane({Kind::unified, 1.27}, ray)->point;
-        EXPECT_NEAR(pixels[0].x, 431.0 * unified.x() + 253.7, 1e-9);
-        EXPECT_NEAR(pixels[0].y, 407.0 * unified.y() + 194.2, 1e-9);
-    }
 }
 
 TEST(LensProjection, HasNoImageOfWhatIsNoRay) {

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>  // cross()
-#include <complex>
 
 #include "core/program/errors.h"
 #include "tests/calib/lens_tables.h"
@@ -76,10 +75,13 @@ TEST(PolynomialProjection, IsPerspectiveWithoutCoefficients) {
 
 // ---- CAHVOR: mrcal's formulas
 
+Eigen::Vector3d cahvor_axis(const std::vector<double>& n) {
+    return {std::sin(n[0]) * std::cos(n[1]), std::sin(n[1]), std::cos(n[0]) * std::cos(n[1])};
+}
+
 ComplexPoint cahvor_point(const std::vector<double>& n, const ComplexRay& p) {
-    const double alpha = n[0], beta = n[1], linearity = n[5];
-    const Eigen::Vector3d o(std::sin(alpha) * std::cos(beta), std::sin(beta),
-                            std::cos(alpha) * std::cos(beta));
+    const double linearity = n[5];
+    const Eigen::Vector3d o = cahvor_axis(n);
     Complex zeta = 0.0;
     for (int i = 0; i < 3; ++i)
         zeta += o[i] * p[i];
@@ -114,9 +116,7 @@ TEST(CahvorProjection, AndItsDerivativesAreMrcalsFormulas) {
 
 TEST(CahvorProjection, HasItsSlopeOnItsOwnAxis) {
     for (const LensProjection& p : test::cahvors()) {
-        const std::vector<double>& n = p.table->coefficients;
-        const Eigen::Vector3d o(std::sin(n[0]) * std::cos(n[1]), std::sin(n[1]),
-                                std::cos(n[0]) * std::cos(n[1]));
+        const Eigen::Vector3d o = cahvor_axis(p.table->coefficients);
         const Eigen::Vector3d step(2e-7, -1e-7, 3e-7);
         const auto at_axis = onto_plane(p, o), beside = onto_plane(p, o + step);
         ASSERT_TRUE(at_axis && beside);
@@ -131,8 +131,7 @@ TEST(CahvorProjection, HasItsSlopeOnItsOwnAxis) {
 TEST(CahvorProjection, EndsAtItsFoldOrAtARightAngle) {
     for (const LensProjection& p : test::cahvors()) {
         const std::vector<double>& n = p.table->coefficients;
-        const Eigen::Vector3d o(std::sin(n[0]) * std::cos(n[1]), std::sin(n[1]),
-                                std::cos(n[0]) * std::cos(n[1]));
+        const Eigen::Vector3d o = cahvor_axis(n);
         for (const double azimuth : {0.1, 1.7, 3.0, 4.9}) {
             const Eigen::Vector3d side = o.unitOrthogonal(), other = o.cross(side);
             const Eigen::Vector3d aside = std::cos(azimuth) * side + std::sin(azimuth) * other;

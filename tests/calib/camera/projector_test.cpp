@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>  // homogeneous()
 #include <opencv2/calib3d.hpp>
 
 #include "core/program/errors.h"
@@ -24,6 +23,10 @@ Eigen::Vector2d opencv_projection(const CameraModel& camera, const Eigen::Vector
     cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), k, std::vector<double>(c.begin(), c.end()),
                       pixels);
     return {pixels[0].x, pixels[0].y};
+}
+
+CameraModel centred(const Distortion& distortion) {
+    return camera_with(640, 480, {500, 500, 320, 240}, distortion);
 }
 
 // The documented formulas once more, for complex numbers.
@@ -139,7 +142,7 @@ TEST(Projector, InvertsAStronglyTiltedSensor) {
 // r - 0.4 r^3 rises up to r = sqrt(1 / 1.2) and returns to every radius beyond: a second ray for
 // the same pixel.
 TEST(Projector, GivesNothingBeyondTheFoldOfABarrel) {
-    const CameraModel barrel = camera_with(640, 480, {500, 500, 320, 240}, {.k1 = -0.4});
+    const CameraModel barrel = centred({.k1 = -0.4});
     const Projector projector(barrel);
     const double fold = std::sqrt(1.0 / 1.2);
     EXPECT_NEAR(projector.valid_region().border({7, -5}), fold, 1e-12);
@@ -153,7 +156,7 @@ TEST(Projector, GivesNothingBeyondTheFoldOfABarrel) {
 }
 
 TEST(Projector, StopsBeforeAPoleOfTheRationalModel) {
-    const Projector projector(camera_with(640, 480, {500, 500, 320, 240}, {.k4 = -0.25}));
+    const Projector projector(centred({.k4 = -0.25}));
     EXPECT_NEAR(projector.valid_region().border({3, 4}), 2.0, 1e-12);
     EXPECT_TRUE(projector.project({1.99, 0, 1}));
     EXPECT_FALSE(projector.project({2.01, 0, 1}));
@@ -161,7 +164,7 @@ TEST(Projector, StopsBeforeAPoleOfTheRationalModel) {
 
 // 1 - 2 s + s^2 (s = r^2) touches zero at s = 1 without changing sign.
 TEST(Projector, StopsBeforeAPoleThatChangesNoSign) {
-    const Projector projector(camera_with(640, 480, {500, 500, 320, 240}, {.k4 = -2, .k5 = 1}));
+    const Projector projector(centred({.k4 = -2, .k5 = 1}));
     EXPECT_TRUE(projector.project({0.7, 0.7, 1}));
     EXPECT_FALSE(projector.project({0.75, 0.75, 1}));
 }
@@ -171,24 +174,20 @@ TEST(Projector, StopsBeforeAPoleThatChangesNoSign) {
 TEST(Projector, FindsAFoldThatUnfoldsAgain) {
     const double product = 0.99 * 1.01, sum = 2.0;
     const double b = 1.0 / (5.0 * product), a = sum / (3.0 * product);
-    const Projector projector(camera_with(640, 480, {500, 500, 320, 240}, {.k1 = -a, .k2 = b}));
+    const Projector projector(centred({.k1 = -a, .k2 = b}));
     EXPECT_NEAR(projector.valid_region().border({1, 0}), std::sqrt(0.99), 1e-9);
     EXPECT_FALSE(projector.project({1.5, 0, 1}));
 }
 
 TEST(Projector, HasNoBorderWhereTheModelNeverFolds) {
     const double infinity = std::numeric_limits<double>::infinity();
-    const Intrinsics intrinsics{500, 500, 320, 240};
     for (const Distortion& distortion :
          {Distortion{}, Distortion{.k1 = 0.2}, Distortion{.k1 = -0.1, .k2 = 0.3}})
-        EXPECT_EQ(
-            Projector(camera_with(640, 480, intrinsics, distortion)).valid_region().border({7, 5}),
-            infinity);
+        EXPECT_EQ(Projector(centred(distortion)).valid_region().border({7, 5}), infinity);
 }
 
 TEST(Projector, BorderOfAnAsymmetricModelIsWhereTheJacobianVanishes) {
-    const CameraModel camera =
-        camera_with(640, 480, {500, 500, 320, 240}, {.k1 = -0.3, .p1 = 0.03, .p2 = -0.02});
+    const CameraModel camera = centred({.k1 = -0.3, .p1 = 0.03, .p2 = -0.02});
     const Projector projector(camera);
     for (int i = 0; i < 97; ++i) {
         const double angle = 2 * 3.14159265358979 * i / 97;
@@ -224,8 +223,7 @@ TEST(Projector, RefusesCamerasThatCannotExist) {
     EXPECT_THROW(Projector(camera_with(640, 480, {500, -1, 320, 240}, {})), NumericalError);
     EXPECT_THROW(Projector(camera_with(640, 480, {500, 500, nan, 240}, {})), NumericalError);
     EXPECT_THROW(Projector(camera_with(640, 480, {500, 500, 320, 240, nan}, {})), NumericalError);
-    EXPECT_THROW(Projector(camera_with(640, 480, {500, 500, 320, 240}, {.k2 = nan})),
-                 NumericalError);
+    EXPECT_THROW(Projector(centred({.k2 = nan})), NumericalError);
 }
 
 }  // namespace

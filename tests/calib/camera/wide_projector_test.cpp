@@ -2,11 +2,8 @@
 // the distortion (projector_test.cpp) one after the other, and back.
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>  // homogeneous()
-
 #include <opencv2/calib3d.hpp>
 #include <opencv2/ccalib/omnidir.hpp>
-#include <vector>
 
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"

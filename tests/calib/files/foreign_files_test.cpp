@@ -2,7 +2,6 @@
 // of which no two are alike.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <fstream>
 #include <opencv2/core.hpp>
@@ -10,7 +9,6 @@
 #include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
-#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/error_text.h"
 #include "tests/temporary_folder.h"

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cstdlib>
 #include <sstream>
 
@@ -19,8 +18,8 @@ namespace {
 // Debian's own interpreter, which has Debian's modules.
 constexpr const char* python = "/usr/bin/python3";
 
-bool has_mrcal() {
-    return std::system(fmt::format("{} -c 'import mrcal' 2>/dev/null", python).c_str()) == 0;
+bool succeeds(const std::string& command) {
+    return std::system((command + " >/dev/null 2>&1").c_str()) == 0;
 }
 
 std::vector<Eigen::Vector2d> projected_by_mrcal(const TemporaryFolder& folder,
@@ -46,7 +45,7 @@ std::vector<Eigen::Vector2d> projected_by_mrcal(const TemporaryFolder& folder,
 
 // Over the whole image: our ray of a pixel, projected there, is the pixel; and so here.
 TEST(InstalledTools, MrcalProjectsAsWeDo) {
-    if (!has_mrcal())
+    if (!succeeds(fmt::format("{} -c 'import mrcal'", python)))
         GTEST_SKIP() << "mrcal is not installed (python3-mrcal)";
     std::vector<CameraModel> cameras{test::webcam(), test::all_fourteen(),
                                      test::wide_truth({Projection::stereographic}, 140.0),
@@ -82,10 +81,6 @@ TEST(InstalledTools, MrcalProjectsAsWeDo) {
 // ---- COLMAP
 
 constexpr const char* colmap = "QT_QPA_PLATFORM=offscreen colmap";
-
-bool has_colmap() {
-    return std::system(fmt::format("{} help >/dev/null 2>&1", colmap).c_str()) == 0;
-}
 
 struct Sighting {
     Eigen::Vector3d point;
@@ -151,7 +146,7 @@ std::vector<CameraModel> cameras_of_colmap() {
 
 // Over the whole image, as far as COLMAP goes: not beside or behind the camera.
 TEST(InstalledTools, ColmapProjectsAsWeDo) {
-    if (!has_colmap())
+    if (!succeeds(fmt::format("{} help", colmap)))
         GTEST_SKIP() << "COLMAP is not installed (colmap)";
     for (const CameraModel& camera : cameras_of_colmap()) {
         const TemporaryFolder folder;

@@ -1,15 +1,11 @@
 // Files of cameras with wide lenses, or with rows and columns that do not meet at right angles:
 // ours, and those of the tools that have them.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <fstream>
 
 #include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/lens_tables.h"
 #include "tests/error_text.h"

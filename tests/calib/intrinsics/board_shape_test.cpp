@@ -3,12 +3,9 @@
 #include "calib/intrinsics/board_shape.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <Eigen/QR>
 
-#include "calib/camera/pixel_model.h"
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 

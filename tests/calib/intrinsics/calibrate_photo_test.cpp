@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <map>
-
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/camera_consistency.h"
@@ -15,11 +13,13 @@
 namespace etalon {
 namespace {
 
+const std::filesystem::path folder = ETALON_PHOTO_DIR,
+                            left_intrinsics = folder / "left_intrinsics.yml";
+
 std::vector<std::filesystem::path> photos(const std::string& side) {
     std::vector<std::filesystem::path> paths;
     for (const int number : {1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14})
-        paths.push_back(std::filesystem::path(ETALON_PHOTO_DIR) /
-                        fmt::format("{}{:02}.jpg", side, number));
+        paths.push_back(folder / fmt::format("{}{:02}.jpg", side, number));
     return paths;
 }
 
@@ -56,8 +56,7 @@ const CameraCalibration& calibration(const std::string& side) {
 }
 
 const ModelScore& score(const CameraCalibration& calibration, const std::string& model) {
-    return *std::find_if(calibration.advice.models.begin(), calibration.advice.models.end(),
-                         [&](const ModelScore& each) { return each.model == model; });
+    return *std::ranges::find(calibration.advice.models, model, &ModelScore::model);
 }
 
 // Two cameras of one type in one set: 533 and 537 px, centres 15 px apart.
@@ -82,8 +81,7 @@ TEST_F(CalibrationPhotos, LeftFitsAndPredictsToATwentiethOfASquare) {
     EXPECT_LE(*found.leave_one_out_rms_px, 0.203);
     EXPECT_GE(*found.leave_one_out_rms_px, found.rms_px);
     // The package's own calibration, from the same photos with a wider refinement window.
-    const auto theirs =
-        read_camera(std::filesystem::path(ETALON_PHOTO_DIR) / "left_intrinsics.yml");
+    const auto theirs = read_camera(left_intrinsics);
     EXPECT_NEAR(found.camera.intrinsics.fx, theirs.intrinsics.fx, 5.0);
     EXPECT_NEAR(found.camera.intrinsics.cx, theirs.intrinsics.cx, 3.0);
     EXPECT_NEAR(found.camera.intrinsics.cy, theirs.intrinsics.cy, 3.0);
@@ -165,10 +163,9 @@ TEST_F(CalibrationPhotos, TwoCamerasFindTheSameShapeOfTheBoard) {
 }
 
 TEST_F(CalibrationPhotos, ThePackagesOwnCalibrationIsRead) {
-    const auto path = std::filesystem::path(ETALON_PHOTO_DIR) / "left_intrinsics.yml";
-    if (!std::filesystem::exists(path))
-        GTEST_SKIP() << "no " << path;
-    const CameraModel camera = read_camera(path);
+    if (!std::filesystem::exists(left_intrinsics))
+        GTEST_SKIP() << "no " << left_intrinsics;
+    const CameraModel camera = read_camera(left_intrinsics);
     EXPECT_EQ(camera.width, 640);
     EXPECT_EQ(camera.height, 480);
     EXPECT_EQ(camera.intrinsics.fx, 5.3591573396163199e+02);

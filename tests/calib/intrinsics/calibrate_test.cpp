@@ -1,12 +1,9 @@
 #include "calib/intrinsics/calibrate.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <opencv2/calib3d.hpp>
 
-#include "calib/camera/projector.h"
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 
@@ -116,6 +113,7 @@ TEST(Calibrate, GivesTheSameBitsForEveryNumberOfThreads) {
     EXPECT_EQ(one.camera.intrinsics.fx, three.camera.intrinsics.fx);
     EXPECT_EQ(one.camera.covariance->matrix, three.camera.covariance->matrix);
     EXPECT_EQ(*one.leave_one_out_rms_px, *three.leave_one_out_rms_px);
+    EXPECT_EQ(*one.covariances.bootstrap, *three.covariances.bootstrap);
 }
 
 TEST(Calibrate, ThreeViewsHaveNoLeaveOneOut) {

@@ -121,21 +121,6 @@ TEST(Bootstrap, CovarianceIsTheScatterOfTheDraws) {
     EXPECT_NEAR(bootstrap.covariance(8)(0, 0), 8.0 / 7.0 * 7.0 / 3.0, 1e-12);
 }
 
-TEST(Bootstrap, GivesTheSameBitsForEveryNumberOfThreads) {
-    const auto views = test::synthetic_views(test::calibration_truth(), 6, 0.2, 7);
-    const CalibrationModel& model = calibration_model("radial");
-    const CameraFit fit = fit_camera(views, {640, 480}, model);
-    const int before = cv::getNumThreads();
-    cv::setNumThreads(1);
-    const Bootstrap one = bootstrap_calibrations(views, fit, 24);
-    cv::setNumThreads(3);
-    const Bootstrap three = bootstrap_calibrations(views, fit, 24);
-    cv::setNumThreads(before);
-    ASSERT_EQ(one.parameters.size(), three.parameters.size());
-    for (std::size_t i = 0; i < one.parameters.size(); ++i)
-        EXPECT_EQ(one.parameters[i], three.parameters[i]);
-}
-
 TEST(ParameterDeviation, ComparesWhatIsStatedWithTheFormalOne) {
     EXPECT_EQ((ParameterDeviation{"fx", 2.0, 2.5, 2.0, 3.0}.ratio()), 1.5);
     EXPECT_EQ((ParameterDeviation{"fx", 0.0, 0.0, std::nullopt, 0.0}.ratio()), 1.0);

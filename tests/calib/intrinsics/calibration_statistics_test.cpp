@@ -2,9 +2,7 @@
 // how often a true board is called bent and how often intervals hold the truth of a bowed board,
 // and which model the cross-validation advises for a wide lens.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <array>
 #include <iostream>
 
 #include "calib/intrinsics/camera_consistency.h"
@@ -20,18 +18,14 @@ TEST(CalibrateStatistics, FormalDeviationsAreWhatIndependentNoiseDoes) {
     const int n = 60;
     const CameraModel truth = test::calibration_truth();
     Eigen::Matrix<double, 9, 1> sum, squares, formal;
-    sum.setZero();
-    squares.setZero();
-    formal.setZero();
+    for (auto* each : {&sum, &squares, &formal})
+        each->setZero();
     double mean_squares = 0.0;
     for (int run = 0; run < n; ++run) {
         const auto calibration =
             calibrate_camera(test::synthetic_views(truth, 8, 0.3, 100 + run), {640, 480},
                              {.model = "standard", .leave_one_out = false, .resamples = 0});
-        const Intrinsics& i = calibration.camera.intrinsics;
-        const Distortion& d = calibration.camera.distortion;
-        Eigen::Matrix<double, 9, 1> x;
-        x << i.fx, i.fy, i.cx, i.cy, d.k1, d.k2, d.p1, d.p2, d.k3;
+        const Eigen::VectorXd x = parameters_of(calibration.camera, calibration.model);
         sum += x;
         squares += x.cwiseAbs2();
         for (int p = 0; p < 9; ++p)
@@ -173,15 +167,7 @@ TEST(BoardShapeStatistics, AFlatBoardLosesLittle) {
 // Boards 350 to 450 mm away whose middles lie up to 43 degrees from the axis, their corners up to
 // 59: what a lens of 120 degrees sees.
 Rigid mildly_wide_pose(int view) {
-    const double turn = 2.4 * view, angles[] = {0.1, 0.45, 0.75}, angle = angles[view % 3];
-    const Eigen::Vector3d sight(std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn),
-                                std::cos(angle));
-    const Eigen::Quaterniond rotation =
-        rotation_between(Eigen::Vector3d::UnitZ(), sight) *
-        rotation_from_vector(
-            {0.55 * std::cos(3 * turn), 0.5 * std::sin(2 * turn), 0.15 * std::sin(5 * turn)});
-    return {rotation,
-            (400.0 + 50.0 * std::sin(4 * turn)) * sight - rotation * Eigen::Vector3d(100, 62.5, 0)};
+    return test::pose_aside(view, {0.1, 0.45, 0.75}, 400.0);
 }
 
 const ModelScore& score_of(const CameraCalibration& calibration, const std::string& model) {

@@ -1,14 +1,16 @@
 #include "calib/intrinsics/camera_check.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <numbers>
 
 #include "tests/calib/cameras.h"
 
 namespace etalon {
 namespace {
+
+using enum CameraFinding::Weight;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::IsEmpty;
 
 std::vector<std::string> about(const CameraCheck& check, CameraFinding::Weight weight) {
     std::vector<std::string> words;
@@ -43,7 +45,7 @@ TEST(CameraCheck, FindsAFoldInsideTheImage) {
     EXPECT_TRUE(folded.has_fault());
     EXPECT_GT(folded.image_without_ray, 0.0);
     EXPECT_LT(folded.image_without_ray, 0.5);
-    EXPECT_THAT(about(folded, CameraFinding::Weight::fault), testing::ElementsAre("valid region"));
+    EXPECT_THAT(about(folded, fault), ElementsAre("valid region"));
     camera.intrinsics.fx = camera.intrinsics.fy = 1400;
     EXPECT_FALSE(check_camera(camera).has_fault());
     // The corner, 377.9 px from the centre, at 0.98 of the fold's distorted radius.
@@ -51,8 +53,7 @@ TEST(CameraCheck, FindsAFoldInsideTheImage) {
     const CameraCheck near = check_camera(camera);
     EXPECT_FALSE(near.has_fault());
     EXPECT_GT(near.margin, 1.0);
-    EXPECT_THAT(about(near, CameraFinding::Weight::warning),
-                testing::Not(testing::Contains("principal point")));
+    EXPECT_THAT(about(near, warning), testing::Not(Contains("principal point")));
 }
 
 // 95 degrees to each side, along x; the corners lie beyond 180 degrees.
@@ -68,7 +69,7 @@ TEST(CameraCheck, LooksAtAFisheyeLensToo) {
     camera.intrinsics.fx = camera.intrinsics.fy = 500.0 / (175 * degree);
     const CameraCheck circle = check_camera(camera);
     EXPECT_FALSE(circle.has_fault());
-    EXPECT_THAT(about(circle, CameraFinding::Weight::note), testing::Contains("valid region"));
+    EXPECT_THAT(about(circle, note), Contains("valid region"));
     EXPECT_TRUE(std::isnan(circle.diagonal_deg));
     camera.distortion.k1 = -0.2;  // theta (1 - 0.2 theta^2) folds at 1.29 rad
     EXPECT_TRUE(check_camera(camera).has_fault());
@@ -85,13 +86,11 @@ TEST(CameraCheck, TheMarginIsTheRatioOfRadii) {
 
 TEST(CameraCheck, WarnsOfWhatIsUnusual) {
     const CameraCheck check = check_camera(test::camera_with(640, 480, {500, 520, 400, 239.5}, {}));
-    EXPECT_THAT(about(check, CameraFinding::Weight::warning),
-                testing::ElementsAre("principal point", "intrinsics"));
+    EXPECT_THAT(about(check, warning), ElementsAre("principal point", "intrinsics"));
     CameraModel camera = test::webcam();
     camera.sensor = Sensor{.pixel_pitch_um = 8300};
     camera.lens = Lens{.f_number = 2.8, .focus_distance_mm = 15000, .wavelength_nm = 650};
-    EXPECT_THAT(about(check_camera(camera), CameraFinding::Weight::warning),
-                testing::ElementsAre("lens", "sensor"));
+    EXPECT_THAT(about(check_camera(camera), warning), ElementsAre("lens", "sensor"));
 }
 
 CameraModel webcam_with(const Sensor& sensor, const Lens& lens) {
@@ -106,9 +105,9 @@ TEST(CameraCheck, WarnsOfALensAndASensorThatDoNotAgree) {
     const Sensor sensor{.pixel_pitch_um = 8.3, .gain_e_per_dn = 80.0, .read_noise_e = 12.0};
     const Lens lens{.f_number = 2.8, .focus_distance_mm = 150, .wavelength_nm = 650};
     const auto warnings = [](const CameraModel& camera) {
-        return about(check_camera(camera), CameraFinding::Weight::warning);
+        return about(check_camera(camera), warning);
     };
-    EXPECT_THAT(warnings(webcam_with(sensor, lens)), testing::IsEmpty());
+    EXPECT_THAT(warnings(webcam_with(sensor, lens)), IsEmpty());
     const auto with_lens = [&](auto change) {
         Lens changed = lens;
         change(changed);
@@ -119,12 +118,11 @@ TEST(CameraCheck, WarnsOfALensAndASensorThatDoNotAgree) {
         change(changed);
         return warnings(webcam_with(changed, lens));
     };
-    using testing::ElementsAre;
     // 1.22 * 0.65 um * 128 = 101 um, 12 pixels.
     EXPECT_THAT(with_lens([](Lens& l) { l.f_number = 128; }), ElementsAre("lens"));
     EXPECT_THAT(with_lens([](Lens& l) { l.f_number = 0.4; }), ElementsAre("lens"));
     // fx * pitch is 4.5 mm here: in focus at 0.5 mm it magnifies 9 times.
-    EXPECT_THAT(with_lens([](Lens& l) { l.focus_distance_mm = 0.5; }), testing::Contains("lens"));
+    EXPECT_THAT(with_lens([](Lens& l) { l.focus_distance_mm = 0.5; }), Contains("lens"));
     EXPECT_THAT(with_sensor([](Sensor& s) { s.black_dn = 70; }), ElementsAre("sensor"));
     EXPECT_THAT(with_sensor([](Sensor& s) { s.gain_e_per_dn = 80'000; }), ElementsAre("sensor"));
     EXPECT_THAT(with_sensor([](Sensor& s) { s.gain_e_per_dn = 0.08; }),
@@ -143,7 +141,7 @@ TEST(CameraCheck, LooksAtATelecentricLensToo) {
     camera.lens = Lens{.focus_distance_mm = 100, .wavelength_nm = 520, .object_na = 0.005};
     // Magnification 20 px/mm * 5 um = 0.1, working f-number 0.1 / 0.01 = 10.
     const CameraCheck check = check_camera(camera);
-    EXPECT_THAT(about(check, CameraFinding::Weight::warning), testing::IsEmpty());
+    EXPECT_THAT(about(check, warning), IsEmpty());
     EXPECT_NEAR(check.horizontal_mm, 32.0, 1e-12);  // 640 / 20
     EXPECT_NEAR(check.vertical_mm, 24.0, 1e-12);
     EXPECT_NEAR(check.diagonal_mm, 40.0, 1e-12);
@@ -151,13 +149,12 @@ TEST(CameraCheck, LooksAtATelecentricLensToo) {
     EXPECT_THAT(check.findings.front().message,
                 testing::HasSubstr("magnification 0.1000, working f-number 10.000"));
     camera.lens->object_na = 0.2;  // f/0.25
-    EXPECT_THAT(about(check_camera(camera), CameraFinding::Weight::warning),
-                testing::ElementsAre("lens"));
+    EXPECT_THAT(about(check_camera(camera), warning), ElementsAre("lens"));
 }
 
 TEST(CameraCheck, SaysWhatTheRendererWillMiss) {
-    EXPECT_THAT(about(check_camera(test::webcam()), CameraFinding::Weight::note),
-                testing::ElementsAre("renderer", "renderer", "renderer"));
+    EXPECT_THAT(about(check_camera(test::webcam()), note),
+                ElementsAre("renderer", "renderer", "renderer"));
     EXPECT_FALSE(check_camera(test::webcam()).has_fault());
 }
 

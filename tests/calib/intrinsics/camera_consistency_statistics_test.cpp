@@ -1,10 +1,8 @@
 // How often an honest set is split: camera_groups() allows one in 100 000. And how mixed sets are
 // told apart.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "calib/intrinsics/camera_consistency.h"
-#include "core/statistics/random.h"
 #include "tests/calib/synthetic_views.h"
 
 namespace etalon::test {

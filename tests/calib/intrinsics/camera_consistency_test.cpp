@@ -3,9 +3,6 @@
 #include "calib/intrinsics/camera_consistency.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
 
 #include "tests/calib/synthetic_views.h"
 

@@ -1,13 +1,10 @@
 #include "calib/intrinsics/camera_fit.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <opencv2/calib3d.hpp>
 
-#include "calib/camera/pixel_model.h"
 #include "calib/intrinsics/calibration_start.h"
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 

@@ -4,7 +4,6 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "calib/intrinsics/model_advice.h"
 #include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 

@@ -1,12 +1,10 @@
 // Calibrating telecentric lenses from the views alone: what is found, what is held, what is
 // refused.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/calibration_start.h"
 #include "calib/intrinsics/camera_consistency.h"
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 
@@ -26,10 +24,6 @@ CameraModel with_distortion(Distortion distortion) {
 }
 
 const Eigen::Vector2d image_middle(319.5, 239.5);
-
-CameraModel without_distortion() {
-    return with_distortion({});
-}
 
 // Tilted about (cos, sin) of the axis' angle, and before that turned in the board's plane.
 Rigid tilted(double tilt_deg, double axis_deg, double turn_deg, double x_mm = 0.3) {
@@ -103,7 +97,7 @@ TEST(TelecentricCalibration, FindsPosesButForTheSignOfTheirTilt) {
 
 // fx and fy are as the truth's, wherever the truth's centre is.
 TEST(TelecentricCalibration, HoldsTheCentreWithoutDistortion) {
-    const CameraModel truth = without_distortion();
+    const CameraModel truth = with_distortion({});
     const CalibrationModel& model = calibration_model("telecentric");
     const auto views = test::telecentric_views(truth, 8, 0.0, 1);
     const CameraFit fit = fit_camera(views, test::image_size, model);
@@ -122,7 +116,7 @@ TEST(TelecentricCalibration, HoldsTheCentreWithoutDistortion) {
 
 // Held: parameters + 5 a view, not 6.
 TEST(TelecentricCalibration, CountsFiveParametersOfAPose) {
-    const auto views = test::telecentric_views(without_distortion(), 8, 0.2, 4);
+    const auto views = test::telecentric_views(with_distortion({}), 8, 0.2, 4);
     const CameraFit fit = fit_camera(views, test::image_size, calibration_model("telecentric"));
     double squares = 0.0;
     for (const auto& view : fit.residuals_px)
@@ -134,7 +128,7 @@ TEST(TelecentricCalibration, CountsFiveParametersOfAPose) {
 // One way to tilt tells one magnification, and none tells nothing that a tilt common to all views
 // (of the camera above a table) would not undo.
 TEST(TelecentricCalibration, RefusesTiltsThatLeaveTheAspectOpen) {
-    const CameraModel truth = without_distortion();
+    const CameraModel truth = with_distortion({});
     const std::vector<std::vector<Rigid>> sets{
         {tilted(20, 40, 0), tilted(35, 40, 30), tilted(27, 40, 70), tilted(-31, 40, 110, 1)},
         {tilted(20, 45, 0), tilted(35, -45, 30), tilted(27, 45, 70), tilted(-31, -45, 110, 1)},
@@ -227,7 +221,7 @@ TEST(TelecentricCalibration, IsJudgedLikeAnyOther) {
 
 // cx and cy are 30 px off in one half and not in the other, which a shift takes back.
 TEST(TelecentricCalibration, CentresThatDifferAreAShift) {
-    CameraModel one = without_distortion(), other = one;
+    CameraModel one = with_distortion({}), other = one;
     other.intrinsics.cx += 90.0;
     other.intrinsics.cy -= 55.0;
     const ImageRays rays = image_rays(one);
@@ -238,14 +232,14 @@ TEST(TelecentricCalibration, CentresThatDifferAreAShift) {
 }
 
 TEST(TelecentricCalibration, IsNeverTakenUnasked) {
-    const auto views = test::telecentric_views(without_distortion(), 5, 0.1, 3);
+    const auto views = test::telecentric_views(with_distortion({}), 5, 0.1, 3);
     EXPECT_THAT(text_of_error<NumericalError>(
                     [&] { calibrate_camera(views, test::image_size, {.resamples = 0}); }),
                 HasSubstr("the lens may be telecentric: model telecentric, which has to be named"));
 }
 
 TEST(TelecentricCalibration, RefusesABoardsShape) {
-    const auto views = test::telecentric_views(without_distortion(), 9, 0.1, 3);
+    const auto views = test::telecentric_views(with_distortion({}), 9, 0.1, 3);
     EXPECT_THAT(text_of_error<NumericalError>([&] {
                     calibrate_camera(views, test::image_size,
                                      {.model = "telecentric", .fit_board = true});

@@ -1,9 +1,7 @@
 // Calibrating lenses that see more than a plane: found from the views alone.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "calib/intrinsics/calibration_start.h"
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
 

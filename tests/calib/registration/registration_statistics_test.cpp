@@ -5,11 +5,9 @@
 // 12 parameters the share of runs inside 1.96 standard deviations. 4 x 16 = 64 comparisons at a
 // family-wise 1 % are 1.56e-4 each: 3.78 standard deviations of a normal deviate, two-sided.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <numbers>
 
 #include "calib/registration/registration.h"
 #include "core/statistics/random.h"

@@ -1,16 +1,9 @@
 #include "calib/registration/registration.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <Eigen/Dense>
-#include <cmath>
-#include <limits>
-#include <numbers>
 
-#include "core/program/errors.h"
-#include "core/statistics/random.h"
-#include "tests/calib/cameras.h"
 #include "tests/calib/registration/true_stage.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/error_text.h"
@@ -21,10 +14,15 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
+const Projector projector(test::webcam());
+
 // Motions of a stage by its free axes; the first axis is nearest to the base.
 struct Motion {
     bool x = false, y = false, z = false, rx = false, ry = false, rz = false;
 };
+const Motion xyz_stage{.x = true, .y = true, .z = true},
+    xyz_and_rz{.x = true, .y = true, .z = true, .rz = true},
+    five_axes{.x = true, .y = true, .z = true, .rx = true, .rz = true};
 
 std::vector<Rigid> stage_poses(const Motion& motion, int count, std::uint64_t seed = 5) {
     std::vector<Rigid> poses;
@@ -45,22 +43,22 @@ std::vector<Rigid> stage_poses(const Motion& motion, int count, std::uint64_t se
     return poses;
 }
 
-std::vector<Eigen::Vector2d> seen(const Projector& projector, const Rigid& camera_from_marker) {
+std::vector<Eigen::Vector2d> seen(const Rigid& camera_from_marker,
+                                  const Projector& by = projector) {
     std::vector<Eigen::Vector2d> pixels;
     for (const Eigen::Vector3d& point : tag)
-        pixels.push_back(projector.project(camera_from_marker * point).value());
+        pixels.push_back(by.project(camera_from_marker * point).value());
     return pixels;
 }
 
 // Exact first estimates are not needed: they are off by a degree and some millimetres.
-std::vector<RegistrationPose> observations(const Projector& projector,
-                                           const std::vector<Rigid>& stage, double noise_px = 0.0,
+std::vector<RegistrationPose> observations(const std::vector<Rigid>& stage, double noise_px = 0.0,
                                            std::uint64_t seed = 1) {
     std::vector<RegistrationPose> poses;
     for (std::size_t i = 0; i < stage.size(); ++i) {
         RandomStream random(seed, 2, i);
         const Rigid camera_from_marker = true_x * stage[i] * true_y;
-        RegistrationPose pose{stage[i], camera_from_marker, seen(projector, camera_from_marker)};
+        RegistrationPose pose{stage[i], camera_from_marker, seen(camera_from_marker)};
         for (Eigen::Vector2d& pixel : pose.pixels)
             pixel += noise_px * Eigen::Vector2d(random.normal(), random.normal());
         Vector6d wrong;
@@ -73,9 +71,7 @@ std::vector<RegistrationPose> observations(const Projector& projector,
 }
 
 Registration registered(const Motion& motion, const Rigid& nominal = true_y) {
-    const Projector projector(test::webcam());
-    return register_stage(projector, tag, observations(projector, stage_poses(motion, 25)),
-                          nominal);
+    return register_stage(projector, tag, observations(stage_poses(motion, 25)), nominal);
 }
 
 double largest_difference(const Registration& one, const Rigid& x, const Rigid& y,
@@ -96,10 +92,9 @@ std::vector<std::string> freedom_names(const Registration& registration) {
 }
 
 TEST(Registration, FindsBothTransformsWhenTheFreedomsAreFixedAtTheTruth) {
-    for (const Motion& motion : {Motion{.x = true, .y = true, .z = true},
-                                 Motion{.x = true, .y = true, .z = true, .rz = true},
-                                 Motion{.rx = true, .ry = true, .rz = true}, Motion{.x = true},
-                                 Motion{.rz = true}, Motion{.x = true, .y = true}}) {
+    for (const Motion& motion :
+         {xyz_stage, xyz_and_rz, Motion{.rx = true, .ry = true, .rz = true}, Motion{.x = true},
+          Motion{.rz = true}, Motion{.x = true, .y = true}}) {
         const Registration result = registered(motion);
         EXPECT_LT(left_difference(true_x, result.camera_from_base).norm(), 1e-6);
         EXPECT_LT(left_difference(true_y, result.carriage_from_marker).norm(), 1e-6);
@@ -108,7 +103,7 @@ TEST(Registration, FindsBothTransformsWhenTheFreedomsAreFixedAtTheTruth) {
 }
 
 TEST(Registration, PredictsPosesThatItHasNotSeenWhateverThePrior) {
-    const Motion motion{.x = true, .y = true, .z = true, .rz = true};
+    const Motion& motion = xyz_and_rz;
     const Rigid prior{rotation_from_vector({0.2, -0.1, 0.4}), {30.0, 20.0, -10.0}};
     const Registration result = registered(motion, prior);
     EXPECT_LT(largest_difference(result, true_x, true_y, stage_poses(motion, 20, 77)), 1e-6);
@@ -124,18 +119,16 @@ TEST(Registration, CountsAndNamesTheFreedomsOfEachStage) {
         freedom_names(registered({.rz = true})),
         ElementsAre("shift along base z between X and Y", "rotation about base z between X and Y"));
     EXPECT_THAT(
-        freedom_names(registered({.x = true, .y = true, .z = true})),
+        freedom_names(registered(xyz_stage)),
         ElementsAre("shift along base x between X and Y", "shift along base y between X and Y",
                     "shift along base z between X and Y"));
-    EXPECT_THAT(freedom_names(registered({.x = true, .y = true, .z = true, .rz = true})),
+    EXPECT_THAT(freedom_names(registered(xyz_and_rz)),
                 ElementsAre("shift along base z between X and Y"));
     EXPECT_THAT(freedom_names(registered({.rx = true, .rz = true})), ElementsAre());
 }
 
 TEST(Registration, HasFreedomsThatMoveNoPixel) {
-    const Projector projector(test::webcam());
-    for (const Motion& motion : {Motion{.y = true}, Motion{.rz = true},
-                                 Motion{.x = true, .y = true, .z = true, .rz = true}}) {
+    for (const Motion& motion : {Motion{.y = true}, Motion{.rz = true}, xyz_and_rz}) {
         const Registration result = registered(motion);
         for (const GaugeFreedom& freedom : result.freedoms)
             for (const Rigid& stage : stage_poses(motion, 5, 9)) {
@@ -151,26 +144,25 @@ TEST(Registration, HasFreedomsThatMoveNoPixel) {
 TEST(Registration, KeepsYAsNearToThePriorAsTheFreedomsAllow) {
     Rigid prior = true_y;
     prior.translation += Eigen::Vector3d(4.0, -3.0, 7.0);
-    const Registration one = registered({.x = true, .y = true, .z = true, .rz = true}, prior);
+    const Registration one = registered(xyz_and_rz, prior);
     // Rz alone ties Y's shift across the axis; along it Y follows the prior.
     EXPECT_LT(
         (one.carriage_from_marker.translation - true_y.translation - Eigen::Vector3d(0, 0, 7.0))
             .norm(),
         1e-5);
-    const Registration none = registered({.x = true, .y = true, .z = true}, prior);
+    const Registration none = registered(xyz_stage, prior);
     EXPECT_LT((none.carriage_from_marker.translation - prior.translation).norm(), 1e-5);
 }
 
 TEST(Registration, HasTheJacobianOfItsPrediction) {
-    const Projector projector(test::webcam());
     const Rigid stage = stage_poses({.x = true, .y = true, .rx = true, .rz = true}, 1).front();
     const auto jacobian = registration_jacobian(projector, tag, true_x, stage, true_y);
     for (int k = 0; k < 12; ++k) {
         constexpr double step = 1e-5;
         const auto moved = [&](double by) {
             const Vector6d d = by * Vector6d::Unit(k % 6);
-            return seen(projector, k < 6 ? left_perturbed(true_x, d) * stage * true_y
-                                         : true_x * stage * left_perturbed(true_y, d));
+            return seen(k < 6 ? left_perturbed(true_x, d) * stage * true_y
+                              : true_x * stage * left_perturbed(true_y, d));
         };
         const auto plus = moved(step), minus = moved(-step);
         for (std::size_t i = 0; i < tag.size(); ++i) {
@@ -182,9 +174,8 @@ TEST(Registration, HasTheJacobianOfItsPrediction) {
 }
 
 TEST(Registration, IsHardlyMovedByOneWrongDetection) {
-    const Projector projector(test::webcam());
-    const Motion motion{.x = true, .y = true, .z = true, .rz = true};
-    std::vector<RegistrationPose> poses = observations(projector, stage_poses(motion, 25), 0.01);
+    const Motion& motion = xyz_and_rz;
+    std::vector<RegistrationPose> poses = observations(stage_poses(motion, 25), 0.01);
     for (Eigen::Vector2d& pixel : poses[6].pixels)
         pixel += Eigen::Vector2d(9.0, -5.0);
     const Registration result = register_stage(projector, tag, poses, true_y);
@@ -196,7 +187,7 @@ TEST(Registration, IsHardlyMovedByOneWrongDetection) {
 
 // XYZ with a rotary axis of +-`reach` rad about base z, 25 poses.
 std::vector<Rigid> turned_a_little(double reach) {
-    std::vector<Rigid> stage = stage_poses({.x = true, .y = true, .z = true}, 25);
+    std::vector<Rigid> stage = stage_poses(xyz_stage, 25);
     for (std::size_t i = 0; i < stage.size(); ++i) {
         const double angle = reach * (2.0 * RandomStream(8, 1, i).uniform() - 1.0);
         stage[i].rotation = rotation_from_vector({0, 0, angle});
@@ -208,10 +199,8 @@ std::vector<Rigid> turned_a_little(double reach) {
 // only: 25 poses within 2 degrees (mean square of t: 4.1e-4) together say 25 * 4.1e-4 = 0.01 times
 // what one pose says. The shift along the axis stays free, however small the turns are.
 TEST(Registration, LabelsWhatARotaryAxisOfTwoDegreesHardlyShows) {
-    const Projector projector(test::webcam());
     const auto result_for = [&](double reach) {
-        return register_stage(projector, tag, observations(projector, turned_a_little(reach)),
-                              true_y);
+        return register_stage(projector, tag, observations(turned_a_little(reach)), true_y);
     };
     const Registration little = result_for(2.0 * std::numbers::pi / 180.0);
     EXPECT_EQ(little.rank, 11);
@@ -223,15 +212,13 @@ TEST(Registration, LabelsWhatARotaryAxisOfTwoDegreesHardlyShows) {
     }
     EXPECT_TRUE(result_for(2.0).weak.empty());
     EXPECT_TRUE(registered({.x = true}).weak.empty());
-    EXPECT_TRUE(registered({.x = true, .y = true, .z = true, .rx = true, .rz = true}).weak.empty());
+    EXPECT_TRUE(registered(five_axes).weak.empty());
 }
 
 // The stated deviation is that with which repeated runs place X along the direction.
 TEST(Registration, HasWeakDirectionsThatMovePixelsAsLittleAsTheySay) {
-    const Projector projector(test::webcam());
     const std::vector<Rigid> stage = turned_a_little(0.03);
-    const Registration result =
-        register_stage(projector, tag, observations(projector, stage), true_y);
+    const Registration result = register_stage(projector, tag, observations(stage), true_y);
     ASSERT_FALSE(result.weak.empty());
     for (const PoorlyConstrainedDirection& weak : result.weak) {
         double squares = 0.0;
@@ -247,9 +234,7 @@ TEST(Registration, HasWeakDirectionsThatMovePixelsAsLittleAsTheySay) {
 // An axis at rest whose reading trembles by a microradian: without turns that are more than noise,
 // X and Y would be 30 m off (and the predicted pixels right all the same).
 TEST(Registration, IsNotPlacedByTheNoiseOfAnAxisAtRest) {
-    const Projector projector(test::webcam());
-    std::vector<RegistrationPose> poses =
-        observations(projector, stage_poses({.x = true, .y = true, .z = true}, 25), 0.05);
+    std::vector<RegistrationPose> poses = observations(stage_poses(xyz_stage, 25), 0.05);
     for (std::size_t i = 0; i < poses.size(); ++i)
         poses[i].base_from_carriage.rotation =
             rotation_from_vector({0, 0, 1e-6 * RandomStream(6, 1, i).normal()});
@@ -284,8 +269,8 @@ std::vector<MeasuredPose> measured(const std::vector<Rigid>& stage, double noise
 }
 
 TEST(Registration, FindsBothTransformsFromPoses) {
-    for (const Motion& motion : {Motion{.x = true, .y = true, .z = true, .rz = true},
-                                 Motion{.rx = true, .ry = true, .rz = true}, Motion{.x = true}}) {
+    for (const Motion& motion :
+         {xyz_and_rz, Motion{.rx = true, .ry = true, .rz = true}, Motion{.x = true}}) {
         const Registration result =
             register_stage_on_poses(measured(stage_poses(motion, 25), 0.0), true_y);
         EXPECT_LT(left_difference(true_x, result.camera_from_base).norm(), 1e-6);
@@ -298,8 +283,7 @@ TEST(Registration, FindsBothTransformsFromPoses) {
 // of freedom: over 200 runs its mean is 12 +- 0.35; 3.5 times that are allowed. The same for the
 // squares of the residuals: 25 * 6 - 12 = 138 degrees each, per degree 1 +- 0.0085.
 TEST(Registration, StatesTheCovarianceOfARegistrationOnPoses) {
-    const std::vector<Rigid> stage =
-        stage_poses({.x = true, .y = true, .z = true, .rx = true, .rz = true}, 25);
+    const std::vector<Rigid> stage = stage_poses(five_axes, 25);
     constexpr int runs = 200;
     double squares = 0.0, residuals = 0.0;
     for (int run = 0; run < runs; ++run) {
@@ -315,8 +299,7 @@ TEST(Registration, StatesTheCovarianceOfARegistrationOnPoses) {
 }
 
 TEST(Registration, RefusesPosesWithoutACovariance) {
-    std::vector<MeasuredPose> poses =
-        measured(stage_poses({.x = true, .y = true, .z = true}, 8), 1.0);
+    std::vector<MeasuredPose> poses = measured(stage_poses(xyz_stage, 8), 1.0);
     poses[3].covariance(2, 2) = 0.0;
     EXPECT_THROW(register_stage_on_poses(poses, true_y), NumericalError);
     poses[3].covariance = Matrix6d::Constant(std::numeric_limits<double>::quiet_NaN());
@@ -326,14 +309,11 @@ TEST(Registration, RefusesPosesWithoutACovariance) {
 }
 
 std::string refusal(const std::vector<RegistrationPose>& poses) {
-    return text_of_error<NumericalError>(
-        [&] { register_stage(Projector(test::webcam()), tag, poses, true_y); });
+    return text_of_error<NumericalError>([&] { register_stage(projector, tag, poses, true_y); });
 }
 
 TEST(Registration, RefusesWhatCannotGiveAResult) {
-    const Projector projector(test::webcam());
-    const std::vector<RegistrationPose> good =
-        observations(projector, stage_poses({.x = true, .y = true, .z = true}, 8));
+    const std::vector<RegistrationPose> good = observations(stage_poses(xyz_stage, 8));
     EXPECT_THAT(refusal({good.begin(), good.begin() + 3}), HasSubstr("3 poses"));
     EXPECT_THAT(refusal(std::vector<RegistrationPose>(8, good[0])), HasSubstr("did not move"));
     std::vector<RegistrationPose> two;
@@ -356,22 +336,21 @@ TEST(Registration, RefusesWhatCannotGiveAResult) {
 // The stage stands aside: some of the tag's places are behind the camera's plane.
 TEST(Registration, FindsBothTransformsBeforeEveryWideLens) {
     const Rigid aside{rotation_from_vector({-0.15, 1.25, 0.1}), {410.0, 55.0, 90.0}};
-    const std::vector<Rigid> stage =
-        stage_poses({.x = true, .y = true, .z = true, .rx = true, .rz = true}, 25);
+    const std::vector<Rigid> stage = stage_poses(five_axes, 25);
     for (const auto& [name, camera] : test::wide_models()) {
         SCOPED_TRACE(name);
-        const Projector projector(camera);
+        const Projector wide(camera);
         std::vector<RegistrationPose> poses;
         double widest = 0.0;
         for (std::size_t i = 0; i < stage.size(); ++i) {
             const Rigid truth = aside * stage[i] * true_y;
             const Vector6d wrong = (Vector6d() << 0.01, -0.02, 0.015, 3, -2, 4).finished();
             poses.push_back({stage[i], left_perturbed(truth, i % 2 ? wrong : Vector6d(-wrong)),
-                             seen(projector, truth)});
+                             seen(truth, wide)});
             widest = std::max(widest, std::acos(truth.translation.normalized().z()));
         }
         EXPECT_GT(widest, 90.0 * std::numbers::pi / 180.0);
-        const Registration result = register_stage(projector, tag, poses, true_y);
+        const Registration result = register_stage(wide, tag, poses, true_y);
         EXPECT_LT(left_difference(aside, result.camera_from_base).norm(), 1e-6);
         EXPECT_LT(left_difference(true_y, result.carriage_from_marker).norm(), 1e-6);
         EXPECT_LT(result.residual_rms_px, 1e-8);
@@ -380,17 +359,13 @@ TEST(Registration, FindsBothTransformsBeforeEveryWideLens) {
 
 TEST(Registration, RefusesATelecentricCamera) {
     CameraModel camera = test::webcam();
-    const std::vector<RegistrationPose> good =
-        observations(Projector(camera), stage_poses({.x = true, .y = true, .z = true}, 8));
+    const std::vector<RegistrationPose> good = observations(stage_poses(xyz_stage, 8));
     camera.projection.kind = Projection::telecentric;
-    EXPECT_THROW(register_stage(Projector(camera), {{0, 0, 0}, {10, 0, 0}, {10, 10, 0}, {0, 10, 0}},
-                                good, Rigid{}),
-                 NumericalError);
+    EXPECT_THROW(register_stage(Projector(camera), tag, good, Rigid{}), NumericalError);
 }
 
 TEST(Registration, RefusesAMarkerThatIsPredictedBehindTheCamera) {
-    std::vector<RegistrationPose> poses =
-        observations(Projector(test::webcam()), stage_poses({.x = true, .y = true, .z = true}, 8));
+    std::vector<RegistrationPose> poses = observations(stage_poses(xyz_stage, 8));
     for (RegistrationPose& pose : poses)
         pose.camera_from_marker.translation.z() -= 1000.0;
     EXPECT_THAT(refusal(poses), HasSubstr("valid region"));

@@ -1,12 +1,10 @@
 #include "calib/registration/stage_motion.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <limits>
 #include <numbers>
 
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "tests/error_text.h"
 
@@ -44,36 +42,38 @@ Vector6d reach(double x, double y, double z, double rx = 0, double ry = 0, doubl
     return (Vector6d() << x, y, z, rx, ry, rz).finished();
 }
 
-MotionKind kind(const Vector6d& within) {
-    return stage_motion(poses_within(within)).kind;
-}
+// Of every kind, and a screw.
+const std::vector<Vector6d> reaches{reach(70, 0, 0),
+                                    reach(70, 0, 50),
+                                    reach(0, 0, 0, 0, 1.2, 0),
+                                    reach(0, 50, 0, 0, 1.2, 0),
+                                    reach(70, 0, 50, 0, 1.2, 0),
+                                    reach(70, 40, 50, 0, 1.2, 0),
+                                    reach(0, 0, 0, 0.5, 0, 1.2)};
 
 // The counts are those of docs/metrology.md: what commutes with all motions of the stage.
 TEST(StageMotion, KnowsTheKindsAndCountsTheirFreedoms) {
-    const auto freedoms = [](const Vector6d& within) {
-        return stage_motion(poses_within(within)).freedoms;
-    };
-    EXPECT_EQ(kind(reach(70, 0, 0)), MotionKind::collinear);
-    EXPECT_EQ(kind(reach(70, 0, 50)), MotionKind::planar_shifts);
-    EXPECT_EQ(kind(reach(70, 40, 50)), MotionKind::shifts);
-    EXPECT_EQ(kind(reach(0, 0, 0, 0, 1.2, 0)), MotionKind::one_axis);
-    EXPECT_EQ(kind(reach(0, 50, 0, 0, 1.2, 0)), MotionKind::one_axis);  // a screw keeps its line
-    EXPECT_EQ(kind(reach(70, 0, 50, 0, 1.2, 0)), MotionKind::planar_motion);
-    EXPECT_EQ(kind(reach(70, 40, 50, 0, 1.2, 0)), MotionKind::parallel_turns);
-    EXPECT_EQ(kind(reach(0, 0, 0, 0.5, 0, 1.2)), MotionKind::all_turns);
-    EXPECT_EQ(kind(reach(70, 40, 50, 0.5, 0.4, 1.2)), MotionKind::all_turns);
-    EXPECT_EQ(freedoms(reach(70, 0, 0)), 4);
-    EXPECT_EQ(freedoms(reach(70, 0, 50)), 3);
-    EXPECT_EQ(freedoms(reach(0, 0, 0, 0, 1.2, 0)), 2);
-    EXPECT_EQ(freedoms(reach(70, 0, 50, 0, 1.2, 0)), 1);
-    EXPECT_EQ(freedoms(reach(0, 0, 0, 0.5, 0, 1.2)), 0);
+    using enum MotionKind;
+    const std::tuple<Vector6d, MotionKind, int> stages[] = {
+        {reach(70, 0, 0), collinear, 4},
+        {reach(70, 0, 50), planar_shifts, 3},
+        {reach(70, 40, 50), shifts, 3},
+        {reach(0, 0, 0, 0, 1.2, 0), one_axis, 2},
+        {reach(0, 50, 0, 0, 1.2, 0), one_axis, 2},  // a screw keeps its line
+        {reach(70, 0, 50, 0, 1.2, 0), planar_motion, 1},
+        {reach(70, 40, 50, 0, 1.2, 0), parallel_turns, 1},
+        {reach(0, 0, 0, 0.5, 0, 1.2), all_turns, 0},
+        {reach(70, 40, 50, 0.5, 0.4, 1.2), all_turns, 0}};
+    for (const auto& [within, kind, freedoms] : stages) {
+        const StageMotion found = stage_motion(poses_within(within));
+        EXPECT_EQ(found.kind, kind) << found.words;
+        EXPECT_EQ(found.freedoms, freedoms) << found.words;
+    }
 }
 
 TEST(StageMotion, IsTheSameFromAnyOtherBase) {
     const Rigid other{rotation_from_vector({0.7, -1.1, 0.4}), {1000.0, -3000.0, 500.0}};
-    for (const Vector6d& within :
-         {reach(70, 0, 0), reach(70, 0, 50), reach(0, 0, 0, 0, 1.2, 0), reach(0, 50, 0, 0, 1.2, 0),
-          reach(70, 0, 50, 0, 1.2, 0), reach(70, 40, 50, 0, 1.2, 0), reach(0, 0, 0, 0.5, 0, 1.2)}) {
+    for (const Vector6d& within : reaches) {
         std::vector<Rigid> poses = poses_within(within);
         const StageMotion here = stage_motion(poses);
         for (Rigid& pose : poses)
@@ -103,9 +103,7 @@ TEST(StageMotion, DoesNotTakeTheNoiseOfReadingsForMotion) {
 
 // Neither does it move a pose by more than the noise that it takes away, whatever the kind.
 TEST(StageMotion, LeavesPosesWhereTheyAreButForTheNoise) {
-    for (const Vector6d& within :
-         {reach(70, 0, 0), reach(70, 0, 50), reach(0, 0, 0, 0, 1.2, 0), reach(0, 50, 0, 0, 1.2, 0),
-          reach(70, 0, 50, 0, 1.2, 0), reach(70, 40, 50, 0, 1.2, 0), reach(0, 0, 0, 0.5, 0, 1.2)}) {
+    for (const Vector6d& within : reaches) {
         const std::vector<Rigid> exact = poses_within(within);
         std::vector<Rigid> read = exact;
         for (std::size_t i = 0; i < read.size(); ++i) {

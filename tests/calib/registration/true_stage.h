@@ -1,7 +1,6 @@
 // The stage that the tests of this room register: its places and the corners of the tag on it.
 #pragma once
 
-#include <Eigen/Core>
 #include <vector>
 
 #include "core/geometry/rigid.h"

@@ -34,10 +34,10 @@ public:
     virtual CaptureSettings settings() const = 0;
     virtual int retries() const { return 5; }
 
-    // What it must refuse, each with a part of the message that names it.
+    // What it must refuse: a part of the message that names it, and what makes it of settings().
     struct Refusal {
-        CaptureSettings settings;
         std::string named;
+        std::function<void(CaptureSettings&)> change;
     };
     virtual std::vector<Refusal> refusals() const = 0;
 

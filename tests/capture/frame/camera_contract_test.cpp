@@ -12,21 +12,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-CaptureSettings small_settings(int bits) {
-    CaptureSettings settings;
-    settings.width = 17;
-    settings.height = 11;
-    settings.bits = bits;
-    return settings;
-}
-
 class MockRig final : public CameraRig {
 public:
-    explicit MockRig(int bits) : settings_(small_settings(bits)) {
-        settings_.exposure = 7000us;
-        settings_.gain_db = 3.0;
-        scene_ = {cv::Mat::zeros(11, 17, bits <= 8 ? CV_8UC1 : CV_16UC1), bits};
-    }
+    explicit MockRig(int bits)
+        : settings_{.width = 17, .height = 11, .bits = bits, .exposure = 7000us, .gain_db = 3.0},
+          scene_{cv::Mat::zeros(11, 17, bits <= 8 ? CV_8UC1 : CV_16UC1), bits} {}
 
     Clock& clock() override { return clock_; }
     std::unique_ptr<Camera> open() override {
@@ -44,10 +34,8 @@ public:
     }
     CaptureSettings settings() const override { return settings_; }
     std::vector<Refusal> refusals() const override {
-        CaptureSettings wide = settings_, loud = settings_;
-        wide.width = 18;
-        loud.gain_db = 25.0;
-        return {{wide, "18x11"}, {loud, "25 dB"}};
+        return {{"18x11", [](CaptureSettings& s) { s.width = 18; }},
+                {"25 dB", [](CaptureSettings& s) { s.gain_db = 25.0; }}};
     }
     bool show(const CodeImage& scene) override {
         scene_ = scene;
@@ -76,7 +64,7 @@ constexpr int recorded_frames_in_rig = 20;
 // Frames that were recorded, as plain images or as a run with its log.
 class FilesRig final : public CameraRig {
 public:
-    FilesRig(int bits, bool as_run) : settings_(small_settings(bits)) {
+    FilesRig(int bits, bool as_run) : settings_{.width = 17, .height = 11, .bits = bits} {
         for (int i = 0; i < recorded_frames_in_rig; ++i)
             cv::imwrite((folder_ / file(i)).string(),
                         cv::Mat(11, 17, bits <= 8 ? CV_8UC1 : CV_16UC1, cv::Scalar(i)));
@@ -88,11 +76,9 @@ public:
     std::unique_ptr<Camera> open() override { return open_files_camera(folder_.path(), clock_); }
     CaptureSettings settings() const override { return settings_; }
     std::vector<Refusal> refusals() const override {
-        CaptureSettings wide = settings_, exposed = settings_, triggered = settings_;
-        wide.width = 18;
-        exposed.exposure = 5000us;
-        triggered.trigger = "Line1";
-        return {{wide, "18x11"}, {exposed, "5000 us"}, {triggered, "Line1"}};
+        return {{"18x11", [](CaptureSettings& s) { s.width = 18; }},
+                {"5000 us", [](CaptureSettings& s) { s.exposure = 5000us; }},
+                {"Line1", [](CaptureSettings& s) { s.trigger = "Line1"; }}};
     }
 
 private:

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "core/program/errors.h"
-
 namespace etalon {
 namespace {
 

@@ -4,8 +4,6 @@
 
 #include <thread>
 
-#include "core/program/errors.h"
-
 namespace etalon {
 namespace {
 

@@ -1,7 +1,6 @@
 #include "capture/genicam/genicam_chunks.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "core/statistics/random.h"
 

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 
 namespace etalon {

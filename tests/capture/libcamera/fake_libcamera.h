@@ -6,7 +6,6 @@
 
 #include "capture/frame/pixel_formats.h"
 #include "capture/libcamera/libcamera_device.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 

@@ -1,9 +1,9 @@
 #include <gmock/gmock.h>
 
 #include "capture/libcamera/libcamera_camera.h"
-#include "capture/libcamera/libcamera_device.h"
 #include "tests/capture/frame/camera_contract.h"
 #include "tests/capture/libcamera/fake_libcamera.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -25,10 +25,7 @@ std::vector<LibcameraFormat> offering(std::initializer_list<const char*> names) 
 }
 
 std::string chosen(int bits, const std::string& format, const std::vector<LibcameraFormat>& from) {
-    CaptureSettings wanted;
-    wanted.bits = bits;
-    wanted.format = format;
-    const PixelFormat* row = choose_libcamera_format(wanted, from);
+    const PixelFormat* row = choose_libcamera_format({.bits = bits, .format = format}, from);
     return row ? std::string(row->libcamera) : "none";
 }
 
@@ -86,10 +83,8 @@ TEST(LibcameraControls, RemarkOnWhatCannotBeSwitchedOff) {
 }
 
 TEST(LibcameraControls, HaveLibcamerasUnits) {
-    CaptureSettings wanted;
-    wanted.exposure = 5000us;
-    wanted.gain_db = 20.0;
-    wanted.controls = {{"Contrast", 1.5}};
+    const CaptureSettings wanted{
+        .exposure = 5000us, .gain_db = 20.0, .controls = {{"Contrast", 1.5}}};
     const auto [plan, difference] =
         plan_libcamera_controls(wanted, {{"ExposureTime", {100, 66000, 1000}},
                                          {"AnalogueGain", {1, 16, 1}},
@@ -102,8 +97,7 @@ TEST(LibcameraControls, HaveLibcamerasUnits) {
 }
 
 TEST(LibcameraControls, AreRefusedOutsideTheirRangeOrWhereThereAreNone) {
-    CaptureSettings wanted;
-    wanted.exposure = 7us;
+    CaptureSettings wanted{.exposure = 7us};
     auto difference =
         plan_libcamera_controls(wanted, {{"ExposureTime", {100, 66000, 1000}}}).difference;
     EXPECT_EQ(difference->request, "set exposure 7 us");
@@ -224,20 +218,17 @@ void make_usb(LibcameraWorld& world) {
     world.scene = [](Instant) { return flat({64, 48}, 8, 77); };
 }
 
+std::unique_ptr<Camera> open_fake(LibcameraWorld& world) {
+    return open_libcamera_camera("fake", {}, world.clock, [&](const std::string&) {
+        return std::make_unique<FakeLibcamera>(world);
+    });
+}
+
 class LibcameraCameraTest : public testing::Test {
 protected:
-    LibcameraCameraTest() {
-        make_sensor(world_);
-        wanted_.bits = 12;
-        wanted_.exposure = 5000us;
-        wanted_.gain_db = 6.0;
-    }
+    LibcameraCameraTest() { make_sensor(world_); }
 
-    std::unique_ptr<Camera> open() {
-        return open_libcamera_camera("fake", {}, world_.clock, [this](const std::string&) {
-            return std::make_unique<FakeLibcamera>(world_);
-        });
-    }
+    std::unique_ptr<Camera> open() { return open_fake(world_); }
     std::unique_ptr<Camera> armed() {
         auto camera = open();
         camera->configure(wanted_);
@@ -245,16 +236,11 @@ protected:
         return camera;
     }
     std::string refusal() {
-        try {
-            open()->configure(wanted_);
-        } catch (const DeviceError& error) {
-            return error.what();
-        }
-        return "it was accepted";
+        return device_error_of([&] { open()->configure(wanted_); });
     }
 
     LibcameraWorld world_;
-    CaptureSettings wanted_;
+    CaptureSettings wanted_{.bits = 12, .exposure = 5000us, .gain_db = 6.0};
 };
 
 TEST_F(LibcameraCameraTest, WaitsUntilTheFramesSayWhatWasAskedFor) {
@@ -445,40 +431,28 @@ public:
     }
 
     Clock& clock() override { return world_.clock; }
-    std::unique_ptr<Camera> open() override {
-        return open_libcamera_camera("fake", {}, world_.clock, [this](const std::string&) {
-            return std::make_unique<FakeLibcamera>(world_);
-        });
-    }
+    std::unique_ptr<Camera> open() override { return open_fake(world_); }
 
     CaptureSettings settings() const override {
-        CaptureSettings settings;
-        settings.width = 64;
-        settings.height = 48;
-        settings.bits = usb_ ? 8 : 12;
-        if (!usb_) {
-            settings.exposure = 5000us;
-            settings.gain_db = 6.0;
-        }
-        return settings;
+        return {.width = 64,
+                .height = 48,
+                .bits = usb_ ? 8 : 12,
+                .exposure = usb_ ? 0us : 5000us,
+                .gain_db = usb_ ? 0.0 : 6.0};
     }
 
     std::vector<Refusal> refusals() const override {
-        std::vector<Refusal> refusals;
-        const auto refuse = [&](const std::string& named, auto change) {
-            refusals.push_back({settings(), named});
-            change(refusals.back().settings);
-        };
-        refuse("66x48", [](CaptureSettings& s) { s.width = 66; });
-        refuse("16 bits", [](CaptureSettings& s) { s.bits = 16; });
-        refuse("NV99", [](CaptureSettings& s) { s.format = "NV99"; });
-        refuse("Line1", [](CaptureSettings& s) { s.trigger = "Line1"; });
-        refuse("black level", [](CaptureSettings& s) { s.black_level = 7.0; });
-        refuse("exposure 70 us", [](CaptureSettings& s) { s.exposure = 70us; });
-        refuse("gain 90 dB", [](CaptureSettings& s) { s.gain_db = 90.0; });
-        refuse("Sepia", [](CaptureSettings& s) { s.controls["Sepia"] = 1.0; });
+        std::vector<Refusal> refusals{
+            {"66x48", [](CaptureSettings& s) { s.width = 66; }},
+            {"16 bits", [](CaptureSettings& s) { s.bits = 16; }},
+            {"NV99", [](CaptureSettings& s) { s.format = "NV99"; }},
+            {"Line1", [](CaptureSettings& s) { s.trigger = "Line1"; }},
+            {"black level", [](CaptureSettings& s) { s.black_level = 7.0; }},
+            {"exposure 70 us", [](CaptureSettings& s) { s.exposure = 70us; }},
+            {"gain 90 dB", [](CaptureSettings& s) { s.gain_db = 90.0; }},
+            {"Sepia", [](CaptureSettings& s) { s.controls["Sepia"] = 1.0; }}};
         if (usb_)
-            refuse("ExposureTime", [](CaptureSettings& s) { s.exposure = 5000us; });
+            refusals.push_back({"ExposureTime", [](CaptureSettings& s) { s.exposure = 5000us; }});
         return refusals;
     }
 

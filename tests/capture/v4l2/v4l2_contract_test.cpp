@@ -20,13 +20,15 @@ struct Kind {
 
 class V4l2Rig final : public CameraRig {
 public:
-    explicit V4l2Rig(const Kind& kind) : kind_(kind), device_(clock_) {
+    explicit V4l2Rig(const Kind& kind)
+        : kind_(kind),
+          device_(clock_),
+          settings_{.width = 17,
+                    .height = 11,
+                    .bits = kind.bits,
+                    .format = kind.format,
+                    .exposure = 7000us} {
         clock_.advance(1h);
-        settings_.width = 17;
-        settings_.height = 11;
-        settings_.bits = kind.bits;
-        settings_.format = kind.format;
-        settings_.exposure = 7000us;
         device_.formats = {"YUYV", "GREY", "Y16 ", "Y12P"};
         device_.width_limit = 17;
         device_.stamps = kind.stamps;
@@ -42,17 +44,13 @@ public:
     }
     CaptureSettings settings() const override { return settings_; }
     std::vector<Refusal> refusals() const override {
-        CaptureSettings wide = settings_, slow = settings_, loud = settings_, deep = settings_,
-                        triggered = settings_, unknown = settings_, odd = settings_;
-        wide.width = 18;
-        slow.exposure = 300ms;
-        loud.gain_db = 3.0;
-        deep.bits = kind_.bits + 5;
-        triggered.trigger = "Line1";
-        unknown.format = "H264";
-        odd.controls["sharpness"] = 9;
-        return {{wide, "18x11"},      {slow, "300000 us"}, {loud, "3 dB"},    {deep, "bits"},
-                {triggered, "Line1"}, {unknown, "H264"},   {odd, "sharpness"}};
+        return {{"18x11", [](CaptureSettings& s) { s.width = 18; }},
+                {"300000 us", [](CaptureSettings& s) { s.exposure = 300ms; }},
+                {"3 dB", [](CaptureSettings& s) { s.gain_db = 3.0; }},
+                {"bits", [](CaptureSettings& s) { s.bits += 5; }},
+                {"Line1", [](CaptureSettings& s) { s.trigger = "Line1"; }},
+                {"H264", [](CaptureSettings& s) { s.format = "H264"; }},
+                {"sharpness", [](CaptureSettings& s) { s.controls["sharpness"] = 9; }}};
     }
     bool show(const CodeImage& scene) override {
         scenes_.emplace_back(clock_.now(), scene.pixels.clone());

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include "capture/v4l2/v4l2_camera.h"
-#include "core/program/errors.h"
 #include "tests/error_text.h"
 #include "tests/fakes/fake_v4l2.h"
 
@@ -12,13 +11,7 @@ namespace etalon {
 
 class V4l2 : public testing::Test {
 protected:
-    V4l2() {
-        using namespace std::chrono_literals;
-        clock_.advance(1h);
-        settings_.width = 17;
-        settings_.height = 11;
-        settings_.exposure = 7000us;
-    }
+    V4l2() { clock_.advance(std::chrono::hours(1)); }
 
     std::unique_ptr<Camera> open() { return open_v4l2_camera("/dev/video0", {}, clock_, device_); }
 
@@ -33,14 +26,8 @@ protected:
         return camera.frame_after(clock_.now(), retries, {});
     }
 
-    // What the DeviceError says that `call` must throw.
-    template <class Call>
-    static std::string error_of(const Call& call) {
-        return device_error_of([&] { call(); });
-    }
-
     std::string configure_error(const CaptureSettings& settings) {
-        return error_of([&] { open()->configure(settings); });
+        return device_error_of([&] { open()->configure(settings); });
     }
 
     // From the next frame that surely counts as new on, as this does.
@@ -54,7 +41,8 @@ protected:
 
     VirtualClock clock_;
     FakeV4l2 device_{clock_};
-    CaptureSettings settings_;
+    CaptureSettings settings_{
+        .width = 17, .height = 11, .exposure = std::chrono::microseconds(7000)};
 };
 
 }  // namespace etalon

@@ -161,7 +161,7 @@ TEST_F(V4l2, FailsWhenCodesExceedTheBitsThatWereAsked) {
     settings_.bits = 10;
     device_.picture = [](Instant) { return std::vector<std::uint8_t>(17 * 11 * 2, 4); };  // 1028
     auto camera = armed();
-    EXPECT_THAT(error_of([&] { frame(*camera); }), HasSubstr("above 1023"));
+    EXPECT_THAT(device_error_of([&] { frame(*camera); }), HasSubstr("above 1023"));
 }
 
 TEST_F(V4l2, TrustsNoStampThatLiesInTheFutureOrDoesNotAdvance) {

@@ -34,11 +34,11 @@ TEST_F(V4l2, IsOpenedByItsNodeOrItsPlaceOnTheBus) {
 
 TEST_F(V4l2, RefusesNodesThatAreNoCamera) {
     device_.captures = false;  // the metadata node beside a camera's
-    EXPECT_THAT(error_of([&] { open(); }), HasSubstr("captures no video"));
+    EXPECT_THAT(device_error_of([&] { open(); }), HasSubstr("captures no video"));
     EXPECT_THAT(list_v4l2_cameras(device_), IsEmpty());
     device_.captures = true;
     device_.streams = false;
-    EXPECT_THAT(error_of([&] { open(); }), HasSubstr("cannot stream"));
+    EXPECT_THAT(device_error_of([&] { open(); }), HasSubstr("cannot stream"));
     EXPECT_EQ(device_.open_files(), 0);
 }
 
@@ -51,7 +51,7 @@ TEST_F(V4l2, IsListedWithItsPlaceOnTheBus) {
 
 TEST_F(V4l2, SaysWhenThisUserMayNotOpenIt) {
     device_.open_error = EACCES;
-    EXPECT_THAT(error_of([&] { open(); }), HasSubstr("group \"video\""));
+    EXPECT_THAT(device_error_of([&] { open(); }), HasSubstr("group \"video\""));
     const auto found = list_v4l2_cameras(device_);
     ASSERT_EQ(found.size(), 1u);
     EXPECT_THAT(found[0].model, HasSubstr("EACCES"));
@@ -233,15 +233,15 @@ TEST_F(V4l2, SaysWhyAStreamDoesNotStartAndGivesEverythingBack) {
     camera->configure(settings_);
     const auto arm = [&] { camera->arm(); };
     device_.errors[VIDIOC_STREAMON] = EBUSY;
-    EXPECT_THAT(error_of(arm), HasSubstr("another program uses the device"));
+    EXPECT_THAT(device_error_of(arm), HasSubstr("another program uses the device"));
     device_.errors = {{VIDIOC_REQBUFS, ENOMEM}};
-    EXPECT_THAT(error_of(arm), HasSubstr("ENOMEM"));
+    EXPECT_THAT(device_error_of(arm), HasSubstr("ENOMEM"));
     device_.errors.clear();
     device_.most_buffers = 1;
-    EXPECT_THAT(error_of(arm), HasSubstr("the driver gives 1"));
+    EXPECT_THAT(device_error_of(arm), HasSubstr("the driver gives 1"));
     device_.most_buffers = 4;
     device_.refuses_to_map = true;
-    EXPECT_THAT(error_of(arm), HasSubstr("map a buffer"));
+    EXPECT_THAT(device_error_of(arm), HasSubstr("map a buffer"));
     device_.refuses_to_map = false;
     EXPECT_EQ(device_.mapped, 0);
     camera->arm();
@@ -273,7 +273,7 @@ TEST_F(V4l2, EndsInTimeWhenTheDriverAnnouncesFramesAndHasNone) {
 TEST_F(V4l2, FailsOnAnErrorOfTheDevice) {
     auto camera = armed();
     device_.dequeue_errors = {EIO};
-    EXPECT_THAT(error_of([&] { frame(*camera); }), HasSubstr("EIO"));
+    EXPECT_THAT(device_error_of([&] { frame(*camera); }), HasSubstr("EIO"));
 }
 
 TEST_F(V4l2, FailsWhenItIsPulledAtAnyRequest) {
@@ -295,7 +295,7 @@ TEST_F(V4l2, FailsWhenItIsPulledAtAnyRequest) {
             if (requests++ == last && !ending)
                 device_.unplug();
         };
-        const bool unnoticed = error_of(use) == "no error";
+        const bool unnoticed = device_error_of(use) == "no error";
         EXPECT_TRUE(!unnoticed || requests >= all - 2) << "pulled at " << last;
         device_.plug_in("/dev/video0");
         EXPECT_EQ(device_.open_files(), 0);
@@ -326,7 +326,7 @@ TEST_F(V4l2, IsLeftAloneWhenItsDriverHangs) {
     const auto before = std::chrono::steady_clock::now();
     camera->disarm();
     EXPECT_LT(std::chrono::steady_clock::now() - before, 1500ms);
-    EXPECT_THAT(error_of([&] { camera->arm(); }), HasSubstr("gone"));
+    EXPECT_THAT(device_error_of([&] { camera->arm(); }), HasSubstr("gone"));
     released.count_down();
     while (device_.mapped > 0)
         std::this_thread::yield();  // until what was left alone has ended

@@ -5,8 +5,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/config/strict_reader.h"
-
 namespace etalon {
 namespace {
 

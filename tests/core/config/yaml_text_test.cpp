@@ -5,7 +5,7 @@
 
 #include <chrono>
 
-#include "core/program/errors.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -14,12 +14,7 @@ using testing::HasSubstr;
 using testing::StartsWith;
 
 std::string error_of(const std::string& text) {
-    try {
-        parse_yaml(text, "t.yml");
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no error";
+    return config_error_of([&] { parse_yaml(text, "t.yml"); });
 }
 
 std::string repeated(std::size_t count, const std::string& part) {

@@ -5,7 +5,6 @@
 #include <cerrno>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/file_size_limit.h"
 #include "tests/temporary_folder.h"
 

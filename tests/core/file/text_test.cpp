@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -25,21 +25,16 @@ TEST(Text, ListOfNumbersMustHaveTheAskedLength) {
 // Table 3-7 of the Unicode standard: the first and the last character of each length, and what lies
 // beside them.
 TEST(Text, Utf8IsWhatTheStandardSays) {
-    const auto error = [](std::string_view text) -> std::string {
-        try {
-            require_utf8(text, {"t", 3});
-        } catch (const ConfigError& fault) {
-            return fault.what();
-        }
-        return "";
+    const auto error = [](std::string_view text) {
+        return config_error_of([&] { require_utf8(text, {"t", 3}); });
     };
     for (const char* good : {"\x01\x7f", "\xc2\x80\xdf\xbf", "\xe0\xa0\x80\xed\x9f\xbf\xef\xbf\xbf",
                              "\xf0\x90\x80\x80\xf4\x8f\xbf\xbf"})
-        EXPECT_EQ(error(good), "");
+        EXPECT_EQ(error(good), "no error");
     for (const char* bad :
          {"\x80", "\xc1\xbf", "\xe0\x9f\xbf", "\xed\xa0\x80", "\xf0\x8f\xbf\xbf",
           "\xf4\x90\x80\x80", "\xf5\x80\x80\x80", "\xff", "\xc2", "\xe2\x82", "\xf0\x9f\x98x"})
-        EXPECT_NE(error(bad), "") << bad;
+        EXPECT_NE(error(bad), "no error") << bad;
     EXPECT_EQ(error("ab\n\n\xe9t\xe9"), "t:5: is not UTF-8: a byte 0xe9");
     EXPECT_EQ(error(std::string_view("a\n\0", 3)), "t:4: is not UTF-8: a byte 0x00");
 }

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
-#include "core/time/clock.h"
 #include "mocks/stage/simulated_stage.h"
 
 namespace etalon {

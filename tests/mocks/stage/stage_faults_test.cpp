@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "mocks/stage/simulated_stage.h"
+#include "tests/mocks/stage/two_axes.h"
 
 namespace etalon {
 namespace {
@@ -10,12 +11,10 @@ using namespace std::chrono_literals;
 using Kind = StageFault::Kind;
 using When = FaultTrigger::When;
 
-// x: 100 mm/s, y: 30 mm/s, ramps of 50 ms; enabled and homed at 1 s after power-on.
+// Enabled and homed at 1 s after power-on.
 struct FaultyStageRig {
     explicit FaultyStageRig(std::vector<StageFault> faults)
-        : stage({{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0},
-                 {.name = "y", .low = -50.0, .high = 70.0, .speed = 30.0}},
-                {.faults = std::move(faults)}, clock) {
+        : stage(two_axes(), {.faults = std::move(faults)}, clock) {
         stage.enable(true);
         stage.home();
         clock.advance(1s);

@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/program/errors.h"
-#include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
-#include "stage/profile/profile.h"
 #include "tests/fakes/memory_transport.h"
 #include "tests/mocks/stage/two_axes.h"
 
@@ -36,10 +34,9 @@ struct PhysicsRig {
 
 // The plan ends after 0.55 s; the motor needs its time to come within the profile's 1 um.
 TEST(StagePhysics, TheStationWaitsForTheServo) {
-    SimulatedStageOptions options;
-    options.jerk = 20ms;
-    options.servos = {AxisServo{{.bandwidth_hz = 8.0, .damping = 0.7}, 0.5e-3}, std::nullopt};
-    PhysicsRig rig(options);
+    PhysicsRig rig(
+        {.jerk = 20ms,
+         .servos = {AxisServo{{.bandwidth_hz = 8.0, .damping = 0.7}, 0.5e-3}, std::nullopt}});
     const Instant begin = rig.clock.now();
     rig.move(50.0, 7.0);
     EXPECT_LE(rig.x_error(50.0), 1e-3);
@@ -50,14 +47,9 @@ TEST(StagePhysics, TheStationWaitsForTheServo) {
 // What an encoder on the motor cannot tell: a carriage that rings on when all is "done". Ramps of
 // one and a half periods excite it most: twice a / w^2 each, 0.11 mm.
 TEST(StagePhysics, ARingingCarriageIsNotYetWhereTheEncoderSays) {
-    SimulatedStageOptions options;
-    options.servos = {AxisServo{{.bandwidth_hz = 200.0,
-                                 .damping = 0.7,
-                                 .resonance_hz = 30.0,
-                                 .resonance_damping = 0.01},
-                                0.5e-3},
-                      std::nullopt};
-    PhysicsRig rig(options);
+    const ServoParameters servo{
+        .bandwidth_hz = 200.0, .damping = 0.7, .resonance_hz = 30.0, .resonance_damping = 0.01};
+    PhysicsRig rig({.servos = {AxisServo{servo, 0.5e-3}, std::nullopt}});
     rig.move(50.0, 7.0);
     EXPECT_NEAR(rig.stage->position()[0], 50.0, 1e-3);
     double swing = 0.0;

@@ -2,14 +2,13 @@
 
 #include <gtest/gtest.h>
 
-#include "stage/link/register_numbers.h"
-
 namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
 
 // Of the generic profile, as docs/stage.md says them: written out here, not taken from the struct.
+constexpr auto holding = RegisterSpace::holding_registers, coils = RegisterSpace::coils;
 constexpr int move_block = 100, command = 200, watchdog = 201;
 constexpr std::uint16_t enable = 1, home = 2, start = 4, stop = 8, reset = 16;
 constexpr std::uint16_t enabled = 1, homed = 2, moving = 4, in_position = 8, alarm = 16;
@@ -20,43 +19,40 @@ std::vector<Axis> x_and_rz() {
 }
 
 // 32 bits in two registers, high word first, as the generic profile says.
-std::pair<std::uint16_t, std::uint16_t> registers_from_int32(std::int32_t value) {
-    const auto bits = static_cast<std::uint32_t>(value);
-    return {static_cast<std::uint16_t>(bits >> 16), static_cast<std::uint16_t>(bits & 0xFFFFU)};
-}
-std::int32_t int32_from_registers(std::uint16_t high, std::uint16_t low) {
-    return static_cast<std::int32_t>(static_cast<std::uint32_t>(high) << 16 | low);
+std::vector<std::uint16_t> registers_of(std::initializer_list<std::uint32_t> numbers) {
+    std::vector<std::uint16_t> words;
+    for (const std::uint32_t number : numbers) {
+        words.push_back(static_cast<std::uint16_t>(number >> 16));
+        words.push_back(static_cast<std::uint16_t>(number & 0xFFFFU));
+    }
+    return words;
 }
 
 struct RegistersRig {
     void write(int address, std::vector<std::uint16_t> values) {
-        EXPECT_TRUE(registers.write(RegisterSpace::holding_registers, address, values));
-    }
-    void home_all() {
-        write(command, {enable});
-        write(command, {enable | home});
-        write(command, {enable});
-        clock.advance(10s);
+        EXPECT_TRUE(registers.write(holding, address, values));
     }
     // 50 mm at 100 mm/s; 5 degrees at 20 degrees per second.
-    void write_move() {
-        const auto [x_high, x_low] = registers_from_int32(500'000);
-        const auto [vx_high, vx_low] = registers_from_int32(1'000'000);
-        const auto [r_high, r_low] = registers_from_int32(500'000);
-        const auto [vr_high, vr_low] = registers_from_int32(2'000'000);
-        write(move_block, {x_high, x_low, vx_high, vx_low, r_high, r_low, vr_high, vr_low});
-    }
-    std::uint16_t status(int axis) {
-        return registers.read(RegisterSpace::holding_registers, 4 * axis, 1)->front();
-    }
-    std::int32_t position(int axis) {
-        const auto pair = registers.read(RegisterSpace::holding_registers, 4 * axis + 2, 2).value();
-        return int32_from_registers(pair[0], pair[1]);
+    void write_move() { write(move_block, registers_of({500'000, 1'000'000, 500'000, 2'000'000})); }
+    std::uint16_t at(int address) { return registers.read(holding, address, 1)->front(); }
+    std::uint16_t status(int axis) { return at(4 * axis); }
+    int position(int axis) {
+        const auto words = registers.read(holding, 4 * axis + 2, 2).value();
+        return words[0] << 16 | words[1];
     }
 
     VirtualClock clock;
     SimulatedStage stage{x_and_rz(), {}, clock};
     StageRegisters registers{stage, builtin_stage_profile("generic")};
+};
+
+struct HomedRegisters : RegistersRig {
+    HomedRegisters() {
+        write(command, {enable});
+        write(command, {enable | home});
+        write(command, {enable});
+        clock.advance(10s);
+    }
 };
 
 TEST(StageRegisters, EnableHomeAndMoveByTheDocumentedMap) {
@@ -82,8 +78,7 @@ TEST(StageRegisters, EnableHomeAndMoveByTheDocumentedMap) {
 }
 
 TEST(StageRegisters, AStartThatStaysSetStartsOnce) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write_move();
     rig.write(command, {enable | start});
     rig.clock.advance(10s);
@@ -96,8 +91,7 @@ TEST(StageRegisters, AStartThatStaysSetStartsOnce) {
 }
 
 TEST(StageRegisters, NothingStartsWhileStopIsSet) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write_move();
     rig.write(command, {enable | stop | start});
     EXPECT_FALSE(rig.stage.is_moving());
@@ -106,8 +100,7 @@ TEST(StageRegisters, NothingStartsWhileStopIsSet) {
 }
 
 TEST(StageRegisters, StopHaltsAMove) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write_move();
     rig.write(command, {enable | start});
     rig.clock.advance(200ms);
@@ -118,18 +111,16 @@ TEST(StageRegisters, StopHaltsAMove) {
 }
 
 TEST(StageRegisters, ShowAnAlarmAndResetIt) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.stage.raise_alarm(7);
     EXPECT_TRUE(rig.status(1) & alarm);
-    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 5, 1)->front(), 7);
+    EXPECT_EQ(rig.at(5), 7);
     rig.write(command, {enable | reset});
     EXPECT_FALSE(rig.status(1) & alarm);
 }
 
 TEST(StageRegisters, TheWatchdogStopsAMoveThatNobodyWatches) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write_move();
     rig.write(watchdog, {200});
     rig.write(command, {enable | start});
@@ -142,13 +133,11 @@ TEST(StageRegisters, TheWatchdogStopsAMoveThatNobodyWatches) {
     rig.registers.check_watchdog();
     rig.clock.advance(51ms);
     EXPECT_EQ(rig.status(0), enabled | homed | alarm);
-    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 1, 1)->front(),
-              StageAlarm::watchdog);
+    EXPECT_EQ(rig.at(1), StageAlarm::watchdog);
 }
 
 TEST(StageRegisters, TheWatchdogLeavesAStageAtRestAlone) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write(watchdog, {300});
     rig.clock.advance(10s);
     rig.registers.check_watchdog();
@@ -157,25 +146,19 @@ TEST(StageRegisters, TheWatchdogLeavesAStageAtRestAlone) {
 
 TEST(StageRegisters, RegistersThatDoNotExistAreRefusedAndNothingIsWritten) {
     RegistersRig rig;
-    EXPECT_FALSE(rig.registers.read(RegisterSpace::holding_registers, 90, 1));
-    EXPECT_FALSE(rig.registers.read(RegisterSpace::holding_registers, 30, 3))
-        << "beyond the eighth axis";
-    EXPECT_TRUE(rig.registers.read(RegisterSpace::holding_registers, 30, 2));
-    EXPECT_FALSE(rig.registers.read(RegisterSpace::holding_registers, 65535, 2));
-    EXPECT_FALSE(
-        rig.registers.write(RegisterSpace::holding_registers, 0, std::vector<std::uint16_t>{7}))
-        << "read-only";
-    EXPECT_FALSE(rig.registers.write(RegisterSpace::holding_registers, 131,
-                                     std::vector<std::uint16_t>{7, 5}));
-    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 131, 1)->front(), 0);
-    EXPECT_FALSE(rig.registers.write(RegisterSpace::holding_registers, 201,
-                                     std::vector<std::uint16_t>{7, 5}));
-    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 201, 1)->front(), 0);
+    EXPECT_FALSE(rig.registers.read(holding, 90, 1));
+    EXPECT_FALSE(rig.registers.read(holding, 30, 3)) << "beyond the eighth axis";
+    EXPECT_TRUE(rig.registers.read(holding, 30, 2));
+    EXPECT_FALSE(rig.registers.read(holding, 65535, 2));
+    EXPECT_FALSE(rig.registers.write(holding, 0, std::vector<std::uint16_t>{7})) << "read-only";
+    EXPECT_FALSE(rig.registers.write(holding, 131, std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(rig.at(131), 0);
+    EXPECT_FALSE(rig.registers.write(holding, 201, std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(rig.at(201), 0);
 }
 
 TEST(StageRegisters, DisablingLosesTheHomePosition) {
-    RegistersRig rig;
-    rig.home_all();
+    HomedRegisters rig;
     rig.write(command, {0});
     EXPECT_EQ(rig.status(0), 0);
     rig.write(command, {enable});
@@ -189,8 +172,8 @@ StageProfile coils_and_codes() {
     StageProfile profile = builtin_stage_profile("generic");
     profile.max_axes = 1;
     profile.inputs = {
-        {Input::remote, {.space = RegisterSpace::coils, .address = 7}},
-        {Input::enable, {.space = RegisterSpace::coils, .address = 5, .inverted = true}},
+        {Input::remote, {.space = coils, .address = 7}},
+        {Input::enable, {.space = coils, .address = 5, .inverted = true}},
         {Input::home, {.address = 30, .act = InputPoint::Act::code, .code = 0x20}},
         {Input::stop, {.address = 30, .act = InputPoint::Act::code, .code = 0x40}},
     };
@@ -207,14 +190,15 @@ struct CodedRig {
     void write(RegisterSpace space, int address, std::vector<std::uint16_t> values) {
         EXPECT_TRUE(registers.write(space, address, values));
     }
-    void move_to(std::int32_t counts, std::uint16_t constant = 3) {
-        const auto [high, low] = registers_from_int32(counts);
-        const auto [v_high, v_low] = registers_from_int32(1'000'000);
-        write(RegisterSpace::holding_registers, move_block, {high, low, v_high, v_low, constant});
+    void move_to(std::uint32_t counts, std::uint16_t constant = 3) {
+        std::vector<std::uint16_t> words = registers_of({counts, 1'000'000});
+        words.push_back(constant);
+        write(holding, move_block, words);
     }
+    std::uint16_t at(int address) { return registers.read(holding, address, 1)->front(); }
     void home() {
-        write(RegisterSpace::coils, 7, {1});
-        write(RegisterSpace::holding_registers, 30, {0x20});
+        write(coils, 7, {1});
+        write(holding, 30, {0x20});
         clock.advance(10s);
     }
 
@@ -226,8 +210,8 @@ struct CodedRig {
 TEST(StageRegisters, AMotorThatOnlyABitSwitchesOffIsOnFromTheBeginning) {
     CodedRig rig;
     EXPECT_TRUE(rig.stage.status()[0].enabled);
-    rig.write(RegisterSpace::coils, 7, {1});
-    rig.write(RegisterSpace::coils, 5, {1});
+    rig.write(coils, 7, {1});
+    rig.write(coils, 5, {1});
     EXPECT_FALSE(rig.stage.status()[0].enabled);
 }
 
@@ -235,31 +219,31 @@ TEST(StageRegisters, ACodeActsWheneverItIsWrittenAndReadsAsZero) {
     CodedRig rig;
     rig.home();
     EXPECT_TRUE(rig.stage.status()[0].homed);
-    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 30, 1)->front(), 0);
+    EXPECT_EQ(rig.at(30), 0);
     rig.move_to(500'000);
     rig.clock.advance(200ms);
-    rig.write(RegisterSpace::holding_registers, 30, {0x41});
+    rig.write(holding, 30, {0x41});
     EXPECT_TRUE(rig.stage.is_moving()) << "another code";
-    rig.write(RegisterSpace::holding_registers, 30, {0x40});
+    rig.write(holding, 30, {0x40});
     rig.clock.advance(51ms);
     EXPECT_FALSE(rig.stage.is_moving());
-    rig.write(RegisterSpace::holding_registers, 30, {0x20});
+    rig.write(holding, 30, {0x20});
     EXPECT_TRUE(rig.stage.is_moving()) << "homing again";
 }
 
 TEST(StageRegisters, ObeyNothingButStopBeforeTheyAreRemote) {
     CodedRig rig;
-    rig.write(RegisterSpace::holding_registers, 30, {0x20});
+    rig.write(holding, 30, {0x20});
     EXPECT_FALSE(rig.stage.is_moving());
     rig.home();
-    rig.write(RegisterSpace::coils, 7, {0});
+    rig.write(coils, 7, {0});
     rig.move_to(500'000);
     EXPECT_FALSE(rig.stage.is_moving());
-    rig.write(RegisterSpace::coils, 7, {1});
+    rig.write(coils, 7, {1});
     rig.move_to(500'000);
     rig.clock.advance(100ms);
-    rig.write(RegisterSpace::coils, 7, {0});
-    rig.write(RegisterSpace::holding_registers, 30, {0x40});
+    rig.write(coils, 7, {0});
+    rig.write(holding, 30, {0x40});
     rig.clock.advance(51ms);
     EXPECT_FALSE(rig.stage.is_moving());
 }
@@ -278,13 +262,9 @@ TEST(StageRegisters, ATargetThatStartsDoesSoWhenWrittenUnlessItIsOfAnotherKind) 
 
 TEST(StageRegisters, ASignalOfSeveralBitsShowsOnTheFirstAndTheOthersAreOff) {
     CodedRig rig;
-    EXPECT_EQ(
-        rig.registers.read(RegisterSpace::holding_registers, 0, 1)->front() & (alarm | 1 << 9),
-        1 << 9);
+    EXPECT_EQ(rig.at(0) & (alarm | 1 << 9), 1 << 9);
     rig.stage.raise_alarm(7);
-    EXPECT_EQ(
-        rig.registers.read(RegisterSpace::holding_registers, 0, 1)->front() & (alarm | 1 << 9),
-        alarm | 1 << 9);
+    EXPECT_EQ(rig.at(0) & (alarm | 1 << 9), alarm | 1 << 9);
 }
 
 TEST(StageRegisters, EachUnitHasItsOwnAxes) {
@@ -298,9 +278,8 @@ TEST(StageRegisters, EachUnitHasItsOwnAxes) {
     rig.clock.advance(10s);
     EXPECT_NEAR(rig.stage.true_positions()[1], 7.0, 1e-9);
     EXPECT_FALSE(rig.stage.status()[0].homed);
-    EXPECT_EQ(first.read(RegisterSpace::holding_registers, 3, 1)->front(), 0);
-    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 2, 2),
-              (std::vector<std::uint16_t>{1, 4464}));  // 70 000
+    EXPECT_EQ(first.read(holding, 3, 1)->front(), 0);
+    EXPECT_EQ(rig.registers.read(holding, 2, 2), (std::vector<std::uint16_t>{1, 4464}));  // 70 000
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "mocks/twin/twin_file.h"
 
-#include "core/geometry/units.h"
-#include "core/program/errors.h"
+#include "tests/error_text.h"
 #include "tests/mocks/twin/twin_folder.h"
 
 namespace etalon {
@@ -81,12 +80,9 @@ TEST(TwinFile, NamesTheKeyOfEveryMistake) {
     const TwinFolder folder;
     for (const Case& wrong : cases) {
         folder.write("twin.yaml", twin_yaml_with(wrong.part, wrong.instead));
-        try {
-            read_twin_file(folder.file("twin.yaml"));
-            ADD_FAILURE() << wrong.instead << " was accepted";
-        } catch (const ConfigError& error) {
-            EXPECT_NE(std::string(error.what()).find(wrong.key), std::string::npos) << error.what();
-        }
+        EXPECT_THAT(config_error_of([&] { read_twin_file(folder.file("twin.yaml")); }),
+                    testing::HasSubstr(wrong.key))
+            << wrong.instead;
     }
 }
 

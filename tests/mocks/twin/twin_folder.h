@@ -1,7 +1,7 @@
 // A twin's files in a folder of their own: a small camera before a marker on a two-axis stage.
 #pragma once
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <fstream>
 

@@ -3,21 +3,15 @@
 #include <gtest/gtest.h>
 
 #include "sim/marker/marker.h"
+#include "tests/calib/cameras.h"
 
 namespace etalon {
 namespace {
 
 CameraModel camera_with_noise() {
-    CameraModel camera;
-    camera.width = 64;
-    camera.height = 48;
-    camera.intrinsics = {75.0, 73.0, 30.0, 25.0};
-    camera.distortion.k1 = -0.2;
-    camera.distortion.k2 = 0.05;
-    camera.sensor.emplace();
-    camera.sensor->pixel_pitch_um = 8.3;
-    camera.sensor->gain_e_per_dn = 40.0;
-    camera.sensor->read_noise_e = 20.0;
+    CameraModel camera =
+        test::camera_with(64, 48, {75.0, 73.0, 30.0, 25.0}, {.k1 = -0.2, .k2 = 0.05});
+    camera.sensor = Sensor{.pixel_pitch_um = 8.3, .gain_e_per_dn = 40.0, .read_noise_e = 20.0};
     return camera;
 }
 
@@ -34,11 +28,9 @@ Rigid moved(double x, double y, double z) {
 }
 
 TEST(TwinPhysics, PutsErrorsIntoTheParametersTheyName) {
-    CameraErrors errors;
-    errors.focal_length_percent = 0.5;
-    errors.k1_percent = 10.0;
-    errors.principal_point_px = {0.7, -0.3};
-    const CameraModel camera = with_errors(camera_with_noise(), errors);
+    const CameraModel camera = with_errors(
+        camera_with_noise(),
+        {.focal_length_percent = 0.5, .k1_percent = 10.0, .principal_point_px = {0.7, -0.3}});
     EXPECT_NEAR(camera.intrinsics.fx, 75.375, 1e-12);
     EXPECT_NEAR(camera.intrinsics.fy, 73.365, 1e-12);
     EXPECT_NEAR(camera.intrinsics.cx, 30.7, 1e-12);

@@ -45,30 +45,31 @@ TEST(Axes, AreReadWithTheirUnits) {
 
 TEST(Axes, NameFileLineAndKeyOfEveryFault) {
     const std::string x = "{name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 7}";
+    const auto linear = [](const std::string& keys) {
+        return error_of("- {name: x, kind: linear, " + keys + "}");
+    };
     EXPECT_EQ(error_of("  []\n"), "s.yml:3: axes: must have at least one axis");
     EXPECT_EQ(error_of("- " + x + "\n- " + x + "\n"),
               "s.yml:4: axes[1].name: two axes are called 'x'");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [0, 0, 0], travel: [0, 5], speed: 7}"),
+    EXPECT_EQ(linear("direction: [0, 0, 0], travel: [0, 5], speed: 7"),
               "s.yml:3: axes[0].direction: must be a direction, not zero");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [5, 5], speed: 7}"),
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [5, 5], speed: 7"),
               "s.yml:3: axes[0].travel: must be [low, high] with low < high, not [5, 5]");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 0}"),
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [0, 5], speed: 0"),
               "s.yml:3: axes[0].speed: must be between 0.0001 and 100000 mm/s, not 0");
-    EXPECT_EQ(
-        error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 1e-300}"),
-        "s.yml:3: axes[0].speed: must be between 0.0001 and 100000 mm/s, not 1e-300");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 1e300],"
-                       " speed: 7}"),
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [0, 5], speed: 1e-300"),
+              "s.yml:3: axes[0].speed: must be between 0.0001 and 100000 mm/s, not 1e-300");
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [0, 1e300], speed: 7"),
               "s.yml:3: axes[0].travel[1]: must be between -10000000 and 10000000 mm, not 1e+300");
-    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 7,"
-                       " counts_per_mm: -1e-300}"),
+    EXPECT_EQ(linear("direction: [1, 0, 0], travel: [0, 5], speed: 7, counts_per_mm: -1e-300"),
               "s.yml:3: axes[0].counts_per_mm: must be at least 0.001 in size, not -1e-300");
-    EXPECT_EQ(error_of("- {name: x, kind: rotary, direction: [1, 0, 0], point_mm: [0, 0, 0],"
-                       " travel: [0, 5], speed_deg: 7}"),
+    EXPECT_EQ(error_of("- {name: x, kind: rotary, direction: [1, 0, 0], point_mm: [0, 0, 0], "
+                       "travel: [0, 5], speed_deg: 7}"),
               "s.yml:3: axes[0].travel_deg: missing");
-    EXPECT_EQ(error_of("- {name: x, kind: rotary, direction: [1, 0, 0], travel_deg: [0, 5],"
-                       " speed_deg: 7}"),
-              "s.yml:3: axes[0].point_mm: missing");
+    EXPECT_EQ(
+        error_of(
+            "- {name: x, kind: rotary, direction: [1, 0, 0], travel_deg: [0, 5], speed_deg: 7}"),
+        "s.yml:3: axes[0].point_mm: missing");
 }
 
 TEST(Axes, AreReadWithTheirErrorsAndTheirController) {
@@ -126,30 +127,22 @@ TEST(Axes, RefuseWhatContradictsItself) {
 }
 
 TEST(SoftLimits, RefuseWhatIsOutsideAndNameTheAxis) {
-    std::vector<Axis> axes(2);
-    axes[0].name = "x";
-    axes[0].low = -7.0;
-    axes[0].high = 5.0;
-    axes[1].name = "rz";
-    axes[1].kind = Axis::Kind::rotary;
-    axes[1].low = -pi / 2;
-    axes[1].high = pi / 4;
-    const auto check = [&](std::vector<double> positions) -> std::string {
-        try {
+    const std::vector<Axis> axes = {
+        {.name = "x", .low = -7.0, .high = 5.0},
+        {.name = "rz", .kind = Axis::Kind::rotary, .low = -pi / 2, .high = pi / 4}};
+    const auto check = [&](std::vector<double> positions) {
+        return config_error_of([&] {
             require_within_limits(axes, positions, {"plan.yml", 9, "poses"});
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "";
+        });
     };
-    EXPECT_EQ(check({-7.0, pi / 4}), "");
+    EXPECT_EQ(check({-7.0, pi / 4}), "no error");
     EXPECT_EQ(check({5.25, 0.0}),
               "plan.yml:9: poses: axis x at 5.25 mm is outside its soft limits -7 mm to 5 mm");
     EXPECT_EQ(
         check({0.0, -pi}),
         "plan.yml:9: poses: axis rz at -180 deg is outside its soft limits -90 deg to 45 deg");
     EXPECT_EQ(check({0.0}), "plan.yml:9: poses: 1 positions for 2 axes");
-    EXPECT_NE(check({std::nan(""), 0.0}), "");
+    EXPECT_NE(check({std::nan(""), 0.0}), "no error");
 }
 
 }  // namespace

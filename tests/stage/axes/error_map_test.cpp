@@ -69,14 +69,10 @@ TEST(ErrorMap, NamesThePlaceOfEveryFault) {
               "m.yml:2: map[1]: the standard uncertainty -3 is negative");
     const TemporaryFolder folder;
     write_text(folder / "s.yml", "etalon: test/1\nmap: {file: x.csv}\n");
-    const auto error = [&](const std::string& table) -> std::string {
+    const auto error = [&](const std::string& table) {
         write_text(folder / "x.csv", table);
-        try {
-            map_of(folder / "s.yml", false);
-        } catch (const ConfigError& fault) {
-            return std::string(fault.what()).substr((folder / "x.csv").string().size());
-        }
-        return "no error";
+        return config_error_of([&] { map_of(folder / "s.yml", false); })
+            .substr((folder / "x.csv").string().size());
     };
     EXPECT_EQ(error("position_deg,error_deg,uncertainty_deg\n1,2,3\n2,3,4\n"),
               ":1: the first line must be 'position_mm,error_um,uncertainty_um'");

@@ -3,9 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "core/statistics/random.h"
-#include "stage/link/modbus_link.h"
-
 namespace etalon {
 namespace {
 
@@ -20,19 +17,12 @@ std::uint16_t content_of(int address) {
 
 struct Rig {
     explicit Rig(bool serial)
-        : link(settings(serial), clock,
+        : link(memory_link(serial), clock,
                std::make_unique<MemoryTransport>(controller, clock, serial)) {
         std::vector<std::uint16_t> values;
         for (int i = 0; i < register_count; ++i)
             values.push_back(content_of(first_register + i));
         link.write(1, RegisterSpace::holding_registers, first_register, values);
-    }
-
-    static StageLink settings(bool serial) {
-        StageLink link{.response_timeout = 100ms, .quiet = 250ms};
-        if (serial)
-            link.address = SerialPort{.device = "in memory"};
-        return link;
     }
 
     VirtualClock clock;

@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/error_text.h"
+
 namespace etalon {
 namespace {
 
@@ -21,12 +23,7 @@ StageLink read(const std::string& text, const LinkDefaults& defaults = {}) {
 }
 
 std::string fault(const std::string& text) {
-    try {
-        read(text);
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "";
+    return config_error_of([&] { read(text); });
 }
 
 TEST(StageLink, ReadsATcpAddress) {
@@ -65,12 +62,7 @@ TEST(StageLink, TakesFromTheProfileWhatTheStationLeavesOut) {
 }
 
 std::string fault_of_defaults(const std::string& text) {
-    try {
-        read_link_defaults(file_with(text).root().at("link"));
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "";
+    return config_error_of([&] { read_link_defaults(file_with(text).root().at("link")); });
 }
 
 // A reply may take as long as the response time-out: a line that was quiet for less can bring one.
@@ -78,15 +70,15 @@ TEST(StageLink, RefusesALineThatIsTakenForQuietBeforeAReplyIsLate) {
     EXPECT_EQ(fault("{device: /dev/ttyS3, response_timeout_ms: 190, quiet_ms: 189}"),
               "s.yaml:2: link.quiet_ms: quiet_ms (189) may not be shorter than response_timeout_ms "
               "(190): a late reply would be taken for the next one's");
-    EXPECT_EQ(fault("{device: /dev/ttyS3, response_timeout_ms: 190, quiet_ms: 190}"), "");
+    EXPECT_EQ(fault("{device: /dev/ttyS3, response_timeout_ms: 190, quiet_ms: 190}"), "no error");
     EXPECT_THAT(fault("{device: /dev/ttyS3, response_timeout_ms: 301}"),
                 HasSubstr("s.yaml:2: link.response_timeout_ms: quiet_ms (300) may not"));
-    EXPECT_EQ(fault("{host: a, port: 7, response_timeout_ms: 700}"), "") << "TCP drains nothing";
+    EXPECT_EQ(fault("{host: a, port: 7, response_timeout_ms: 700}"), "no error") << "no draining";
     EXPECT_THAT(fault_of_defaults("{transport: rtu, response_timeout_ms: 170, quiet_ms: 110}"),
                 HasSubstr("s.yaml:2: link.quiet_ms: quiet_ms (110) may not"));
     EXPECT_THAT(fault_of_defaults("{transport: rtu, response_timeout_ms: 700}"),
                 HasSubstr("link.response_timeout_ms: quiet_ms (300) may not"));
-    EXPECT_EQ(fault_of_defaults("{transport: tcp, response_timeout_ms: 700}"), "");
+    EXPECT_EQ(fault_of_defaults("{transport: tcp, response_timeout_ms: 700}"), "no error");
 }
 
 TEST(StageLink, RefusesWhatNoLinkCanBe) {

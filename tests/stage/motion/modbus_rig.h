@@ -2,8 +2,9 @@
 #pragma once
 
 #include "mocks/stage/modbus_controller.h"
-#include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
+#include "tests/error_text.h"
+#include "tests/fakes/fast_axes.h"
 #include "tests/fakes/memory_transport.h"
 
 namespace etalon::test {
@@ -57,17 +58,17 @@ watchdog: ~
 done: {tolerance_um: 20, tolerance_deg: 0.02, start_seen: true}
 )";
 
-inline std::vector<Axis> two_axes() {
-    return {{.name = "x", .low = -7.0, .high = 700.0, .speed = 200.0},
-            {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 2.0}};
+inline std::string error_of_move(Stage& stage, const std::vector<double>& target,
+                                 const std::stop_token& stop = {}) {
+    return device_error_of([&] { stage.move(target, stop); });
 }
 
 class Rig {
 public:
-    explicit Rig(const std::string& profile_text, std::vector<Axis> axes = two_axes())
+    explicit Rig(const std::string& profile_text, std::vector<Axis> axes = fast_axes())
         : Rig(stage_profile_from_text(profile_text, "p.yaml"), std::move(axes)) {}
     explicit Rig(StageProfile profile_ = builtin_stage_profile("generic"),
-                 std::vector<Axis> axes = two_axes())
+                 std::vector<Axis> axes = fast_axes())
         : profile(std::move(profile_)), simulation(std::move(axes), {}, clock) {}
 
     std::unique_ptr<Stage> connect(Opening opening = Opening::asks) {
@@ -108,6 +109,11 @@ public:
     // With once_beyond():
     bool happened = false;
     std::vector<ModbusRequest> requests;  // since it happened
+};
+
+struct HomedRig : Rig {
+    using Rig::Rig;
+    std::unique_ptr<Stage> stage = connect_and_home();
 };
 
 inline bool writes_to(const ModbusRequest& request, int address) {

@@ -2,16 +2,16 @@
 // units on one bus, and what ends a motion. Over real sockets: tests/loopback/stage_test.cpp.
 #include "stage/motion/modbus_stage.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <set>
 
-#include "tests/error_text.h"
 #include "tests/stage/motion/modbus_rig.h"
 
 namespace etalon {
 namespace {
 
+using testing::HasSubstr;
 using namespace std::chrono_literals;
 using namespace test;
 
@@ -62,27 +62,42 @@ TEST(ModbusStageProfiles, AnAlarmIsSeenThroughAnInvertedInputAndReset) {
     EXPECT_EQ(stage->status()[1].alarm, 0);
 }
 
+// The error of `act`, which gives one command. Its reply is lost; it is never given again.
+std::string error_of_lost_reply(Rig& rig, bool carried_out,
+                                const std::function<bool(const ModbusRequest&)>& is_command,
+                                const std::function<void()>& act) {
+    int commands = 0;
+    rig.controller.set_script([&](const ModbusRequest& request) {
+        const bool lost = is_command(request);
+        commands += lost;
+        return ModbusReaction{.carry_out = carried_out || !lost, .reply = !lost};
+    });
+    const std::string error = device_error_of(act);
+    rig.controller.set_script([](const ModbusRequest&) { return ModbusReaction{}; });
+    EXPECT_EQ(commands, 1);
+    EXPECT_EQ(error == "no error", carried_out) << error;
+    return error;
+}
+
+bool gives_code(const ModbusRequest& request, int code) {
+    return writes_to(request, 0x6002) && request.values[0] == code;
+}
+
 TEST(ModbusStageProfiles, AStartByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
     for (const bool carried_out : {true, false}) {
-        Rig rig(by_code);
-        int starts = 0;
-        auto stage = rig.connect_and_home();
-        rig.controller.set_script([&](const ModbusRequest& request) {
-            const bool start = writes_to(request, 0x6002) && request.values[0] == 0x10;
-            starts += start;
-            return ModbusReaction{.carry_out = carried_out || !start, .reply = !start};
-        });
-        const std::string error = device_error_of([&] { stage->move(std::vector{70.0, 0.5}, {}); });
-        EXPECT_EQ(starts, 1);
+        HomedRig rig(by_code);
+        const std::string error = error_of_lost_reply(
+            rig, carried_out, [](const ModbusRequest& r) { return gives_code(r, 0x10); },
+            [&] {
+                rig.stage->move(std::vector{70.0, 0.5}, {});
+            });
         EXPECT_FALSE(rig.simulation.is_moving());
         if (carried_out) {
-            EXPECT_EQ(error, "no error");
-            EXPECT_NEAR(stage->position()[0], 70.0, 0.003);
+            EXPECT_NEAR(rig.stage->position()[0], 70.0, 0.003);
         } else {
-            EXPECT_TRUE(has(error,
-                            "no axis was seen to start; it is not given again; the axes "
-                            "were stopped"))
-                << error;
+            EXPECT_THAT(error,
+                        HasSubstr("no axis was seen to start; it is not given again; the axes "
+                                  "were stopped"));
             EXPECT_NEAR(rig.simulation.true_positions()[0], 0.0, 1e-9);
         }
     }
@@ -91,33 +106,20 @@ TEST(ModbusStageProfiles, AStartByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
 TEST(ModbusStageProfiles, AHomingByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
     for (const bool carried_out : {true, false}) {
         Rig rig(by_code);
-        int homings = 0;
         auto stage = rig.connect();
         stage->enable({});
-        rig.controller.set_script([&](const ModbusRequest& request) {
-            const bool home = writes_to(request, 0x6002) && request.values[0] == 0x20;
-            homings += home;
-            return ModbusReaction{.carry_out = carried_out || !home, .reply = !home};
-        });
-        const std::string error = device_error_of([&] { stage->home({}); });
-        EXPECT_EQ(homings, 1);
-        EXPECT_EQ(error == "no error", carried_out) << error;
+        error_of_lost_reply(
+            rig, carried_out, [](const ModbusRequest& r) { return gives_code(r, 0x20); },
+            [&] { stage->home({}); });
     }
 }
 
 TEST(ModbusStageProfiles, ATargetThatStartsAndWhoseReplyIsLostIsSeenAndNotRepeated) {
     for (const bool carried_out : {true, false}) {
-        Rig rig(by_target, {two_axes()[0]});
-        int targets = 0;
-        auto stage = rig.connect_and_home();
-        rig.controller.set_script([&](const ModbusRequest& request) {
-            const bool target = writes_to(request, 100);
-            targets += target;
-            return ModbusReaction{.carry_out = carried_out || !target, .reply = !target};
-        });
-        const std::string error = device_error_of([&] { stage->move(std::vector{70.0}, {}); });
-        EXPECT_EQ(targets, 1);
-        EXPECT_EQ(error == "no error", carried_out) << error;
+        HomedRig rig(by_target, {fast_axes()[0]});
+        error_of_lost_reply(
+            rig, carried_out, [](const ModbusRequest& r) { return writes_to(r, 100); },
+            [&] { rig.stage->move(std::vector{70.0}, {}); });
         EXPECT_FALSE(rig.simulation.is_moving());
     }
 }
@@ -125,11 +127,10 @@ TEST(ModbusStageProfiles, ATargetThatStartsAndWhoseReplyIsLostIsSeenAndNotRepeat
 TEST(ModbusStageProfiles, AnAlarmWithoutItsCodeIsSaidSo) {
     StageProfile profile = builtin_stage_profile("generic");
     profile.alarm_code.reset();
-    Rig rig(profile);
-    auto stage = rig.connect_and_home();
+    HomedRig rig(profile);
     rig.once_beyond(20.0, [&] { rig.simulation.raise_alarm(17); });
-    const std::string error = device_error_of([&] { stage->move(std::vector{600.0, 1.0}, {}); });
-    EXPECT_TRUE(has(error, "axis x: alarm without a code; the axes were stopped")) << error;
+    EXPECT_THAT(error_of_move(*rig.stage, {600.0, 1.0}),
+                HasSubstr("axis x: alarm without a code; the axes were stopped"));
 }
 
 TEST(ModbusStageProfiles, OtherBitsOfAnInputsRegisterStayAsTheyWere) {
@@ -147,13 +148,12 @@ TEST(ModbusStageProfiles, OtherBitsOfAnInputsRegisterStayAsTheyWere) {
 
 // A start bit that somebody left on would be no edge.
 TEST(ModbusStageProfiles, AnEdgeThatIsOnAlreadyGoesOffFirst) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage.reset();
+    HomedRig rig;
+    rig.stage.reset();
     rig.controller.handle({.function = 6, .address = command, .count = 1, .values = {0x5}});
-    stage = rig.connect_and_home();
-    stage->move(std::vector{7.0, 0.5}, {});
-    EXPECT_NEAR(stage->position()[0], 7.0, 1e-9);
+    rig.stage = rig.connect_and_home();
+    rig.stage->move(std::vector{7.0, 0.5}, {});
+    EXPECT_NEAR(rig.stage->position()[0], 7.0, 1e-9);
 }
 
 // ---- what ends a motion
@@ -170,16 +170,15 @@ void PrintTo(const Disturbance& disturbance, std::ostream* stream) {
 class ADisturbedMove : public testing::TestWithParam<Disturbance> {};
 
 TEST_P(ADisturbedMove, IsStoppedWithTheNextRequestAndSaysWhy) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     rig.once_beyond(20.0, [&] { GetParam().happens(rig.simulation); });
-    const std::string error = device_error_of([&] { stage->move(std::vector{600.0, 1.0}, {}); });
-    EXPECT_TRUE(has(error, std::string("move: ") + GetParam().cause)) << error;
-    EXPECT_TRUE(has(error, "; the axes were stopped")) << error;
+    const std::string error = error_of_move(*rig.stage, {600.0, 1.0});
+    EXPECT_THAT(error, HasSubstr(std::string("move: ") + GetParam().cause));
+    EXPECT_THAT(error, HasSubstr("; the axes were stopped"));
     ASSERT_FALSE(rig.requests.empty());
     EXPECT_TRUE(gives(rig.requests.front(), stop_bit));
     EXPECT_FALSE(rig.simulation.is_moving());
-    EXPECT_TRUE(has(device_error_of([&] { stage->move(std::vector{7.0, 0.5}, {}); }), "faulted"));
+    EXPECT_THAT(error_of_move(*rig.stage, {7.0, 0.5}), HasSubstr("faulted"));
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -206,36 +205,31 @@ void stop_from_elsewhere(Rig& rig) {
 }
 
 TEST(ModbusStageMoves, AStopByAnotherMasterEndsTheMove) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     rig.once_beyond(20.0, [&] { stop_from_elsewhere(rig); });
     const Instant begin = rig.clock.now();
-    const std::string error = device_error_of([&] { stage->move(std::vector{600.0, 1.0}, {}); });
-    EXPECT_TRUE(has(error,
-                    "move: another program or the operator stopped the stage: command register "
-                    "200 reads 0x1 and was left at 0x5; the axes were stopped"))
-        << error;
+    EXPECT_THAT(
+        error_of_move(*rig.stage, {600.0, 1.0}),
+        HasSubstr("move: another program or the operator stopped the stage: command register "
+                  "200 reads 0x1 and was left at 0x5; the axes were stopped"));
     EXPECT_LT(rig.clock.now() - begin, 500ms);
     EXPECT_LT(rig.simulation.true_positions()[0], 100.0);
 }
 
 // By a panel: the commands read as they were left.
 TEST(ModbusStageMoves, AStopThatNoCommandTellsEndsTheMoveAtItsTimeLimit) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     rig.once_beyond(20.0, [&] { rig.simulation.stop(); });
-    const std::string error = device_error_of([&] { stage->move(std::vector{600.0, 1.0}, {}); });
-    EXPECT_TRUE(has(error, "; nothing moves: another program or the operator may have stopped it"))
-        << error;
+    EXPECT_THAT(error_of_move(*rig.stage, {600.0, 1.0}),
+                HasSubstr("; nothing moves: another program or the operator may have stopped it"));
 }
 
 TEST(ModbusStageMoves, AStopByAnotherMasterAtRestKeepsTheNextMoveFromStarting) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{70.0, 0.5}, {});
+    HomedRig rig;
+    rig.stage->move(std::vector{70.0, 0.5}, {});
     stop_from_elsewhere(rig);
-    const std::string error = device_error_of([&] { stage->move(std::vector{50.0, 1.0}, {}); });
-    EXPECT_TRUE(has(error, "another program or the operator stopped the stage")) << error;
+    EXPECT_THAT(error_of_move(*rig.stage, {50.0, 1.0}),
+                HasSubstr("another program or the operator stopped the stage"));
     EXPECT_EQ(rig.simulation.moves_started(), 1);
     EXPECT_NEAR(rig.simulation.true_positions()[0], 70.0, 1e-3);
 }
@@ -260,44 +254,40 @@ TEST(ModbusStageMoves, AFalseInPositionIsNoArrival) {
 }
 
 TEST(ModbusStageMoves, NothingStartsFromWhereTheAxesWereNotLeft) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{70.0, 0.5}, {});
+    HomedRig rig;
+    rig.stage->move(std::vector{70.0, 0.5}, {});
     rig.simulation.jump_encoder(0, 0.02);
     const std::size_t before = rig.controller.writes().size();
-    const std::string error = device_error_of([&] { stage->move(std::vector{50.0, 0.5}, {}); });
-    EXPECT_TRUE(has(error, "the axes are not where they were left: x at 70.0200 mm")) << error;
+    EXPECT_THAT(error_of_move(*rig.stage, {50.0, 0.5}),
+                HasSubstr("the axes are not where they were left: x at 70.0200 mm"));
     for (const ModbusRequest& request : rig.writes_since(before))
         EXPECT_FALSE(gives(request, start_bit));
 }
 
 // So does reading: at the last pose of a run nothing starts any more.
 TEST(ModbusStageMoves, APushedAxisIsNoticedWhenThePositionsAreRead) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{70.0, 0.5}, {});
-    EXPECT_NEAR(stage->position()[1], 0.5, 1e-6);
+    HomedRig rig;
+    rig.stage->move(std::vector{70.0, 0.5}, {});
+    EXPECT_NEAR(rig.stage->position()[1], 0.5, 1e-6);
     rig.simulation.jump_encoder(0, 0.02);
-    const std::string error = device_error_of([&] { stage->position(); });
-    EXPECT_TRUE(
-        has(error, "read the positions: the axes are not where they were left: x at 70.0200 mm"))
-        << error;
-    EXPECT_NO_THROW(stage->status()) << "looking is allowed";
+    const std::string error = device_error_of([&] { rig.stage->position(); });
+    EXPECT_THAT(
+        error,
+        HasSubstr("read the positions: the axes are not where they were left: x at 70.0200 mm"));
+    EXPECT_NO_THROW(rig.stage->status()) << "looking is allowed";
 }
 
 TEST(ModbusStageMoves, NothingStartsWhenInterruptedBefore) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     std::stop_source interrupt;
     interrupt.request_stop();
-    EXPECT_THROW(stage->move(std::vector{70.0, 0.5}, interrupt.get_token()), Interrupted);
+    EXPECT_THROW(rig.stage->move(std::vector{70.0, 0.5}, interrupt.get_token()), Interrupted);
     EXPECT_EQ(rig.simulation.moves_started(), 0);
-    stage->move(std::vector{7.0, 0.5}, {});
+    rig.stage->move(std::vector{7.0, 0.5}, {});
 }
 
 TEST(ModbusStageMoves, AnInterruptionSaysWhenItsStopWasNotConfirmed) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
+    HomedRig rig;
     std::stop_source interrupt;
     rig.once_beyond(20.0, [&] {
         interrupt.request_stop();
@@ -306,56 +296,50 @@ TEST(ModbusStageMoves, AnInterruptionSaysWhenItsStopWasNotConfirmed) {
             return ModbusReaction{.carry_out = read, .reply = read};
         });
     });
-    const std::string error = device_error_of([&] {
-        stage->move(std::vector{600.0, 1.0}, interrupt.get_token());
-    });
-    EXPECT_TRUE(has(error, "interrupted; the stop was NOT confirmed")) << error;
-    EXPECT_TRUE(has(device_error_of([&] { stage->move(std::vector{7.0, 0.5}, {}); }), "faulted"));
+    EXPECT_THAT(error_of_move(*rig.stage, {600.0, 1.0}, interrupt.get_token()),
+                HasSubstr("interrupted; the stop was NOT confirmed"));
+    EXPECT_THAT(error_of_move(*rig.stage, {7.0, 0.5}), HasSubstr("faulted"));
 }
 
 // While it is on the controller ignores homing, and says "homed" since an earlier one.
 TEST(ModbusStageMoves, AStopThatWasLeftOnIsEndedBeforeHoming) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->move(std::vector{70.0, 0.5}, {});
-    stage.reset();
+    HomedRig rig;
+    rig.stage->move(std::vector{70.0, 0.5}, {});
+    rig.stage.reset();
     rig.controller.handle(
         {.function = 6, .address = command, .count = 1, .values = {enable_bit | stop_bit}});
-    EXPECT_TRUE(has(device_error_of([&] { rig.connect()->resume(); }), "stop is still on"));
-    stage = rig.connect_and_home();
+    EXPECT_THAT(device_error_of([&] { rig.connect()->resume(); }), HasSubstr("stop is still on"));
+    rig.stage = rig.connect_and_home();
     EXPECT_NEAR(rig.simulation.true_positions()[0], 0.0, 1e-9);
-    stage->move(std::vector{7.0, 0.5}, {});
+    rig.stage->move(std::vector{7.0, 0.5}, {});
 }
 
 TEST(ModbusStageMoves, TheWatchdogIsFedWhileALongMoveLasts) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->limit_speed(0.1);  // 680 mm at 20 mm/s: 34 s with a watchdog of 1.5 s
-    stage->move(std::vector{680.0, 0.5}, {});
+    HomedRig rig;
+    rig.stage->limit_speed(0.1);  // 680 mm at 20 mm/s: 34 s with a watchdog of 1.5 s
+    rig.stage->move(std::vector{680.0, 0.5}, {});
     EXPECT_GT(rig.simulation.uptime(), 34s);
-    EXPECT_NEAR(stage->position()[0], 680.0, 1e-3);
+    EXPECT_NEAR(rig.stage->position()[0], 680.0, 1e-3);
 }
 
 TEST(ModbusStageMoves, ALimitedSpeedIsWhatTheControllerIsTold) {
-    Rig rig;
-    auto stage = rig.connect_and_home();
-    stage->limit_speed(0.25);
+    HomedRig rig;
+    rig.stage->limit_speed(0.25);
     const Instant start = rig.clock.now();
-    stage->move(std::vector{100.0, 0.0}, {});  // at 50 mm/s
+    rig.stage->move(std::vector{100.0, 0.0}, {});  // at 50 mm/s
     EXPECT_NEAR(std::chrono::duration<double>(rig.clock.now() - start).count(), 2.07, 0.05);
-    EXPECT_THROW(stage->limit_speed(0.0), ConfigError);
-    EXPECT_THROW(stage->limit_speed(1.01), ConfigError);
+    EXPECT_THROW(rig.stage->limit_speed(0.0), ConfigError);
+    EXPECT_THROW(rig.stage->limit_speed(1.01), ConfigError);
 }
 
 // ---- several units on one bus
 
 TEST(ModbusStageUnits, AllTargetsAreWrittenBeforeAnyUnitStarts) {
-    Rig rig(builtin_stage_profile("generic"), three_units());
-    auto stage = rig.connect_and_home();
+    HomedRig rig(builtin_stage_profile("generic"), three_units());
     const std::size_t before = rig.controller.writes().size();
-    stage->move(std::vector{70.0, 50.0, 30.0}, {});
-    EXPECT_NEAR(stage->position()[0], 70.0, 1e-9);
-    EXPECT_NEAR(stage->position()[2], 30.0, 1e-9);
+    rig.stage->move(std::vector{70.0, 50.0, 30.0}, {});
+    EXPECT_NEAR(rig.stage->position()[0], 70.0, 1e-9);
+    EXPECT_NEAR(rig.stage->position()[2], 30.0, 1e-9);
     std::vector<int> targets, starts;
     for (const ModbusRequest& request : rig.writes_since(before)) {
         if (writes_to(request, 100)) {
@@ -370,13 +354,10 @@ TEST(ModbusStageUnits, AllTargetsAreWrittenBeforeAnyUnitStarts) {
 }
 
 TEST(ModbusStageUnits, AnAlarmOfOneStopsAll) {
-    Rig rig(builtin_stage_profile("generic"), three_units());
-    auto stage = rig.connect_and_home();
+    HomedRig rig(builtin_stage_profile("generic"), three_units());
     rig.once_beyond(20.0, [&] { rig.simulation.raise_alarm(17, 1); });
-    const std::string error = device_error_of([&] {
-        stage->move(std::vector{600.0, 400.0, 200.0}, {});
-    });
-    EXPECT_TRUE(has(error, "axis y: alarm 17; the axes were stopped")) << error;
+    EXPECT_THAT(error_of_move(*rig.stage, {600.0, 400.0, 200.0}),
+                HasSubstr("axis y: alarm 17; the axes were stopped"));
     EXPECT_FALSE(rig.simulation.is_moving());
     EXPECT_LT(rig.simulation.true_positions()[0], 50.0);
 }
@@ -395,10 +376,8 @@ TEST(ModbusStageUnits, ASilentOneKeepsNoOtherFromBeingStopped) {
         return ModbusReaction{.carry_out = !lost, .reply = !lost};
     });
     const Instant start = rig.clock.now();
-    const std::string error = device_error_of([&] {
-        stage->move(std::vector{600.0, 400.0, 200.0}, {});
-    });
-    EXPECT_TRUE(has(error, "no answer within 100 ms; the stop was NOT confirmed")) << error;
+    EXPECT_THAT(error_of_move(*stage, {600.0, 400.0, 200.0}),
+                HasSubstr("no answer within 100 ms; the stop was NOT confirmed"));
     EXPECT_EQ(stopped, (std::set{3, 7}));
     EXPECT_LT(rig.clock.now() - start, 3500ms);
     EXPECT_FALSE(rig.simulation.is_moving());
@@ -406,13 +385,12 @@ TEST(ModbusStageUnits, ASilentOneKeepsNoOtherFromBeingStopped) {
 
 // As `etalon stage move --trace | head`.
 TEST(ModbusStageUnits, ATraceThatCannotBeWrittenKeepsNoneFromBeingStopped) {
-    Rig rig(builtin_stage_profile("generic"), three_units());
-    auto stage = rig.connect_and_home();
-    stage->set_trace([&](const std::string&) {
+    HomedRig rig(builtin_stage_profile("generic"), three_units());
+    rig.stage->set_trace([&](const std::string&) {
         if (rig.simulation.true_positions()[0] > 20.0)
             throw std::runtime_error("broken pipe");
     });
-    EXPECT_THROW(stage->move(std::vector{600.0, 400.0, 200.0}, {}), std::runtime_error);
+    EXPECT_THROW(rig.stage->move(std::vector{600.0, 400.0, 200.0}, {}), std::runtime_error);
     EXPECT_FALSE(rig.simulation.is_moving());
     EXPECT_LT(rig.simulation.true_positions()[0], 50.0);
 }

@@ -7,6 +7,7 @@
 #include "core/statistics/random.h"
 #include "stage/motion/modbus_stage.h"
 #include "stage/motion/motion_guard.h"
+#include "tests/fakes/fast_axes.h"
 #include "tests/fakes/memory_transport.h"
 
 namespace etalon {
@@ -16,37 +17,17 @@ using namespace std::chrono_literals;
 using Kind = ModbusFault::Kind;
 
 constexpr int moves = 10'000;
-constexpr auto response_timeout = 100ms, quiet = 250ms;  // replies come up to `quiet` late
+// A faulty wire brings replies up to `quiet` late.
+const auto response_timeout = memory_link(true).response_timeout, quiet = memory_link(true).quiet;
 constexpr int kinds = 8;
 constexpr std::array<const char*, kinds> kind_names = {"late reply", "silence",  "exception",
                                                        "garbage",    "wrong id", "half-open",
                                                        "slow bytes", "reset"};
 
-// x: 200 mm/s; rz: 2 rad/s. What a profile leaves to the axis: 800 pulses per mm and 5 mm per turn,
-// 100 per degree, counting backwards, and 90 degrees per turn; a unit each where a unit has one
-// axis.
-std::vector<Axis> axes_for(const StageProfile& profile) {
-    std::vector<Axis> axes = {
-        {.name = "x", .low = -7.0, .high = 70.0, .speed = 200.0},
-        {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 2.0}};
-    if (profile.max_axes == 1) {
-        axes[0].unit = 3;
-        axes[1].unit = 5;
-    }
-    if (!profile.counts.per_mm) {
-        axes[0].counts_per_unit = 800.0;
-        axes[0].lead = 5.0;
-        axes[1].counts_per_unit = -100.0 * 180.0 / std::numbers::pi;
-        axes[1].lead = 0.5 * std::numbers::pi;
-    }
+std::vector<Axis> short_axes() {
+    std::vector<Axis> axes = fast_axes();
+    axes[0].high = 70.0;
     return axes;
-}
-
-StageLink link_for(bool serial) {
-    StageLink link{.response_timeout = response_timeout, .quiet = quiet};
-    if (serial)
-        link.address = SerialPort{.device = "in memory"};
-    return link;
 }
 
 // How often the wire fails, and for how many requests in a row at most.
@@ -147,7 +128,7 @@ class Rig {
 public:
     Rig(const std::string& name, bool serial, MotionRules rules = {}, Trouble trouble = {})
         : profile(builtin_stage_profile(name)),
-          axes(axes_for(profile)),
+          axes(axes_for(profile, short_axes())),
           wire(profile, trouble),
           rules_(std::move(rules)),
           serial_(serial) {
@@ -187,7 +168,7 @@ private:
     void connect() {
         ++figures.clients;
         client_ = std::make_unique<LimitedStage>(
-            open_modbus_stage(link_for(serial_), profile, axes, clock_,
+            open_modbus_stage(memory_link(serial_), profile, axes, clock_,
                               std::make_unique<MemoryTransport>(controller_, clock_, serial_)),
             rules_);
         try {

@@ -1,12 +1,12 @@
 // The client of a stage whose machine was suspended, and one whose line somebody else chatters on.
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
-#include "tests/error_text.h"
 #include "tests/stage/motion/modbus_rig.h"
 
 namespace etalon {
 namespace {
 
+using testing::HasSubstr;
 using namespace std::chrono_literals;
 using namespace test;
 
@@ -36,25 +36,27 @@ void suspend(Rig& rig, MonotonicClock& clock) {
     clock.suspended += 1h;
 }
 
+std::unique_ptr<Stage> connect_and_home(Rig& rig, Clock& clock) {
+    auto stage = open_modbus_stage(
+        StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(), clock,
+        std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
+    stage->enable({});
+    stage->home({});
+    return stage;
+}
+
 TEST(ModbusStageMoves, AMachineSuspendedInMidMoveFindsTheWatchdogsAlarmOrAnAxisTooFar) {
     for (const bool watched : {true, false}) {
         Rig rig;
         if (!watched)
             rig.profile.watchdog.reset();
         MonotonicClock clock(rig.clock);
-        const auto stage = open_modbus_stage(
-            StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(), clock,
-            std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
-        stage->enable({});
-        stage->home({});
+        const auto stage = connect_and_home(rig, clock);
         rig.once_beyond(20.0, [&] { suspend(rig, clock); });
-        const std::string error = device_error_of([&] {
-            stage->move(std::vector{600.0, 1.0}, {});
-        });
-        EXPECT_TRUE(has(error, watched ? "alarm 3 (watchdog expired while moving)"
-                                       : "axis x cannot have come so far in "))
-            << error;
-        EXPECT_TRUE(has(error, "; the axes were stopped")) << error;
+        const std::string error = error_of_move(*stage, {600.0, 1.0});
+        EXPECT_THAT(error, HasSubstr(watched ? "alarm 3 (watchdog expired while moving)"
+                                             : "axis x cannot have come so far in "));
+        EXPECT_THAT(error, HasSubstr("; the axes were stopped"));
         EXPECT_EQ(rig.simulation.true_positions()[0] < 400.0, watched);
     }
 }
@@ -62,11 +64,7 @@ TEST(ModbusStageMoves, AMachineSuspendedInMidMoveFindsTheWatchdogsAlarmOrAnAxisT
 TEST(ModbusStageMoves, AMachineSuspendedAtRestGoesOn) {
     Rig rig;
     MonotonicClock clock(rig.clock);
-    const auto stage = open_modbus_stage(
-        StageLink{.response_timeout = 100ms}, rig.profile, rig.simulation.axes(), clock,
-        std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
-    stage->enable({});
-    stage->home({});
+    const auto stage = connect_and_home(rig, clock);
     stage->move(std::vector{70.0, 0.5}, {});
     suspend(rig, clock);
     stage->move(std::vector{30.0, 1.0}, {});

@@ -1,12 +1,12 @@
 // A controller that does not tell whether its axes are homed.
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
-#include "tests/error_text.h"
 #include "tests/stage/motion/modbus_rig.h"
 
 namespace etalon {
 namespace {
 
+using testing::HasSubstr;
 using namespace std::chrono_literals;
 using namespace test;
 
@@ -26,7 +26,7 @@ protected:
         });
     }
 
-    std::vector<Axis> axes = {two_axes()[0]};
+    std::vector<Axis> axes = {fast_axes()[0]};
     std::unique_ptr<Rig> rig;
     int homings = 0;
 };
@@ -41,11 +41,11 @@ TEST_F(ATacitController, IsNotTakenForHomedBecauseItRests) {
     auto stage = rig->connect();
     stage->enable({});
     const std::string error = device_error_of([&] { stage->home({}); });
-    EXPECT_TRUE(has(error,
-                    "home: axis x did not move, and its controller does not tell whether it is "
-                    "homed"))
-        << error;
-    EXPECT_TRUE(has(error, "--homed")) << error;
+    EXPECT_THAT(
+        error,
+        HasSubstr("home: axis x did not move, and its controller does not tell whether it is "
+                  "homed"));
+    EXPECT_THAT(error, HasSubstr("--homed"));
     EXPECT_EQ(homings, 1);
     EXPECT_THROW(stage->move(std::vector{7.0}, {}), DeviceError);
     EXPECT_EQ(rig->simulation.moves_started(), 0);
@@ -63,7 +63,8 @@ TEST_F(ATacitController, StandsAtItsZeroWhenTheOperatorSaysSo) {
 TEST_F(ATacitController, IsMovedByHandOnTheOperatorsWordAlone) {
     rig->connect_and_home();
     auto stage = rig->connect();
-    EXPECT_TRUE(has(device_error_of([&] { stage->resume(); }), "say that they are (--homed)"));
+    EXPECT_THAT(device_error_of([&] { stage->resume(); }),
+                HasSubstr("say that they are (--homed)"));
     EXPECT_THROW(stage->move(std::vector{7.0}, {}), DeviceError);
     stage->take_for_homed();
     stage->resume();
@@ -77,7 +78,7 @@ TEST(ModbusStageMoves, AControllerThatSaysItIsNotHomedIsBelieved) {
     auto stage = rig.connect();
     stage->enable({});
     stage->take_for_homed();
-    EXPECT_TRUE(has(device_error_of([&] { stage->resume(); }), "axis x is not homed"));
+    EXPECT_THAT(device_error_of([&] { stage->resume(); }), HasSubstr("axis x is not homed"));
 }
 
 }  // namespace

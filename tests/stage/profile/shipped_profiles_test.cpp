@@ -36,6 +36,9 @@ TEST_P(ShippedProfile, IsCompleteBuiltInAndAsAFile) {
     EXPECT_EQ(file.about, profile.about);
     EXPECT_EQ(file.position.address, profile.position.address);
     EXPECT_EQ(file.unconfirmed, profile.unconfirmed);
+    EXPECT_EQ(file.max_axes, profile.max_axes);
+    EXPECT_EQ(file.inputs.at(Input::stop).bit, profile.inputs.at(Input::stop).bit);
+    EXPECT_EQ(file.alarms, profile.alarms);
 }
 
 TEST_P(ShippedProfile, SaysWhatItIsAndWhereThatComesFrom) {

@@ -6,7 +6,6 @@
 
 #include "core/file/sha256.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -6,9 +6,6 @@
 #pragma once
 
 #include <algorithm>
-#include <filesystem>
-#include <string>
-#include <string_view>
 
 #include "calib/camera/lens_projection.h"
 #include "core/image/image.h"

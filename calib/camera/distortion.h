@@ -5,8 +5,6 @@
 // Says nothing about where the model may be used: see calib/camera/valid_region.h.
 #pragma once
 
-#include <Eigen/Core>
-
 #include "calib/camera/camera_model.h"
 
 namespace etalon {

@@ -4,7 +4,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>  // homogeneous()
-#include <cmath>
 
 #include "calib/camera/valid_region.h"
 #include "core/optimize/root_search.h"

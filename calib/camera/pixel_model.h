@@ -5,10 +5,8 @@
 // which is the one to use for everything else. Its tests hold the two together.
 #pragma once
 
-#include <Eigen/Core>
 #include <Eigen/Geometry>  // homogeneous()
 #include <Eigen/LU>        // determinant()
-#include <optional>
 
 #include "calib/camera/lens_projection.h"
 

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>  // homogeneous()
-#include <Eigen/LU>
 
 #include "core/geometry/rigid.h"
 #include "core/optimize/root_search.h"

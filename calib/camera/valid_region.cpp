@@ -1,10 +1,7 @@
 #include "calib/camera/valid_region.h"
 
 #include <Eigen/Eigenvalues>
-#include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numbers>
 
 #include "calib/camera/distortion.h"
 

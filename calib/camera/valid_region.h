@@ -8,9 +8,6 @@
 // by bisection. Between directions it is interpolated: good to about 1e-4 of its radius.
 #pragma once
 
-#include <Eigen/Core>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 
 namespace etalon {

@@ -4,15 +4,11 @@
 #include <fmt/ranges.h>
 
 #include <Eigen/Eigenvalues>
-#include <numbers>
-#include <span>
 
 #include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_file.h"
 #include "core/config/csv_file.h"
-#include "core/config/strict_reader.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -3,10 +3,6 @@
 // read as cameras without lens and sensor sections.
 #pragma once
 
-#include <filesystem>
-#include <opencv2/core.hpp>
-#include <optional>
-
 #include "calib/camera/camera_model.h"
 
 namespace etalon {

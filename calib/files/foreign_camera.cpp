@@ -2,12 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-
 #include "calib/files/foreign_file.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

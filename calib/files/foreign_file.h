@@ -3,7 +3,6 @@
 #pragma once
 
 #include <functional>
-#include <initializer_list>
 
 #include "calib/camera/camera_model.h"
 #include "core/config/strict_reader.h"

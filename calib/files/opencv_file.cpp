@@ -21,9 +21,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-#include <opencv2/core.hpp>
 #include <regex>
 
 #include "core/file/text.h"

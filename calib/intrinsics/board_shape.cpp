@@ -4,9 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
-#include <algorithm>
 #include <cmath>
-#include <map>
 
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "core/program/errors.h"

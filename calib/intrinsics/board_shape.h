@@ -10,13 +10,6 @@
 // A board of n points costs n^3 in each of some tens of rounds: 0.1 s for 54 points.
 #pragma once
 
-#include <Eigen/Core>
-#include <optional>
-#include <span>
-#include <vector>
-
-#include "calib/intrinsics/calibration_model.h"
-#include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/camera_fit.h"
 
 namespace etalon {

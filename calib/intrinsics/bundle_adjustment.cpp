@@ -2,7 +2,6 @@
 
 #include <Eigen/QR>
 #include <cmath>
-#include <limits>
 
 namespace etalon {
 namespace {

@@ -8,7 +8,6 @@
 // The input is checked in calib/intrinsics/camera_fit.cpp.
 #pragma once
 
-#include "calib/camera/pixel_model.h"
 #include "calib/intrinsics/camera_fit.h"
 
 namespace etalon {

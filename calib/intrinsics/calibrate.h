@@ -4,11 +4,6 @@
 // calib/intrinsics/camera_fit.h. The method, to be repeated by hand: docs/calibration.md.
 #pragma once
 
-#include <opencv2/core.hpp>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "calib/intrinsics/board_shape.h"
 #include "calib/intrinsics/calibration_covariance.h"
 #include "calib/intrinsics/model_advice.h"

@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
-#include <algorithm>
-#include <cmath>
 
 #include "calib/intrinsics/calibration_start.h"
 #include "core/program/errors.h"

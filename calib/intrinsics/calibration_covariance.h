@@ -15,9 +15,6 @@
 // combinations look certain that are not. Stated deviations and correlations have one source.
 #pragma once
 
-#include <cstdint>
-
-#include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/camera_fit.h"
 
 namespace etalon {

@@ -1,8 +1,5 @@
 #include "calib/intrinsics/calibration_outliers.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "calib/intrinsics/calibration_start.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"

@@ -11,7 +11,6 @@
 //    target's plane than a tenth of its extent, and than five times the median view.
 #pragma once
 
-#include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/camera_fit.h"
 
 namespace etalon {

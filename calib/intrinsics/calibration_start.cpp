@@ -5,8 +5,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 #include <cmath>
-#include <limits>
-#include <numbers>
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/bundle_adjustment.h"

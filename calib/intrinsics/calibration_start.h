@@ -10,9 +10,7 @@
 // Needs checked views. Some ms for eight views of 54 points.
 #pragma once
 
-#include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/camera_fit.h"
-#include "core/geometry/rigid.h"
 
 namespace etalon {
 

@@ -2,11 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numbers>
 
 #include "calib/camera/projector.h"
 

@@ -4,9 +4,6 @@
 // Says nothing about whether the numbers are right: that takes photographs (`etalon compare`).
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 
 namespace etalon {

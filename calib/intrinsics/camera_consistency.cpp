@@ -1,9 +1,6 @@
 #include "calib/intrinsics/camera_consistency.h"
 
 #include <Eigen/QR>
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <numeric>
 #include <tuple>
 

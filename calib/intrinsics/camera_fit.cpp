@@ -7,7 +7,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "calib/camera/pixel_model.h"
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "calib/intrinsics/calibration_covariance.h"
 #include "calib/intrinsics/calibration_start.h"

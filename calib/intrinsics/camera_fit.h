@@ -10,11 +10,6 @@
 // nine parameters free. Standard deviations: calib/intrinsics/calibration_covariance.h.
 #pragma once
 
-#include <opencv2/core.hpp>
-#include <optional>
-#include <span>
-#include <string>
-
 #include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/calibration_view.h"
 #include "core/geometry/rigid.h"

@@ -2,9 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_covariance.h"

@@ -9,8 +9,6 @@
 // projection, or where two halves of them disagree about it. More: docs/calibration.md.
 #pragma once
 
-#include <array>
-
 #include "calib/intrinsics/camera_fit.h"
 #include "calib/intrinsics/projection_uncertainty.h"
 

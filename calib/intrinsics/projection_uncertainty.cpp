@@ -1,11 +1,9 @@
 #include "calib/intrinsics/projection_uncertainty.h"
 
 #include <Eigen/QR>
-#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/pixel_model.h"
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/camera_fit.h"
 #include "core/program/errors.h"

@@ -3,10 +3,8 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
 #include <cmath>
 #include <functional>
-#include <numbers>
 
 #include "calib/registration/stage_motion.h"
 #include "core/optimize/least_squares.h"

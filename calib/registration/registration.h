@@ -11,9 +11,6 @@
 // to the nominal one. The predicted camera_from_marker never depends on that prior.
 #pragma once
 
-#include <span>
-#include <string>
-
 #include "calib/camera/projector.h"
 #include "core/geometry/rigid.h"
 

@@ -3,10 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/program/errors.h"
-#include "sim/marker/cell_grid.h"
 #include "sim/marker/tag_pattern.h"
 
 namespace etalon {

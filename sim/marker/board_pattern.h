@@ -9,7 +9,6 @@
 // boards), its centre exact, the diameter of the same area right to 2e-3.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <string>
 #include <vector>

@@ -4,11 +4,9 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <string_view>
 
 #include "core/file/text.h"
 #include "core/image/image.h"
-#include "core/program/errors.h"
 #include "sim/marker/board_pattern.h"
 #include "sim/marker/stag_pattern.h"
 #include "sim/marker/tag_pattern.h"

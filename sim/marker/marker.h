@@ -13,7 +13,6 @@
 // bitmap, and the first of a board's points.
 #pragma once
 
-#include <Eigen/Core>
 #include <string>
 #include <vector>
 

@@ -4,13 +4,11 @@
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <set>
 
 #include "core/file/text.h"
 #include "core/image/picture_codec.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

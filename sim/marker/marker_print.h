@@ -8,11 +8,7 @@
 // Shades between black and white are sRGB-encoded, as these formats' readers assume.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include <filesystem>
-#include <string>
-#include <vector>
 
 #include "sim/marker/marker.h"
 

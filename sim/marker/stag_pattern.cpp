@@ -5,14 +5,11 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <map>
 #include <numbers>
 #include <span>
-#include <string>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/marker/cell_grid.h"
 

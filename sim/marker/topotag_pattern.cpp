@@ -1,7 +1,6 @@
 #include "sim/marker/topotag_pattern.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "core/program/errors.h"

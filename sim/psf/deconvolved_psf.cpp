@@ -1,7 +1,6 @@
 #include "sim/psf/deconvolved_psf.h"
 
 #include <cmath>
-#include <numbers>
 
 #include "sim/psf/lagrange.h"
 

@@ -4,10 +4,7 @@
 // leaks a little beyond the spread's cut-off, and is followed to 1.25 times that.
 #pragma once
 
-#include <array>
 #include <functional>
-#include <optional>
-#include <vector>
 
 #include "sim/psf/diffraction.h"
 

@@ -3,9 +3,7 @@
 #include <fmt/format.h>
 #include <math.h>  // j1: POSIX, not in namespace std
 
-#include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "core/program/errors.h"
 

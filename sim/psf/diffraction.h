@@ -7,9 +7,6 @@
 // whatever the pixels' shape.
 #pragma once
 
-#include <utility>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 
 namespace etalon {

@@ -1,8 +1,6 @@
 #include "sim/psf/lagrange.h"
 
-#include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace etalon {
 

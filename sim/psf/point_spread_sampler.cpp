@@ -2,9 +2,7 @@
 
 #include <math.h>  // j0, j1: POSIX, not in namespace std
 
-#include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "sim/psf/diffraction.h"
 

@@ -2,8 +2,6 @@
 // integrator only; the filters of the other methods integrate the density instead.
 #pragma once
 
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 
 namespace etalon {

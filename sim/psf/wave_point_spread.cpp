@@ -3,15 +3,10 @@
 #include <fmt/format.h>
 #include <math.h>  // j0, j1: POSIX, not in namespace std
 
-#include <Eigen/Core>
-#include <algorithm>
-#include <array>
 #include <cmath>
 #include <complex>
-#include <numbers>
 
 #include "core/program/errors.h"
-#include "sim/psf/diffraction.h"
 #include "sim/psf/lagrange.h"
 
 namespace etalon {

@@ -13,13 +13,6 @@
 // Lengths in units of the pixel pitch along x, as in sim/psf/diffraction.h.
 #pragma once
 
-#include <opencv2/core.hpp>
-
-#include <map>
-#include <memory>
-#include <mutex>
-#include <vector>
-
 #include "calib/camera/camera_model.h"
 
 namespace etalon {

@@ -1,10 +1,6 @@
 #include "sim/psf/wedge_table.h"
 
-#include <algorithm>
 #include <cmath>
-#include <numbers>
-
-#include "sim/psf/lagrange.h"
 
 namespace etalon {
 namespace {

@@ -5,12 +5,6 @@
 // along the edge (turns), T(d, phi) and the density for blur disks that are ellipses.
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
-#include <memory>
-#include <mutex>
-#include <vector>
-
 #include "sim/psf/lagrange.h"
 
 namespace etalon {

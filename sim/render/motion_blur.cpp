@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 

@@ -6,7 +6,6 @@
 // for a way that curves. m edges that sweep the same pixel may add up to m times that.
 #pragma once
 
-#include "core/geometry/rigid.h"
 #include "sim/render/renderer.h"
 
 namespace etalon {

@@ -5,19 +5,13 @@
 #include <tbb/parallel_for.h>
 
 #include <Eigen/LU>
-#include <numbers>
 #include <opencv2/imgproc.hpp>
-#include <optional>
 
-#include "calib/camera/projector.h"
 #include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "sim/psf/point_spread_sampler.h"
-#include "sim/psf/wave_point_spread.h"
 #include "sim/render/wave_render.h"
-#include "sim/scene/marker_view.h"
 #include "sim/scene/pose_sampling.h"
-#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {

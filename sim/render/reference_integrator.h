@@ -5,10 +5,6 @@
 // no ray is background without error.
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
-#include "core/image/image.h"
 #include "sim/render/renderer.h"
 
 namespace etalon {

@@ -2,11 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <limits>
-#include <numbers>
-
 #include "core/program/errors.h"
 #include "sim/tiles/tile_evaluator.h"
 

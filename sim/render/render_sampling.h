@@ -3,9 +3,7 @@
 
 #include "sim/render/renderer.h"
 #include "sim/render/sampling_bound.h"
-#include "sim/scene/marker_view.h"
 #include "sim/tiles/image_filter.h"
-#include "sim/tiles/sampling.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {

@@ -3,21 +3,11 @@
 #include <fmt/format.h>
 #include <sys/mman.h>
 
-#include <cstdint>
-#include <numbers>
-
 #include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/render_sampling.h"
 #include "sim/render/sensor_map.h"
 #include "sim/render/wave_render.h"
-#include "sim/scene/marker_view.h"
-#include "sim/tiles/core_filter.h"
-#include "sim/tiles/image_filter.h"
-#include "sim/tiles/tail_pyramid.h"
-#include "sim/tiles/tile_kernel.h"
-#include "sim/tiles/tile_samples.h"
-#include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
 

@@ -3,16 +3,8 @@
 // sensor is in sim/sensor/sensor_model.h.
 #pragma once
 
-#include <algorithm>
-#include <functional>
-#include <memory>
-#include <vector>
-
-#include "calib/camera/camera_model.h"
-#include "core/image/image.h"
 #include "sim/scene/scene.h"
 #include "sim/sensor/sensor_model.h"
-#include "sim/tiles/render_plan.h"
 
 namespace etalon {
 

@@ -1,9 +1,7 @@
 #include "sim/render/sampling_bound.h"
 
 #include <cmath>
-#include <numbers>
 
-#include "sim/psf/lagrange.h"
 #include "sim/tiles/tile_interpolation.h"
 
 namespace etalon {

@@ -4,12 +4,7 @@
 // cells; a second edge within the same pixel adds its own.
 #pragma once
 
-#include <array>
 #include <bitset>
-#include <map>
-#include <mutex>
-#include <utility>
-#include <vector>
 
 #include "sim/psf/deconvolved_psf.h"
 

@@ -2,9 +2,6 @@
 
 #include <tbb/parallel_for.h>
 
-#include "sim/scene/marker_view.h"
-#include "sim/tiles/tile_map.h"
-
 namespace etalon {
 namespace {
 

@@ -3,11 +3,7 @@
 // markers; a wide lens is turned towards each marker and needs only the pixels that may see it.
 #pragma once
 
-#include <memory>
-
-#include "sim/tiles/image_filter.h"
 #include "sim/tiles/tail_pyramid.h"
-#include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
 

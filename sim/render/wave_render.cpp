@@ -3,12 +3,8 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include <numbers>
-
 #include "core/program/errors.h"
-#include "sim/scene/marker_view.h"
 #include "sim/tiles/lens_average.h"
-#include "sim/tiles/tile_map.h"
 
 namespace etalon {
 namespace {

@@ -8,7 +8,6 @@
 #pragma once
 
 #include "sim/psf/wave_point_spread.h"
-#include "sim/scene/marker_view.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {

@@ -3,9 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/LU>
-#include <cmath>
 
-#include "calib/camera/distortion.h"
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -12,8 +12,6 @@
 // a = (ex, ey); l is in mm, telecentric the tangents of the ray's angles.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include "calib/camera/projector.h"
 #include "sim/scene/scene.h"
 

@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

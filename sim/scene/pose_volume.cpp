@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-#include <numbers>
-
 #include "core/geometry/units.h"
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"

@@ -3,9 +3,6 @@
 // hole that no later one fills: strata are exact only where all of the volume is seen.
 #pragma once
 
-#include <algorithm>
-#include <span>
-
 #include "calib/camera/projector.h"
 #include "core/geometry/rigid.h"
 #include "sim/marker/cell_grid.h"

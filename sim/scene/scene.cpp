@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <numbers>
-
 #include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 

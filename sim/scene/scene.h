@@ -1,7 +1,6 @@
 // What is before the camera: flat markers at their poses, and what shows behind them.
 #pragma once
 
-#include <Eigen/Geometry>
 #include <vector>
 
 #include "core/geometry/rigid.h"

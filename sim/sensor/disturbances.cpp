@@ -3,18 +3,10 @@
 #include <fmt/format.h>
 #include <opencv2/imgproc.hpp>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <numbers>
-#include <vector>
-
 #include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 #include "core/statistics/random.h"
-#include "sim/sensor/sensor_simd.h"
 #include "sim/tiles/lens_average.h"
-#include "sim/tiles/tile_map.h"
 
 namespace etalon {
 namespace {

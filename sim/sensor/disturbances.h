@@ -18,10 +18,6 @@
 // or 2 in the index's upper half.
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
-
-#include "core/image/image.h"
 #include "sim/sensor/sensor_model.h"
 #include "sim/tiles/undistortion_map.h"
 

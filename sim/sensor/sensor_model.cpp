@@ -4,9 +4,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
-#include <algorithm>
 #include <atomic>
-#include <cmath>
 
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"

@@ -16,11 +16,7 @@
 // pixel, of the channel that channel_of_pixel() gives, with that channel's signal and noise.
 #pragma once
 
-#include <cstdint>
-#include <optional>
-
 #include "calib/camera/camera_model.h"
-#include "core/image/image.h"
 #include "sim/sensor/sensor_steps.h"
 #include "sim/tiles/render_plan.h"
 

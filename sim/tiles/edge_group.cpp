@@ -1,7 +1,6 @@
 #include "sim/tiles/edge_group.h"
 
 #include <Eigen/LU>
-#include <cmath>
 
 namespace etalon {
 namespace {

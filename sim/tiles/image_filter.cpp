@@ -4,7 +4,6 @@
 
 #include <Eigen/SparseCore>
 #include <cmath>
-#include <numbers>
 #include <opencv2/core/eigen.hpp>
 
 #include "core/program/errors.h"

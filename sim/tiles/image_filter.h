@@ -4,8 +4,6 @@
 // "Filter", has the weights.
 #pragma once
 
-#include <map>
-
 #include "sim/psf/deconvolved_psf.h"
 #include "sim/tiles/core_filter.h"
 #include "sim/tiles/sampling.h"

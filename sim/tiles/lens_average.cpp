@@ -1,9 +1,5 @@
 #include "sim/tiles/lens_average.h"
 
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-
 namespace etalon {
 namespace {
 

@@ -2,7 +2,6 @@
 // what was done and left out for it, with bounds.
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "core/image/image.h"

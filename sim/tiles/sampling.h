@@ -1,9 +1,6 @@
 // How a marker's image is sampled before it is filtered.
 #pragma once
 
-#include <limits>
-#include <vector>
-
 #include "sim/psf/edge_table.h"
 #include "sim/psf/wedge_table.h"
 

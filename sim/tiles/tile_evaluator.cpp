@@ -1,8 +1,6 @@
 #include "sim/tiles/tile_evaluator.h"
 
 #include <Eigen/LU>
-#include <cmath>
-#include <utility>
 
 namespace etalon {
 namespace {

@@ -1,9 +1,5 @@
 #include "sim/tiles/tile_interpolation.h"
 
-#include <algorithm>
-#include <cmath>
-
-#include "sim/psf/lagrange.h"
 #include "sim/tiles/filter_simd.h"
 #include "sim/tiles/undistortion_map.h"
 

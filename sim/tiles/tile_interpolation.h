@@ -3,8 +3,6 @@
 // enough; from one of twice as many places a side by a low-pass, for sharp tiles.
 #pragma once
 
-#include <array>
-
 #include "sim/tiles/sampling.h"
 
 namespace etalon {

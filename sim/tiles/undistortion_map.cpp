@@ -3,7 +3,6 @@
 #include <hwy/cache_control.h>
 
 #include <Eigen/LU>
-#include <cmath>
 
 namespace etalon {
 namespace {

@@ -12,9 +12,7 @@
 // a tile 0.3 us, 10 us with a cubic of its own.
 #pragma once
 
-#include <array>
 #include <atomic>
-#include <memory>
 
 #include "sim/scene/marker_view.h"
 #include "sim/tiles/tile_kernel.h"

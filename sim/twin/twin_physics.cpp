@@ -1,7 +1,5 @@
 #include "sim/twin/twin_physics.h"
 
-#include <utility>
-
 #include "core/program/errors.h"
 
 namespace etalon {

@@ -3,15 +3,7 @@
 // (mocks/) puts it behind real protocols, studies run it in process.
 #pragma once
 
-#include <Eigen/Core>
-#include <cstdint>
-
-#include "calib/camera/camera_model.h"
-#include "core/geometry/rigid.h"
-#include "core/image/image.h"
-#include "sim/marker/cell_grid.h"
 #include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
 
 namespace etalon {
 

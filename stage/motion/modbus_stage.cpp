@@ -1,9 +1,5 @@
 #include "stage/motion/modbus_stage.h"
 
-#include <fmt/format.h>
-
-#include <algorithm>
-#include <cmath>
 #include <set>
 
 #include "stage/motion/stage_unit.h"

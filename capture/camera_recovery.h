@@ -1,5 +1,4 @@
-// A camera that may be gone for a while: a cable that was pulled, a power cycle, or a program that
-// was killed and seems to hold it still.
+// A camera that may be gone for a while: unplugged, power-cycled, or held by a killed program.
 #pragma once
 
 #include <functional>
@@ -18,9 +17,8 @@ std::unique_ptr<Camera> open_when_free(const std::function<std::unique_ptr<Camer
                                        Clock& clock, const std::stop_token& stop,
                                        const std::function<void(const std::string&)>& tell);
 
-// camera.frame_after(), and once more after reconnecting a camera that failed. `log` is told
-// "camera lost" and "camera reconnected" with the details. Throws what the camera throws: of a
-// camera that does not come back, why it was lost.
+// camera.frame_after(), once more after reconnecting a camera that failed. `log` is told "camera
+// lost" and "camera reconnected". Throws what the camera throws; without it coming back, the loss.
 Frame frame_after_reconnecting(
     Camera& camera, Instant t, int retries, Clock& clock, const std::stop_token& stop,
     const std::function<void(const std::string& event, const std::string& detail)>& log);

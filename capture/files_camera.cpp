@@ -130,8 +130,7 @@ FrameRecord frame_inside(const JsonEntry& line) {
     return frame;
 }
 
-// A frame is logged before its image is on the disk: where that was full or the machine went down,
-// the images of the last ones are missing.
+// A frame is logged before its image is written: the last images may be missing.
 void leave_out_unwritten_end(const fs::path& folder, std::vector<FrameRecord>& frames) {
     const auto written = [&](const FrameRecord& frame) {
         std::error_code ignored;

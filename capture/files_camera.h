@@ -1,8 +1,6 @@
-// Replays recorded frames through the Camera interface: those of a record (etalon qualify, etalon
-// capture) with the statuses, counters and settings that they had, or the PNG, TIFF and JPEG files
-// of a folder in the order of their names; one per frame_after(). Not a simulation: a frame's
-// exposure "begins" when it is asked for, a bad one is not triggered again, and settings that a
-// recording cannot obey are refused.
+// Replays recorded frames, one per frame_after(): those of a record (etalon qualify, etalon
+// capture) with their statuses, counters and settings, or the images of a folder by name. An
+// exposure "begins" when it is asked for, and a bad frame is not taken again.
 #pragma once
 
 #include "capture/frame/camera.h"
@@ -10,28 +8,21 @@
 
 namespace etalon {
 
-// Throws ConfigError when the folder cannot be read or has no frame. The returned camera throws
-// ConfigError for a file that is no readable image, and DeviceError after the last one, for one of
-// another size than the first, or for settings that the recording does not have: another size or
-// depth, format, black level, trigger or control, and an exposure or gain other than 0 ("its own")
-// and the recorded one.
+// Throws ConfigError when the folder cannot be read or has no frame. The camera throws ConfigError
+// for an unreadable image, DeviceError after the last one, for another size than the first's, and
+// for settings that the recording does not have; exposure and gain 0 are the recording's own.
 std::unique_ptr<Camera> open_files_camera(const std::filesystem::path& folder, Clock& clock);
 
-// What a folder has to replay: the frames of a recorded run (etalon qualify, etalon capture) in the
-// order in which they were taken, incomplete ones included, or any images in the order of their
-// names.
-
+// The frames of a recorded run in their order, incomplete ones included, or images by name.
 struct RecordedFrames {
     std::filesystem::path folder;
-    // At least one. Of plain images the file is the only thing that is known; they are numbered
-    // from 1.
+    // At least one. Of plain images only the file is known; they are numbered from 1.
     std::vector<FrameRecord> frames;
     bool are_logged = false;
 };
 
-// A run's frames are those that its events.jsonl lists; without such a file all PNG, TIFF and JPEG
-// images count, hidden ones excepted. Throws ConfigError, with the line of the log, when the folder
-// or its log cannot be read or holds no frame.
+// Of a run those in its events.jsonl; otherwise all PNG, TIFF and JPEG images but hidden ones.
+// Throws ConfigError, with the line of the log, for what cannot be read or holds no frame.
 RecordedFrames recorded_frames(const std::filesystem::path& folder);
 
 }  // namespace etalon

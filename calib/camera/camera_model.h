@@ -1,8 +1,6 @@
-// What is known about a camera: projection, intrinsics, distortion, the lens and the sensor. Plain
-// data; projecting is in calib/camera/projector.h, files in calib/files/camera_file.h.
-//
-// A camera without lens and sensor sections (an OpenCV or ROS calibration) is a sharp pinhole:
-// nothing about blur or noise is invented for it.
+// What is known about a camera: projection, intrinsics, distortion, lens and sensor. Plain data.
+// Without lens and sensor sections (OpenCV, ROS) it is a sharp pinhole: no blur or noise is
+// invented.
 #pragma once
 
 #include <algorithm>
@@ -12,9 +10,8 @@
 
 namespace etalon {
 
-// Pixels; pixel centres at integers, (0, 0) is the centre of the top-left pixel. Of a telecentric
-// camera fx and fy are px per mm. A distorted point m of the plane is the pixel
-// (fx m_x + skew m_y + cx, fy m_y + cy).
+// Pixels, centres at integers, (0, 0) the top-left pixel's. Telecentric: fx and fy are px per mm. A
+// distorted point m of the plane is the pixel (fx m_x + skew m_y + cx, fy m_y + cy).
 struct Intrinsics {
     double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
     double skew = 0.0;  // not 0 where rows and columns do not meet at right angles
@@ -182,9 +179,8 @@ struct TelecentricLens {
     double focus_distance_mm;
 };
 
-// Throws NumericalError for a perspective camera, without lens and sensor sections, with such a
-// skew or a sensor tilt, or when pitch or focus distance is not positive and finite or object_na
-// not in (0, 1).
+// Throws NumericalError for a perspective camera, one without lens and sensor sections, with such a
+// skew or a sensor tilt, or with an impossible pitch, focus distance or object_na (0, 1).
 TelecentricLens telecentric_lens(const CameraModel& camera);
 
 // Of either lens; throws as they do.
@@ -217,9 +213,8 @@ void require_perspective(const CameraModel& camera, const char* purpose);
 // The same for what needs rays from one point, as perspective cameras and wide lenses have them.
 void require_point_of_view(const CameraModel& camera, const char* purpose);
 
-// SHA-256 of a camera's file and of the tables in other files that it names, as they were read into
-// `camera`: for folders whose content follows from it. Throws ConfigError when the file cannot be
-// read.
+// SHA-256 of a camera's file and of the tables that it names, as read into `camera`. Throws
+// ConfigError when the file cannot be read.
 std::string camera_sha256(const std::filesystem::path& file, const CameraModel& camera);
 
 // The names of a camera's parameters in files and covariances: fx fy cx cy, then the distortion

@@ -1,8 +1,6 @@
-// OpenCV's distortion with its Jacobian: rational radial (with one more coefficient, k7),
-// tangential, thin prism, then the tilted sensor. Formulas: the documentation of OpenCV's calib3d
-// module; the tilt is its matTilt, a projective map applied after the others.
-//
-// Says nothing about where the model may be used: see calib/camera/valid_region.h.
+// OpenCV's distortion with its Jacobian: rational radial (and k7), tangential, thin prism, then the
+// tilted sensor. Formulas: OpenCV's calib3d; the tilt is its matTilt, a projective map after the
+// others. Where the model may be used: calib/camera/valid_region.h.
 #pragma once
 
 #include "calib/camera/camera_model.h"

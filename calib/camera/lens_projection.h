@@ -14,8 +14,7 @@
 //                                                           e^2 = R^2 + (a d + Z)^2
 //
 // where w(c) is c / (1 - c) or its inverse, whichever is below 1. Up to that limit |m| grows with
-// the angle theta to the axis; there it folds back or is infinite. Those of more parameters are
-// below. Which tools have them: docs/files.md.
+// the angle theta to the axis. Those of more parameters are below. Tools: docs/files.md.
 //
 // Sources: equidistant, Kannala and Brandt, PAMI 28 (2006) 1335; stereographic, mrcal; field of
 // view, Devernay and Faugeras, MVA 13 (2001) 14; unified, Mei and Rives, ICRA 2007; extended
@@ -119,12 +118,10 @@ std::optional<BasicOnPlane<Scalar>> onto_plane(const LensProjection& projection,
 std::optional<Eigen::Vector3d> from_plane(const LensProjection& projection,
                                           const Eigen::Vector2d& point);
 
-// Projections that two numbers do not describe: a polynomial (MATLAB's fisheye), CAHVOR and
-// mrcal's splined stereographic model. All copies of a camera share their coefficients.
-//
-// Sources: Scaramuzza, Martinelli and Siegwart, ICVS 2006, in the form of MATLAB's
-// fisheyeIntrinsics; Yakimovsky and Cunningham, CGIP 7 (1978) 195, and Gennery, IJCV 68 (2006) 239,
-// in the form of mrcal (its documentation "lens models"), which has the splined one, too.
+// Projections of more than two numbers: a polynomial (MATLAB's fisheye; Scaramuzza, Martinelli and
+// Siegwart, ICVS 2006), CAHVOR (Yakimovsky and Cunningham, CGIP 7 (1978) 195, and Gennery, IJCV 68
+// (2006) 239, in mrcal's form) and mrcal's splined stereographic model (its documentation "lens
+// models"). All copies of a camera share their coefficients.
 
 struct LensTable {
     // polynomial: a2 a3 a4 shear; cahvor: alpha beta r0 r1 r2 linearity; splined_stereographic: the

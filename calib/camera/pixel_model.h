@@ -1,8 +1,6 @@
 // From points in the camera's frame to pixels, with the derivatives by the point and by all
-// parameters of the camera, in any precision: what a bundle adjustment needs.
-//
-// Internal to calibrating; the formulas of the distortion are those of calib/camera/distortion.h,
-// which is the one to use for everything else. Its tests hold the two together.
+// parameters of the camera, in any precision. Internal to calibrating: its tests hold the formulas
+// to those of calib/camera/distortion.h, which is the one to use for everything else.
 #pragma once
 
 #include <Eigen/Geometry>  // homogeneous()

@@ -1,14 +1,10 @@
-// Projection of camera-frame points to pixels with its Jacobian, and the exact inverse.
+// Projection of camera-frame points to pixels with its Jacobian, and the exact inverse: onto the
+// projection's plane (calib/camera/lens_projection.h; telecentric in mm, with coefficients per
+// mm^2, mm^4, ...), OpenCV's distortion, then the intrinsics. Nothing outside the region around the
+// axis where that is invertible (calib/camera/valid_region.h).
 //
-// First the projection onto its plane (calib/camera/lens_projection.h; of a telecentric camera that
-// is in mm: its distortion coefficients are per mm^2, mm^4, ...), then OpenCV's distortion: radial
-// (rational), tangential, thin prism and tilt, then the intrinsics. It is used only in the region
-// around the optical axis where it is invertible (calib/camera/valid_region.h). Outside, two rays
-// share a pixel or a pole lies between, and the functions return nothing.
-//
-// Immutable after construction, safe from every thread. Construction costs 0.05 ms for a purely
-// radial distortion and some milliseconds otherwise; project() costs tens and unproject() hundreds
-// of ns.
+// Immutable after construction, safe from every thread. Construction costs 0.05 ms for a radial
+// distortion and some milliseconds otherwise; project() tens, unproject() hundreds of ns.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -28,9 +24,8 @@ struct Projected {
 
 class Projector {
 public:
-    // Throws NumericalError when an intrinsic or a coefficient is not finite, fx or fy is not
-    // positive, the projection's parameters are impossible, or a camera that is not perspective
-    // has a sensor tilt (tau_x, tau_y).
+    // Throws NumericalError for numbers that are not finite, fx or fy not positive, an impossible
+    // projection, or a sensor tilt of a camera that is not perspective.
     explicit Projector(const CameraModel& camera);
 
     // A camera that differs from `like` by little: it takes the border of the valid region from
@@ -48,9 +43,8 @@ public:
     std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p_camera) const;
     std::optional<Projected> project_with_jacobian(const Eigen::Vector3d& p_camera) const;
 
-    // The undistorted point of the projection's plane: Newton's method, damped and kept inside the
-    // valid region, until the distorted point is right to 1e-12 (relative to its radius plus a
-    // pixel). Nothing when the pixel has no preimage there (this costs some us).
+    // The undistorted point of the plane: damped Newton inside the valid region, right to 1e-12
+    // relative to radius plus a pixel. Nothing where the pixel has no preimage (some us).
     std::optional<Eigen::Vector2d> undistorted(const Eigen::Vector2d& pixel) const;
 
     // The ray of a pixel, of length 1 or, of a flat projection, with Z = 1 (telecentric: X and Y in

@@ -17,8 +17,7 @@ struct RadiusInterval {
     double low, high;
 };
 
-// The radii between which the model can do anything: where any two of its terms, taken relative to
-// the undistorted radius, have the same size, and a margin for the factors of derivatives.
+// The radii at which any two of the model's terms have the same size, with a margin.
 RadiusInterval interesting_radii(const Distortion& d) {
     constexpr double margin = 50.0;
     constexpr std::array powers{0, 2, 4, 1, 1, 6, 2, 4, 6, 1, 3, 1, 3, 1, 1, 8};

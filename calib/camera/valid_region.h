@@ -1,11 +1,10 @@
-// Where a distortion model may be used: the points around the axis that a ray from the axis reaches
-// before the first fold (det J = 0), pole of the rational part or horizon of the tilt, or where the
-// projection ends. Beyond it
-// two rays share a pixel, or none has it.
+// Where a distortion model may be used: the points that a ray from the axis reaches before the
+// first fold (det J = 0), pole of the rational part, horizon of the tilt or end of the projection.
+// Beyond, two rays share a pixel, or none has it.
 //
-// The border is found along 256 directions (one, when the model is radially symmetric): by marching
-// in geometric steps through the radii at which any two terms of the model are equally large, then
-// by bisection. Between directions it is interpolated: good to about 1e-4 of its radius.
+// The border is found along 256 directions (one for a radial model) by marching in geometric steps
+// through the radii at which two terms are equally large, then by bisection, and interpolated
+// between: good to about 1e-4 of its radius.
 #pragma once
 
 #include "calib/camera/camera_model.h"

@@ -1,12 +1,10 @@
 // Calibrations as BoofCV writes them (YAML of its CalibrationIO): model, pinhole {width, height,
 // fx, fy, skew, cx, cy} and radial_tangential {radial: [...], t1, t2}.
 //
-// Read and written are pinhole and pinhole_radial_tangential, whose radial, t1 and t2 are k1 k2 k3,
-// p1 and p2 of OpenCV, omnidirectional_universal with the same, and kannala_brandt without its
-// asymmetric terms: symmetric has the coefficients of theta, theta^3 to theta^9. Asymmetric terms
-// (radial with radial_trig, tangent with tangent_trig) and stereo files are refused by name.
-//
-// Not written are coefficients beyond k1 k2 p1 p2 k3, of an equidistant camera k1 k2 k3 k7.
+// Models: pinhole, pinhole_radial_tangential (radial, t1, t2 are OpenCV's k1 k2 k3, p1, p2),
+// omnidirectional_universal with the same, kannala_brandt (symmetric: theta, theta^3 to theta^9).
+// Asymmetric terms (radial with radial_trig, tangent with tangent_trig) and stereo files are
+// refused by name. Not written: coefficients beyond k1 k2 p1 p2 k3, equidistant k1 k2 k3 k7.
 #include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
@@ -32,8 +30,7 @@ bool is_all_zero(const Value& list) {
     return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
 }
 
-// BoofCV's asymmetric terms are a polynomial of the angle times a polynomial of the azimuth's sines
-// and cosines: nothing when one of the two is zero.
+// A polynomial of the angle times one of the azimuth: nothing when either is zero.
 void refuse_asymmetric_terms(const Value& root) {
     for (const char* name : {"radial", "tangent"}) {
         const auto of_angle = root.find(name), of_azimuth = root.find(std::string(name) + "_trig");

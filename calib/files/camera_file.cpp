@@ -47,8 +47,7 @@ std::vector<std::string> read_parameter_order(const Value& value) {
     return order;
 }
 
-// Of the correlations, so that the parameters' units do not matter; -1e-6 leaves room for the
-// rounding of files written with few digits.
+// By the correlations, free of units; -1e-6 leaves room for files with few digits.
 bool is_positive_semidefinite(const Eigen::MatrixXd& matrix) {
     const Eigen::VectorXd deviations = matrix.diagonal().cwiseSqrt();
     if (!deviations.allFinite())

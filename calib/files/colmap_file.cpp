@@ -1,9 +1,6 @@
 // Calibrations as COLMAP keeps them (cameras.txt): a line `CAMERA_ID MODEL WIDTH HEIGHT PARAMS...`
-// for every camera, lines that begin with # apart. Layout: COLMAP's "Output Format" and "Camera
-// Models"; orders of parameters: its sensor/models.h.
-//
-// Read are SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV, FOV,
-// SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE and THIN_PRISM_FISHEYE.
+// for every camera, and comments #. Layout: COLMAP's "Output Format" and "Camera Models";
+// parameters: its sensor/models.h. Models: colmap_models() below.
 //
 // Written is one camera with the id 1, as the first model with two focal lengths that holds it.
 // Throws ConfigError for coefficients that COLMAP does not have there, and for a skew.

@@ -18,19 +18,14 @@ struct Format {
 };
 
 // Of the words of the command line, one of `read` and `read_selected` each. Sources of the centres:
-//   OpenCV, ROS    pixel centres at integers; camera_calibration of ROS calls cv::calibrateCamera
-//   Kalibr         its chessboards and tags end in cv::cornerSubPix, whose pixel centres are at
-//                  integers (Kalibr's issue 115 tries both detectors on drawn images)
+//   OpenCV, ROS    pixel centres at integers; ROS's camera_calibration calls cv::calibrateCamera
+//   Kalibr         ends in cv::cornerSubPix (issue 115 tries both detectors on drawn images)
 //   mrcal          "No changes to the content are made" from and to ROS' and Kalibr's models
 //                  (mrcal-from-ros(1), mrcal-to-kalibr(1))
-//   MATLAB         "specifies the pixel center at (1,1)" (documentation of
-//                  cameraIntrinsicsToOpenCV, which subtracts 1 from the principal point)
-//   BoofCV         its simulator takes a pixel's value from model coordinates x to x + 1
-//                  (SimulatePlanarWorld.computeProjectionTable), and its chessboard detector adds
-//                  0.5 to what it finds in samples at integers (DetectChessboardCornersX.process);
-//                  no document says so
-//   COLMAP         "the center of the upper left most pixel has coordinate (0.5, 0.5)"
-//                  (its tutorial on features)
+//   MATLAB         "specifies the pixel center at (1,1)" (cameraIntrinsicsToOpenCV)
+//   BoofCV         its simulator (SimulatePlanarWorld.computeProjectionTable) and its chessboard
+//                  detector, which adds 0.5 (DetectChessboardCornersX.process); no document says so
+//   COLMAP         "the center of the upper left most pixel has coordinate (0.5, 0.5)" (tutorial)
 using enum CalibrationTool;
 constexpr std::array formats{
     Format{opencv, "opencv", 0.0, read_opencv_camera, nullptr, write_opencv_camera},

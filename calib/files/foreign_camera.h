@@ -1,5 +1,4 @@
-// The calibration files of other tools, each tool by its name: which tool wrote a file, reading it,
-// and writing a camera for a tool. What each format holds of a camera: below, and docs/files.md.
+// The calibration files of other tools by name: recognising, reading, writing. See docs/files.md.
 #pragma once
 
 #include "calib/camera/camera_model.h"
@@ -12,9 +11,8 @@ enum class CalibrationTool { opencv, ros, kalibr, mrcal, matlab, boofcv, colmap 
 const char* name_of(CalibrationTool tool);
 const std::vector<CalibrationTool>& calibration_tools();
 
-// What the tool calls the centre of the top-left pixel, the same along x and y: 0, 0.5 or 1 px.
-// Here it is 0 (docs/conventions.md). Reading and writing move the principal point: within a
-// rounding error of it (1e-13 px of some hundreds) where the origins differ, exactly otherwise.
+// What the tool calls the top-left pixel's centre along x and y: 0, 0.5 or 1 px. Here it is 0.
+// Reading and writing move the principal point, exactly or within its rounding (1e-13 px).
 double first_pixel_centre(CalibrationTool tool);
 
 // Decided by the file's beginning and by keys that only one tool has; a file that no other tool
@@ -26,9 +24,8 @@ CalibrationTool tool_of(const std::filesystem::path& path);
 // also for a selection from a tool whose files hold one camera.
 CameraModel read_foreign_camera(const std::filesystem::path& path, const std::string& select = "");
 
-// Throws ConfigError when the tool's model lacks a coefficient of the camera that is not 0, or its
-// skew. Serial, covariance, lens and sensor have no place in these files (see
-// lost_in_foreign_file); only OpenCV's keep the standard deviations of a covariance.
+// Throws ConfigError for a coefficient or skew that the tool's model lacks. Serial, covariance
+// (OpenCV: but its deviations), lens and sensor are lost: lost_in_foreign_file().
 void write_foreign_camera(const std::filesystem::path& path, CalibrationTool tool,
                           const CameraModel& camera);
 

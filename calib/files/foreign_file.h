@@ -1,5 +1,4 @@
-// The formats of other tools, for calib/files/foreign_camera.cpp, and what their readers and
-// writers share. Principal points are in the tool's own pixels here (first_pixel_centre()).
+// Formats of other tools and what they share. Principal points: the tool's (first_pixel_centre()).
 #pragma once
 
 #include <functional>
@@ -51,8 +50,7 @@ int checked_image_side(double value, const SourcePlace& place);
 int image_side(const Value& value);
 std::pair<int, int> image_sides(const Value& value);
 
-// Parameters by our names of distortion coefficients, or omega of the field-of-view model; numbers
-// that are missing at the end are 0.
+// Distortion coefficients by our names, or omega (field of view); numbers missing at the end are 0.
 using ParameterNames = std::vector<std::string_view>;
 void set_parameters(CameraModel& camera, const ParameterNames& names,
                     const std::vector<double>& numbers);
@@ -77,9 +75,8 @@ using ForeignModels = std::vector<ForeignModel>;
 const ForeignModel& model_named(const ForeignModels& models, const std::string& name,
                                 const SourcePlace& place);
 
-// For writers: the first model of the camera's projection with two focal lengths that holds all
-// coefficients which are not 0. Throws ConfigError at `path`, naming the first coefficient that
-// `format` has no place for.
+// The first model of the camera's projection with two focal lengths that holds all coefficients but
+// 0. Throws ConfigError at `path`, naming the first that `format` has no place for.
 const ForeignModel& model_holding(const ForeignModels& models, const CameraModel& camera,
                                   const std::filesystem::path& path, const char* format);
 // The same for a format with one model.
@@ -97,8 +94,7 @@ void require_foreign_camera(const CameraModel& camera, const std::filesystem::pa
 void require_no_skew(const CameraModel& camera, const std::filesystem::path& path,
                      const char* format);
 
-// A projection with the parameters of a file. Throws ConfigError at `place` where none has them,
-// which `make` says by a NumericalError.
+// A projection with a file's parameters. Throws ConfigError at `place` for make()'s NumericalError.
 LensProjection projection_at(const SourcePlace& place, const std::function<LensProjection()>& make);
 LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place);
 

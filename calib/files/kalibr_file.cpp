@@ -1,13 +1,10 @@
-// Calibrations as Kalibr writes them (camchain.yaml): for every camera cam0, cam1, ... its
-// camera_model, intrinsics [fu, fv, pu, pv], distortion_model, distortion_coeffs and resolution
-// [width, height]. Layout: the wiki of Kalibr, "yaml formats".
+// Calibrations as Kalibr writes them (camchain.yaml; its wiki, "yaml formats"): of every camera
+// cam0, cam1, ... camera_model, intrinsics [fu, fv, pu, pv], distortion_model, distortion_coeffs
+// and resolution [width, height].
 //
-// Read and written are camera_model pinhole with the distortion radtan (k1 k2 p1 p2, OpenCV's
-// order), equidistant, fov or none, omni with radtan or none, eucm and ds. Poses between cameras
-// and the IMU are not read.
-//
-// Written is one camera, cam0. Throws ConfigError for coefficients beyond k1 k2 p1 p2 (equidistant
-// k1 k2 k3 k7), and for a skew.
+// Read and written: pinhole with radtan (k1 k2 p1 p2, OpenCV's order), equidistant, fov or none,
+// omni with radtan or none, eucm and ds. Poses are not read. Written is one camera, cam0. Throws
+// ConfigError for coefficients beyond k1 k2 p1 p2 (equidistant k1 k2 k3 k7), and for a skew.
 #include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>

@@ -1,16 +1,13 @@
 // Calibrations as mrcal writes them (.cameramodel): a Python dictionary with lensmodel (once
-// lens_model), intrinsics [fx, fy, cx, cy, distortion...], imagersize [width, height] and the
-// camera's pose. Layout: mrcal's documentation "Camera model representation in memory and on disk"
-// and its cameramodel.py.
+// lens_model), intrinsics [fx, fy, cx, cy, distortion...] and imagersize [width, height]. Layout:
+// mrcal's "Camera model representation in memory and on disk" and its cameramodel.py. The pose and
+// optimization_inputs are not read.
 //
-// Read and written are LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12, whose coefficients are
-// OpenCV's in OpenCV's order, LENSMODEL_STEREOGRAPHIC, _SPLINED_STEREOGRAPHIC and _CAHVOR, and
-// _CAHVORE as far as its entrance pupil stays where it is (its last three numbers are 0). The pose
-// and optimization_inputs are not read.
-//
-// Written is the first of these models that holds the camera, at the reference frame's origin.
-// Throws ConfigError for tau_x and tau_y, a skew, distortion coefficients of other than OpenCV
-// models, and a splined field of view that is no whole number of degrees.
+// LENSMODEL_PINHOLE, _OPENCV4, 5, 8 and 12 (OpenCV's coefficients and order), _STEREOGRAPHIC,
+// _SPLINED_STEREOGRAPHIC, _CAHVOR, and _CAHVORE with a fixed entrance pupil (its last three numbers
+// are 0). Written is the first that holds the camera, at the reference frame's origin. Throws
+// ConfigError for tau_x and tau_y, a skew, distortion of other than OpenCV models, and a splined
+// field of view that is no whole number of degrees.
 #include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>
@@ -21,8 +18,7 @@
 namespace etalon {
 namespace {
 
-// Python's literals as YAML: only the b before bytes has to go, which else would be a plain word
-// that ends at the first bracket of the base-85 text. Columns and lines stay.
+// Python's literals as YAML: only the b before bytes must go. Columns and lines stay.
 std::string without_bytes_prefix(std::string text) {
     char quote = 0;
     bool in_comment = false;
@@ -43,8 +39,7 @@ std::string without_bytes_prefix(std::string text) {
     return text;
 }
 
-// LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=170 and the like: a family, and
-// what configures it.
+// LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=170: a family, its configuration.
 struct ModelName {
     std::string family;
     std::vector<double> configuration;

@@ -9,13 +9,12 @@
 //   fisheye_model, not 0                              the four coefficients are cv::fisheye's
 //   xi                                                cv::omnidir's, a number or a 1x1 matrix
 //
-// Four coefficients without one of the last two keys are k1 k2 p1 p2. OpenCV leaves the skew out of
-// perspective cameras.
+// Four coefficients without one of the last two keys are k1 k2 p1 p2. Perspective cameras have no
+// skew.
 //
-// Written is OpenCV YAML, or XML or JSON for a path that ends so, with the shortest list of
-// coefficients that holds all that are not 0 or have a standard deviation (at least 5); numbers
-// read back as the same doubles. Standard deviations of a covariance are written as
-// cameraMatrix_std_dev and dist_coeffs_std_dev (0: not known), whose squares read back within
+// Written is OpenCV YAML, or XML or JSON by the extension, with the shortest list of coefficients
+// (at least 5) that holds all but 0; numbers read back as the same doubles. A covariance's standard
+// deviations are cameraMatrix_std_dev and dist_coeffs_std_dev (0: not known).
 // rounding.
 #include "calib/files/foreign_file.h"
 
@@ -40,8 +39,7 @@ int line_at(const std::string& text, std::size_t at) {
     return 1 + static_cast<int>(std::count(text.begin(), text.begin() + at, '\n'));
 }
 
-// cv::FileStorage does not say in which line a value stands: the first line that holds the key as
-// a word is where a reader will look.
+// cv::FileStorage does not say lines: the first one that holds the key as a word.
 int line_of(const std::string& text, const std::string& key) {
     std::smatch match;
     return std::regex_search(text, match, std::regex("\\b" + key + "\\b"))
@@ -64,8 +62,7 @@ void refuse_deep_nesting(const std::string& text, const std::string& file) {
                                       openings, most));
 }
 
-// Where the tag or comment that begins here ends, behind its '>'; npos: nowhere. In quotes '>' is
-// text.
+// Behind the '>' of the tag or comment that begins here, not one in quotes; npos: nowhere.
 std::size_t end_of_tag(const std::string& text, std::size_t begin) {
     if (text.compare(begin, 4, "<!--") == 0) {
         const std::size_t end = text.find("-->", begin + 4);
@@ -207,8 +204,7 @@ ParameterNames names_in_file(Projection projection) {
     return projection == Projection::equidistant ? kannala_brandt : first_coefficients(14);
 }
 
-// Standard deviations as OpenCV's interactive-calibration writes them: of fx fy cx cy, and of the
-// first coefficients. Those of parameters that were held fixed are 0 and say nothing.
+// Of fx fy cx cy, then of the first coefficients; 0 for parameters that were held fixed.
 void append_deviations(const OpenedFile& opened, Names keys, const ParameterNames& names,
                        std::vector<std::pair<std::string, double>>& deviations) {
     const auto named = find(opened, keys);

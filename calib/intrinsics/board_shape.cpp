@@ -292,8 +292,7 @@ struct BoardEstimate {
     double squares = 0.0;  // that are left
 };
 
-// The displacements from the linear model about `at` for given widths and variance. What the
-// photos determine of each width is as many displacements as they take from the prior.
+// The displacements from the linear model about `at` for given widths and variance.
 BoardEstimate estimated(const BoardSystem& system, const PriorPrecision& precision,
                         const VectorXd& at, const BoardPrior& prior, double variance) {
     const MatrixXd of_prior = precision.of(prior);
@@ -311,8 +310,7 @@ BoardEstimate estimated(const BoardSystem& system, const PriorPrecision& precisi
     return estimate;
 }
 
-// MacKay's rule: a width's square is the squares of the displacements over how many of them the
-// photos determine.
+// MacKay's rule: a width's square is that of the displacements over how many the photos determine.
 BoardPrior told_prior(const BoardEstimate& estimate, const PriorPrecision& precision) {
     constexpr double least = 1e-6;  // of the extent
     const MatrixXd& bow = precision.bow();
@@ -358,8 +356,7 @@ BoardEstimate told_estimate(const BoardSystem& system, const PriorPrecision& pre
     return estimate;
 }
 
-// Where the search for the widths begins, and what the check looks for: displacements of a ten
-// thousandth of the board, 0.02 mm of 200 mm, and bows of any size.
+// The start: displacements of a ten thousandth of the board (0.02 of 200 mm), bows of any size.
 BoardPrior first_prior(double extent_mm) {
     return {1e-4 * extent_mm, 1e-4 * extent_mm};
 }

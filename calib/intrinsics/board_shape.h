@@ -47,22 +47,19 @@ struct BoardShape : DisplacementSize {
     CalibrationView shaped(CalibrationView view) const;
 };
 
-// The camera's parameters, poses and the board's points that minimise together the squared weighted
-// distances over their variance plus the displacements' over the prior's. In rounds: the camera for
-// a board, then one Gauss-Newton step of the board with camera and poses eliminated. `fit` is the
-// views' fit and the start; with `start` its prior's widths are held.
-// Throws NumericalError as fit_camera() does, for an id in two places, for points too few for
-// poses, camera and shape, and for a telecentric camera, which does not tell heights and tilts from
-// their opposites.
+// Minimises the squared weighted distances over their variance plus the displacements' over the
+// prior's, in rounds: the camera for a board, then a Gauss-Newton step of the board with camera and
+// poses eliminated. `fit` is the views' fit and the start; with `start` its prior's widths are
+// held. Throws NumericalError as fit_camera() does, for an id in two places, too few points, and a
+// telecentric camera, which does not tell heights and tilts from their opposites.
 BoardShape fit_board_shape(std::span<const CalibrationView> views, const CameraFit& fit,
                            const std::optional<BoardShape>& start = std::nullopt);
 
-// Whether the residuals of a fit move with the board. What camera and poses can do, and a bicubic
-// spline over the image for other lens models, is projected off first. With a true board, errors
-// could have the other sign, photo by photo: `chance` is the share of such sign changes (all, or
-// 4095 drawn ones) after which a board explains as much (wild bootstrap: Wu, Ann. Statist. 14,
-// 1986; by clusters: Cameron, Gelbach, Miller, Rev. Econ. Stat. 90, 2008). A false alarm has the
-// probability max_board_chance.
+// Whether residuals move with the board. What camera and poses can do, and a bicubic spline over
+// the image, is projected off. With a true board, errors could have the other sign, photo by photo:
+// `chance` is the share of sign changes (all, or 4095 drawn) after which a board explains as much
+// (wild bootstrap: Wu, Ann. Statist. 14, 1986; Cameron, Gelbach, Miller, Rev. Econ. Stat. 90,
+// 2008).
 inline constexpr double max_board_chance = 0.01;
 inline constexpr std::size_t min_board_views = 8;  // 2^7 signs: a chance of 1/128 can be seen
 

@@ -25,9 +25,8 @@ Eigen::MatrixXd triangle_of(const Eigen::MatrixXd& matrix) {
     return qr.matrixQR().topRows(size).triangularView<Eigen::Upper>();
 }
 
-// What the pixels do not depend on at all, at first order, stays as it is: the distance from a
-// telecentric camera, and the tilt of a plane that it sees flat on. One more row for each holds it;
-// elimination would otherwise use up a row of the view for a column of zeros.
+// What no pixel depends on at first order stays (a telecentric camera's distance, the tilt of a
+// plane seen flat on): one more row holds each.
 void hold_what_has_no_effect(Eigen::MatrixXd& rows) {
     for (Eigen::Index k = 0; k < pose_size; ++k) {
         if ((rows.col(k).array() != 0.0).any())
@@ -184,9 +183,8 @@ double least_motion(const std::vector<BundleView>& views, double cost, std::size
     return part * part * cost / std::max(freedom, 1.0) + rounding * rounding * pixels;
 }
 
-// Gauss-Newton steps approach a minimum with residuals only linearly, slowly where the model bends
-// within its uncertainty. Anderson's acceleration (J. ACM 12, 1965) takes the combination of the
-// last steps that the pixels would least notice; Walker and Ni (SIAM J. Numer. Anal. 49, 2011).
+// Gauss-Newton steps approach a minimum with residuals only linearly. Anderson's acceleration (J.
+// ACM 12, 1965; Walker and Ni, SIAM J. Numer. Anal. 49, 2011) combines the last steps.
 class Acceleration {
 public:
     // The step to take in place of the plain one.

@@ -1,19 +1,16 @@
 // The nonlinear least-squares problem of calib/intrinsics/camera_fit.h.
 //
-// Levenberg-Marquardt on the parameters of the camera, of which `free` may move, and a pose per
-// view. Each view's Jacobian is brought to a triangle by Householder QR with the pose's columns
-// first: the rows below them are of the camera alone. Damped trials start from the triangles. Every
-// iteration first tries the plain Gauss-Newton step, which converges in weak directions too.
-//
-// The input is checked in calib/intrinsics/camera_fit.cpp.
+// Levenberg-Marquardt on a camera's `free` parameters and a pose per view. Householder QR brings
+// each view's Jacobian to a triangle, pose first: the rows below are the camera's alone. Every
+// iteration first tries the plain Gauss-Newton step, which converges in weak directions too. The
+// input is checked in calib/intrinsics/camera_fit.cpp.
 #pragma once
 
 #include "calib/intrinsics/camera_fit.h"
 
 namespace etalon {
 
-// Points are relative to their centroid: turning a target about a far origin would be nearly the
-// same as moving it.
+// Points are relative to their centroid: about a far origin, turning is nearly the same as moving.
 struct BundleView {
     Eigen::Vector3d centre_mm;
     Eigen::Matrix3Xd points_mm;
@@ -60,8 +57,7 @@ struct BundleSolution {
 std::optional<double> bundle_cost(const std::vector<BundleView>& views, const Bundle& bundle,
                                   const BundleOptions& options);
 
-// The solution as a fit of the model, whose camera is `camera` but for the parameters; with its
-// residuals, without pull, variance and condition number.
+// As a fit of the model, with its residuals without pull, variance and condition number.
 CameraFit fit_from(const BundleSolution& solution, const CalibrationModel& model,
                    std::span<const CalibrationView> views,
                    const std::vector<BundleView>& bundle_views, CameraModel camera);

@@ -319,10 +319,9 @@ void set_left_out_of_board(CameraCalibration& calibration, const Selection& sele
             std::sqrt(sum / static_cast<double>(point_count(selection.kept.views)));
 }
 
-// Views are independent of each other for a given board, which is what the covariances are of; the
-// board's own uncertainty is common to all of them and comes on top (the law of total variance).
-// It grows as the stated covariance does where photos share errors. Residuals are smaller for the
-// parameters that the shape is worth.
+// Covariances are of views independent for a given board; the board's own uncertainty is common to
+// all and comes on top (law of total variance), grown as the stated covariance. Residuals are
+// smaller for the parameters that the shape is worth.
 void add_board(CalibrationCovariances& covariances, const BoardShape& board, double variance) {
     const double scale = variance > 0.0 ? board.variance / variance : 1.0;
     const double inflation = (covariances.formal.ldlt().solve(covariances.stated)).trace() /

@@ -1,7 +1,6 @@
-// A camera's intrinsics from views of a planar target, and what they are worth: which model the
-// views support, which points do not fit, how uncertain every parameter and every place of the
-// image is, and whether two halves of the views agree. The fit itself is
-// calib/intrinsics/camera_fit.h. The method, to be repeated by hand: docs/calibration.md.
+// A camera's intrinsics from views of a planar target, and what they are worth: the model that the
+// views support, points that do not fit, uncertainties of parameters and image, and whether two
+// halves of the views agree. docs/calibration.md.
 #pragma once
 
 #include "calib/intrinsics/board_shape.h"
@@ -67,12 +66,11 @@ inline constexpr double suspicious_deviation_ratio = 1.5;
 // Of all points, more than this share of outliers is refused.
 inline constexpr double max_outlier_share = 0.1;
 
-// Needs three views of at least four points each that are not collinear, and different
-// orientations. Throws ConfigError for an unknown model; NumericalError, naming the view by its
-// index from 0, for what check_view() refuses, for geometry that does not determine the parameters,
-// for a model that folds over inside a view, for too many outliers, and for a board's shape with a
-// telecentric model. Costs some seconds for 13 views of 54 points with everything; runs on all
-// cores, with the same result for any number of them.
+// Needs three views of at least four points each, not collinear, in different orientations. Throws
+// ConfigError for an unknown model; NumericalError, naming the view by its index from 0, for what
+// check_view() refuses, undetermined parameters, a model that folds inside a view, too many
+// outliers, and a board's shape with a telecentric model. Some seconds for 13 views of 54 points;
+// runs on all cores, with the same result for any number of them.
 CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv::Size image_size,
                                    const CalibrationOptions& options = {});
 

@@ -26,9 +26,8 @@ Eigen::MatrixXd leverage_correction(const Eigen::MatrixXd& leverage) {
     return eigen.eigenvectors() * factors.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
-// What the residuals of each view did to the parameters, a column each, in units of the root G of
-// the inverse information: with the view's own equations T d = z its leverage is T G G^T T^T and
-// its effect G^T T^T (I - leverage)^(-1/2) z.
+// A column for each view, in units of the root G of the inverse information: with the view's
+// equations T d = z its leverage is T G G^T T^T, its effect G^T T^T (I - leverage)^(-1/2) z.
 Eigen::MatrixXd view_effects(std::span<const ViewEquations> equations,
                              const Eigen::MatrixXd& root) {
     Eigen::MatrixXd effects(root.cols(), std::ssize(equations));
@@ -103,10 +102,9 @@ bool frees(const CalibrationModel& model, std::string_view parameter) {
     return std::ranges::find(model.parameters, parameter) != model.parameters.end();
 }
 
-// A plane tells the magnification along the axis that it is tilted about: of relative changes of fx
-// and fy cos^2 of the one and sin^2 of the other. Where all tell nearly the same, what else they
-// seem to tell is noise in the directions of their axes, however small. A tilt of a few degrees may
-// be that of the camera above a table, common to all views, for which flat on does as well.
+// A plane tells the magnification along the axis it is tilted about: cos^2 of fx's and sin^2 of
+// fy's relative change. Where all tell nearly the same, the rest is noise in the axes' directions.
+// A tilt of a few degrees may be the camera's above a table, common to all views.
 void check_tilts(const CameraFit& fit, std::span<const ViewEquations> equations, double noise) {
     constexpr double max_share = 0.01, least_ratio = 0.01;
     Eigen::Matrix2d information = Eigen::Matrix2d::Zero();

@@ -10,9 +10,8 @@
 //  stated          where the formal covariance is the identity, the cluster-robust one drawn
 //                  towards a multiple of it (core/statistics/covariance.h: excess_scatter).
 //
-// Cluster-robust and bootstrap assume independent views and need many: of n views a standard
-// deviation is uncertain by about 1 / sqrt(2 (n - 1)), and of fewer views than parameters some
-// combinations look certain that are not. Stated deviations and correlations have one source.
+// Cluster-robust and bootstrap need many independent views: of n a standard deviation is uncertain
+// by about 1 / sqrt(2 (n - 1)); of fewer views than parameters some combinations only look certain.
 #pragma once
 
 #include "calib/intrinsics/camera_fit.h"
@@ -53,30 +52,27 @@ struct Bootstrap {
 inline constexpr int bootstrap_resamples = 400;  // sd uncertain by 1 / sqrt(2 * 399) = 3.5 %
 inline constexpr std::size_t min_bootstrap_views = 6;
 
-// `fit` is that of all views and the start of every search. Resamples with less than three
-// different views are drawn again. Some 0.5 s for 13 views of 54 points; on all cores, with the
-// same result for any number of them.
+// `fit` is of all views and starts every search. Resamples with less than three different views are
+// drawn again. 0.5 s for 13 views of 54 points; on all cores, same result for any number.
 Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, const CameraFit& fit,
                                  int resamples = bootstrap_resamples, std::uint64_t seed = 1);
 
 // Whether views determine the camera that was fitted to them well enough to be used at all.
 
-// Throws NumericalError, naming what is weak: for a rank lost, and for a focal length that noise
-// (0.1 px, or what the fit leaves if that is more) makes uncertain by more than a tenth. A
-// telecentric lens also needs views tilted by more than hardly_tilted_rad about several axes, which
-// tell fx and fy to a hundredth, and a distortion that tells its centre to half the image.
-// `equations` are the fit's.
+// Throws NumericalError, naming what is weak, for a lost rank and a focal length that noise (0.1
+// px, or the fit's) makes uncertain by a tenth. A telecentric lens also needs views tilted by more
+// than hardly_tilted_rad about several axes (fx and fy to a hundredth), and a distortion that tells
+// its centre to half the image. `equations` are the fit's.
 void check_identifiability(std::span<const CalibrationView> views, const CameraFit& fit,
                            std::span<const ViewEquations> equations);
 
-// 95 % intervals of a calibration's parameters where a standard deviation does not say enough: with
-// a parameter held at an end of its interval and all else fitted again, the sum of squares is what
-// Student's distribution allows more than the least one (profile t: Bates and Watts, "Nonlinear
-// Regression Analysis and Its Applications", 1988, 6.1).
+// 95 % intervals where a standard deviation does not say enough: with a parameter held at an end
+// and all else fitted again, the sum of squares is what Student's distribution allows above the
+// least (profile t: Bates and Watts, "Nonlinear Regression Analysis and Its Applications", 1988,
+// 6.1).
 //
-// Focal length, xi and the distortion of an omnidirectional lens trade for each other over a range
-// in which none acts linearly. Two deviations to both sides then hold the truth in 90 % of
-// calibrations, the profile's interval in 95 %. What a lens projects is nearly linear.
+// Focal length, xi and distortion of an omnidirectional lens trade for each other: two deviations
+// hold the truth in 90 % of calibrations, the profile's interval in 95 %.
 
 struct ProfileInterval {
     double low = 0.0, high = 0.0;
@@ -88,11 +84,10 @@ inline constexpr double skewed_interval_share = 0.1;
 // Student's: an interval reaches so many deviations to both sides where a parameter acts linearly.
 double profile_quantile(std::span<const CalibrationView> views, const CalibrationModel& model);
 
-// In the order of the model's parameters. `deviations` are those to be stated; where photos share
-// errors they are larger than the fit's formal ones, and as much more may the sum of squares rise.
-// Nothing for a parameter without such ends in reach, and for all of a fit with a pull (rational
-// and richer) or without residuals. Two or three fits an end, on all cores, with the same result
-// for any number of them.
+// In the order of the model's parameters. `deviations` are the stated ones; where photos share
+// errors they exceed the formal ones, and so does the rise allowed. Nothing for a parameter without
+// ends in reach, and for all of a fit with a pull or without residuals. Two or three fits an end,
+// on all cores, with the same result for any number of them.
 std::vector<std::optional<ProfileInterval>> profile_intervals(
     std::span<const CalibrationView> views, const CameraFit& fit,
     const Eigen::VectorXd& deviations);

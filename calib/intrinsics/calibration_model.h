@@ -1,7 +1,5 @@
-// Which parameters a calibration leaves free: named sets, each containing the one before, and the
-// parameters of a camera by name. The others keep the values that they have (zero distortion).
-//
-// The names are those of calib/camera/camera_model.h and of files.
+// Which parameters a calibration leaves free: named sets, each containing the one before. The
+// others keep their values. Names: calib/camera/camera_model.h.
 #pragma once
 
 #include "calib/camera/camera_model.h"
@@ -33,9 +31,8 @@ const std::vector<CalibrationModel>& telecentric_calibration_models();
 // Those that are compared with a model of this projection: the list that it is in.
 const std::vector<CalibrationModel>& calibration_models_beside(Projection projection);
 
-// Perspective and wide models in the order in which the first that predicts well is advised: the
-// wide ones behind rational, as every tool reads the radial ones, and before prism, which is for
-// lenses and sensors that are not centred.
+// In the order in which the first that predicts well is advised: wide ones behind rational and
+// before prism, which is for lenses and sensors that are not centred.
 const std::vector<CalibrationModel>& perspective_and_wide_models();
 
 // How many parameters of a pose pixels depend on: 6, telecentric 5, all but the distance.

@@ -25,9 +25,8 @@ inline constexpr double no_plane_misfit =
 // By view and point.
 using CornerMask = std::vector<std::vector<bool>>;
 
-// Corners by the first rule, under whichever of the models has the smallest scale. A view that is
-// an outlier, or no view of the target, has all of its corners set. Throws NumericalError, from the
-// last model, when none fits.
+// Corners by the first rule, under the model with the smallest scale; all of a view that is an
+// outlier or no view of the target. Throws NumericalError, from the last model, when none fits.
 CornerMask find_outlier_corners(std::span<const CalibrationView> views, cv::Size image_size,
                                 std::span<const CalibrationModel> models);
 

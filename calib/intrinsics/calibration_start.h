@@ -1,13 +1,11 @@
 // Where a calibration starts: focal lengths and poses from the homographies of the views.
 //
-// Zhang's closed form (PAMI 2000) is upset by distortion and fails where the perspective is below
-// the noise. Here the pixels are first undistorted by the division model's one parameter
-// (Fitzgibbon, CVPR 2001) that makes the views most nearly homographies. Then focal lengths from a
-// hundredth of the image's diagonal to ten thousand of them, with pixels' ratios from 1/2 to 2, are
-// searched by how well the poses project that a homography's first derivatives give (Collins and
-// Bartoli, "Infinitesimal Plane-Based Pose Estimation", IJCV 2014).
-//
-// Needs checked views. Some ms for eight views of 54 points.
+// Zhang's closed form (PAMI 2000) fails with distortion or little perspective. Here the pixels are
+// first undistorted by the division model (Fitzgibbon, CVPR 2001) that makes the views most nearly
+// homographies. Then focal lengths, 0.01 to 10 000 image diagonals with pixels' ratios from 1/2 to
+// 2, are searched by how well the homographies' poses project (Collins and Bartoli, "Infinitesimal
+// Plane-Based Pose Estimation", IJCV 2014). Needs checked views. Some ms for eight views of 54
+// points.
 #pragma once
 
 #include "calib/intrinsics/camera_fit.h"
@@ -18,9 +16,8 @@ namespace etalon {
 // focal length puts every view in front of the camera.
 CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size image_size);
 
-// Starts for a wide lens, whose views are no homographies: for each of a few guesses of the
-// projection's parameters the focal length, of a grid over what lenses have, with which the poses
-// of the views fit best. Throws NumericalError when no such camera sees every view.
+// Starts for a wide lens: for a few guesses of the projection's parameters the focal length, of a
+// grid, with which the views' poses fit best. Throws NumericalError when no camera sees every view.
 std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView> views,
                                                  cv::Size image_size, Projection projection);
 
@@ -29,16 +26,14 @@ std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView
 std::optional<Rigid> pose_from_homography(const std::vector<Eigen::Vector3d>& points_mm,
                                           const std::vector<Eigen::Vector2d>& normalised);
 
-// The same of points seen at undistorted points of a projection's plane, from the homography onto
-// the plane across their mean ray; those more than 80 degrees from it do not count. Nothing for
-// fewer than four that count.
+// The same of points of a projection's plane, from the homography across their mean ray; points
+// more than 80 degrees from it do not count. Nothing for fewer than four that do.
 std::optional<Rigid> pose_from_plane(const std::vector<Eigen::Vector3d>& points_mm,
                                      const std::vector<Eigen::Vector2d>& undistorted,
                                      const LensProjection& projection);
 
-// How far the pixels are from any homography of the view's plane: root mean square of the algebraic
-// distances, relative to the view's extent. Noise makes some thousandths of it, a strong distortion
-// some hundredths, points in a wrong order tenths.
+// Root mean square distance (algebraic) of the pixels from any homography of the plane, relative to
+// the view's extent. Noise: some thousandths, strong distortion: hundredths, wrong order: tenths.
 double plane_misfit(const CalibrationView& view);
 
 // The other pose in which a small plane around `centre_mm` looks nearly the same: its normal
@@ -60,16 +55,11 @@ enum class LensAngle {
 // more for one that is.
 LensAngle lens_angle(std::span<const CalibrationView> views, cv::Size image_size);
 
-// Where the calibration of a telecentric camera starts: magnification and poses from the affine
-// maps of the views.
-//
-// A plane is seen by the map K A + t, K = diag(fx, fy) and A the upper left 2 x 2 of a rotation,
-// with singular values 1 and the cosine of the tilt (Tomasi and Kanade, IJCV 9, 1992). fy / fx,
-// from 1/2 to 2, is the one with which the larger singular values of all views are most alike. The
-// distance and the sign of the tilt have no effect: points lie twice as far away as the farthest of
-// them from their middle.
-//
-// Needs checked views. Microseconds.
+// The start of a telecentric calibration, from the affine maps of the views: K A + t, K = diag(fx,
+// fy), A the upper left 2 x 2 of a rotation with singular values 1 and the cosine of the tilt
+// (Tomasi and Kanade, IJCV 9, 1992). fy / fx, from 1/2 to 2, makes the larger singular values of
+// all views most alike. Distance and sign of the tilt have no effect: points lie twice as far away
+// as the farthest of them from their middle. Needs checked views. Microseconds.
 
 // The principal point is in the middle of the image, distortion zero. Views that are nearly flat on
 // (2 degrees) start flat on: see flat_on(). Throws NumericalError for pixels that are no plane.

@@ -1,6 +1,4 @@
 // What a camera is calibrated from: points of a planar target and where one photo shows them.
-//
-// Plain observations; finding them in photos is in compare/.
 #pragma once
 
 #include <Eigen/Core>
@@ -41,9 +39,8 @@ double corner_scatter_px(std::span<const CalibrationView> views,
 // Points of all views.
 std::size_t point_count(std::span<const CalibrationView> views);
 
-// Throws NumericalError, naming the view by `index`, unless the view has at least `needed`
-// points that are finite, in the plane z = 0 and not collinear, as many finite pixels, positive
-// finite standard deviations or none, finite displacements or none, and distinct ids or none.
+// Throws NumericalError, naming the view by `index`, unless it has `needed` finite points in
+// z = 0, not collinear, as many finite pixels, and sound deviations, displacements and ids.
 void check_view(const CalibrationView& view, std::size_t index, std::size_t needed);
 // The same of what a calibration takes at least.
 void check_views(std::span<const CalibrationView> views);

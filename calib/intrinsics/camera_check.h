@@ -1,7 +1,5 @@
-// Whether a calibration can be used for what it is meant for: what is seen of the image, how near
-// the distortion model's limits lie, what contradicts itself, and what the renderer will miss.
-//
-// Says nothing about whether the numbers are right: that takes photographs (`etalon compare`).
+// Whether a calibration can be used: the image seen, the distortion's limits, contradictions, what
+// the renderer will miss. Whether the numbers are right takes photographs (`etalon compare`).
 #pragma once
 
 #include "calib/camera/camera_model.h"
@@ -31,10 +29,9 @@ struct CameraCheck {
     bool has_fault() const;
 };
 
-// The fields of view are in degrees, those of a telecentric camera in mm, the others 0. A wide lens
-// may leave the image's corners without rays: no fault as long as a circle as wide as the image has
-// them. Looks at a grid of 65 x 65 pixel positions, outer corners included: some milliseconds.
-// Throws NumericalError where Projector does.
+// Fields of view in degrees, telecentric in mm. A wide lens may leave corners without rays if a
+// circle as wide as the image has them. Looks at 65 x 65 pixels: some milliseconds. Throws
+// NumericalError where Projector does.
 CameraCheck check_camera(const CameraModel& camera);
 
 }  // namespace etalon

@@ -96,9 +96,8 @@ struct Split {
         all.insert(all.end(), second.equations.begin(), second.equations.end());
         return all;
     }
-    // Of the views' equations, per degree of freedom: what a parameter's formal variance is to be
-    // multiplied by. A second group that its camera fits worse than the first group's fits that one
-    // is no better explained than so.
+    // Of the views' equations, per degree of freedom: multiplies a formal variance. A second group
+    // that its camera fits worse than the first's is no better explained.
     double dispersion() const {
         double left = 0.0;
         for (const ViewEquations& view : equations())

@@ -1,20 +1,18 @@
-// Views of one set that were taken with different cameras: another zoom, focus or camera of the
-// same image size. One camera fitted to them all is none of theirs, and outlier rules would reject
-// good views.
+// Views of one set taken with different cameras: another zoom, focus or camera of the same size.
+// One camera fitted to all is none of theirs, and outlier rules would reject good views.
 //
-// Splits into two groups are tried in the order of the views and of each view's own change of focal
-// length and centre. Each view then goes to the group whose camera fits it better, until none moves
-// (Lloyd, "Least squares quantization in PCM", 1982). Two cameras are needed where Chow's test
+// Splits into two groups are tried in the order of the views and of each view's change of focal
+// length and centre; then each view goes to the group that fits it better (Lloyd, "Least squares
+// quantization in PCM", 1982). Two cameras are needed where Chow's test
 // (Econometrica 28, 1960) says so: with p parameters for all, q more for the second group, n views,
 // D the drop of the sum of squares and R the residual of the views' equations,
 //
 //     F = (D / q) / (R / (n p - p - q)).
 //
-// R counts whole views, so that errors common to one photo are noise. The best split is the best of
-// many: each of the C(n, m) with m views in the second group is allowed an equal part of the false
-// alarm rate. A split found with the standard model must be needed with the richest one too. Wide
-// lenses have Kannala and Brandt's model for both; a telecentric centre is held, for which p1 and
-// p2 make up. More: docs/calibration.md.
+// R counts whole views: errors common to a photo are noise. The best split is of many: each of the
+// C(n, m) with m views in the second group gets an equal part of the false alarm rate. One found
+// with the standard model must be needed with the richest too. Wide lenses have Kannala and
+// Brandt's model; a telecentric centre is held, since p1 and p2 make up. More: docs/calibration.md.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -35,10 +33,9 @@ struct CameraGroup {
     double focal_px = 0.0, deviation_px = 0.0;
 };
 
-// The groups of views that share a camera, the largest first. One group where one camera took all,
-// for fewer than five views, and where no camera fits them. Views in an order that no plane shows
-// are put into the largest. Views must have passed check_view(). Some twenty fits: 0.2 s for 13
-// views of 54 points.
+// The groups of views that share a camera, the largest first. One group for fewer than five views
+// and where no camera fits; views that no plane shows are in the largest. Needs checked views. Some
+// twenty fits: 0.2 s for 13 views of 54 points.
 std::vector<CameraGroup> camera_groups(std::span<const CalibrationView> views, cv::Size image_size,
                                        bool is_telecentric = false);
 

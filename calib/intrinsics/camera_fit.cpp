@@ -74,9 +74,8 @@ struct RivalPose {
     double less = 0.999;
 };
 
-// A telecentric camera sees tilts of either sign alike, and tilts near zero in second order only:
-// where no tilt fits better, flat on is the minimum, to which no steps converge; and from there
-// none lead back.
+// A telecentric camera sees tilts of either sign alike, near zero in second order only: where no
+// tilt fits better, flat on is the minimum, to which and from which no steps lead.
 std::vector<RivalPose> telecentric_others(const BundlePose& pose) {
     const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
     const auto tilted = [&](double about_x, double about_y) -> RivalPose {
@@ -200,9 +199,8 @@ std::optional<Solution> better(std::optional<Solution> one, std::optional<Soluti
     return other_is_better ? std::move(other) : std::move(one);
 }
 
-// What is free, step by step. Of a perspective camera the models from the simplest distortion on to
-// the one that is asked for; of a wide lens first what every camera has; of a telecentric one first
-// the magnification, then the distortion, and then its centre, which is nowhere without it.
+// What is free, step by step. Perspective: models from the simplest distortion on; wide: first what
+// every camera has; telecentric: magnification, distortion, then its centre.
 std::vector<std::vector<int>> stages_of(const CalibrationModel& model) {
     const std::vector<int> all = indices_of(model);
     if (model.projection == Projection::telecentric) {
@@ -229,9 +227,8 @@ std::vector<std::vector<int>> stages_of(const CalibrationModel& model) {
     return stages;
 }
 
-// Each stage from the solution of the one before, so that none fits worse than a model that it
-// contains; and each from the start at once, for lenses of 160 degrees, which the simpler ones
-// cannot follow.
+// Each stage from the one before, so that none fits worse than a model it contains, and each from
+// the start at once, for lenses of 160 degrees.
 std::optional<Solution> adjust_in_stages(const Views& views, const Bundle& start,
                                          const BundleOptions& options,
                                          const CalibrationModel& model) {

@@ -1,13 +1,11 @@
-// Bundle adjustment of one camera and the poses of planar targets: the intrinsics and poses that
-// bring the projected points closest to the observed pixels, in the sense of least squares.
+// Bundle adjustment: the camera and poses of planar targets whose projected points are closest to
+// the observed pixels (least squares). Triggs et al., "Bundle Adjustment - A Modern Synthesis"
+// (2000); Bjorck, "Numerical Methods for Least Squares Problems" (1996). Householder QR eliminates
+// the poses, so that the condition number counts once and not squared.
 //
-// Triggs et al., "Bundle Adjustment - A Modern Synthesis" (2000); Bjorck, "Numerical Methods for
-// Least Squares Problems" (1996). Levenberg-Marquardt with scaled columns. Every view's pose is
-// eliminated by Householder QR, so that the condition number counts once and not squared.
-//
-// A telecentric camera's poses keep the distance that they start with. Thread-safe, deterministic,
-// single-threaded. Eight views of 54 points cost 1.3 ms from a start nearby and 9 ms from nothing,
-// nine parameters free. Standard deviations: calib/intrinsics/calibration_covariance.h.
+// Telecentric poses keep their start's distance. Thread-safe, deterministic, single-threaded. Eight
+// views of 54 points: 1.3 ms from a start nearby, 9 ms from nothing. Standard deviations:
+// calib/intrinsics/calibration_covariance.h.
 #pragma once
 
 #include "calib/intrinsics/calibration_model.h"
@@ -16,11 +14,10 @@
 
 namespace etalon {
 
-// What richer models add, photos may hardly tell apart: k1 = k4 + 1000 fits as well as any where
-// the points do not reach far, and a tilt tau_y does at first order what p2 = -s1 = tau_y / 2 do.
-// So k4 to k6, the prism's coefficients and the tilts have normal priors about zero, as wide as
-// lenses and sensors make them with room to spare. These are the standard deviations of what each
-// does at the outermost point, relative to that point's distance from the axis.
+// Photos may hardly tell richer models apart: k1 = k4 + 1000 fits as well where points do not reach
+// far, and tau_y does at first order what p2 = -s1 = tau_y / 2 do. So k4 to k6, the prism and the
+// tilts have normal priors about zero, with room to spare. Standard deviations of what each does at
+// the outermost point, relative to its distance from the axis.
 inline constexpr double rational_deviation = 0.5, prism_deviation = 0.004, tilt_deviation = 0.02;
 
 struct CameraFit {
@@ -52,12 +49,11 @@ struct CameraFitOptions {
     double huber = 0.0;
 };
 
-// The start without CameraFitOptions::start (calib/intrinsics/calibration_start.h) has a principal
-// point in the middle of the image and no distortion; parameters that are not in `model` stay as in
-// the start. Throws NumericalError for fewer than three views, a view that check_view() refuses
-// with four points, more parameters than observations, a start that is none, and what
-// check_identifiability() refuses. Every observed point is where the model is regular
-// (calib/camera/distortion.h); a fold between the axis and a point is for Projector to find.
+// Without CameraFitOptions::start the principal point is the image's middle, without distortion;
+// parameters not in `model` keep the start's. Throws NumericalError for fewer than three views, a
+// view that check_view() refuses with four points, more parameters than observations, an impossible
+// start, and what check_identifiability() refuses. Every observed point is where the model is
+// regular; a fold between the axis and a point is for Projector to find.
 CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size,
                      const CalibrationModel& model, const CameraFitOptions& options = {});
 
@@ -69,9 +65,8 @@ double sum_of_squares(std::span<const Eigen::Vector2d> residuals);
 // Of the residuals in their points' sigmas.
 double weighted_squares(std::span<const CalibrationView> views, const CameraFit& fit);
 
-// The pose of a view of at least four points for a known camera; of the two mirrored solutions that
-// a plane has, the one that fits better; of a telecentric camera either. Throws NumericalError when
-// there is none.
+// The pose of a view of at least four points for a known camera: of a plane's two mirrored
+// solutions the better one (telecentric: either). Throws NumericalError when there is none.
 Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view);
 
 // Observed minus projected. Throws NumericalError for a point behind the camera or where the model
@@ -96,18 +91,16 @@ struct ViewEquations {
 std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views,
                                           const CameraFit& fit);
 
-// G with G G^T the inverse of the views' common information, from one more QR of their triangles;
-// upper triangular up to the order of its rows. That inverse times the variance is the formal
-// covariance. Throw NumericalError, naming the weakest combination of parameters, when rank is
-// lost.
+// G with G G^T the inverse of the views' information, from one more QR; upper triangular up to the
+// order of rows. Times the variance: the formal covariance. Throw NumericalError, naming the
+// weakest combination of parameters, when rank is lost.
 Eigen::MatrixXd inverse_information_root(std::span<const ViewEquations> equations,
                                          const CalibrationModel& model);
 Eigen::MatrixXd inverse_information(std::span<const ViewEquations> equations,
                                     const CalibrationModel& model);
 
-// The weakest combination of the parameters, each in units of the change that alone moves the
-// pixels by 1 px rms in total: "0.72 k1 - 0.55 k4 + 0.43 k2", largest first, parts below 0.1 left
-// out; and the condition number that it makes.
+// In units of the change that alone moves the pixels by 1 px rms in total: "0.72 k1 - 0.55 k4 +
+// 0.43 k2", largest first, from 0.1 on; and its condition number.
 struct WeakestDirection {
     std::string combination;
     double condition_number = 0.0;

@@ -1,12 +1,11 @@
-// Which set of parameters (calib/intrinsics/calibration_model.h) these views support. A richer
-// model always fits its own photos better. So every view is left out in turn, the camera calibrated
-// from the others, and only the pose of the left-out view is fitted (Stone, "Cross-validatory
-// choice and assessment of statistical predictions", 1974).
+// Which set of parameters these views support. A richer model always fits its own photos better:
+// every view is left out in turn, the camera calibrated from the others, and only the left-out
+// view's pose fitted (Stone, "Cross-validatory choice and assessment of statistical predictions",
+// 1974).
 //
-// The advised model is the simplest one within one standard error of the best (Breiman et al.,
-// "Classification and Regression Trees", 1984, 3.4.3), with the differences paired by view, and not
-// more than a quarter above it. A model is not advised where the photos do not determine its
-// projection, or where two halves of them disagree about it. More: docs/calibration.md.
+// Advised is the simplest within one standard error of the best (Breiman et al., "Classification
+// and Regression Trees", 1984, 3.4.3), paired by view, not more than a quarter above it; not where
+// the projection is undetermined, or two halves disagree about it. More: docs/calibration.md.
 #pragma once
 
 #include "calib/intrinsics/camera_fit.h"
@@ -14,10 +13,9 @@
 
 namespace etalon {
 
-// Two calibrations of one camera that share no photo, and how differently they project. Each half
-// is every second view, so that a drift over the session is in both. The difference is taken over
-// the convex hull of the points, after the rotation of the camera that takes back most of it,
-// places weighing as much as they are certain. The covariances of the halves say what it should be.
+// Two calibrations of one camera that share no photo: every second view each. Their projections'
+// difference over the convex hull of the points, after the rotation that takes back most of it,
+// weighted by certainty. The halves' covariances say what it should be.
 
 inline constexpr std::size_t min_cross_validation_views = 6;
 
@@ -34,10 +32,8 @@ struct CrossValidation {
 // six views, and when a half does not determine the camera. Some milliseconds.
 CrossValidation cross_validate(std::span<const CalibrationView> views, const CameraFit& fit);
 
-// Second minus first: where the second camera sees the first one's rays, after the second was
-// turned by the rotation (telecentric: about the axis, and shifted) that takes back most of the
-// difference. `deviations` (px) say how much each ray weighs. Rays that the second one does not see
-// are left out.
+// Second minus first where both see the first's rays, after the rotation (telecentric: about the
+// axis, and shifted) that takes back most. `deviations` (px) weigh the rays.
 struct ProjectionDifference {
     std::vector<Eigen::Vector2d> pixels, differences_px;
 };
@@ -57,9 +53,8 @@ struct ModelScore {
     std::string failure;                     // why the fit or a left-out view is missing
     std::optional<std::size_t> failed_view;  // the view that is not predicted
 
-    // Where the points are and after the best rotation (calib/intrinsics/projection_uncertainty.h):
-    // the largest stated deviation, and the RMS difference of two halves' calibrations, which takes
-    // six views; px. Nothing where there is none.
+    // Where the points are, after the best rotation: the largest stated deviation, and the RMS
+    // difference of two halves (six views or more); px. Nothing where there is none.
     std::optional<double> projection_deviation_px, halves_px;
 
     // Why it is not advised, however well it predicts: "two halves of the photos differ by 2.5 px";
@@ -83,18 +78,16 @@ struct ModelAdvice {
 inline constexpr double overfit_share = 0.05;
 // The advised model's leave-one-out error over the best one's, at most.
 inline constexpr double max_above_best = 1.25;
-// A projection is not determined where it is this much less certain, and halves disagree where they
-// differ by this much more, than the best model's, or than the best leave-one-out error where that
-// is larger.
+// A projection is undetermined where it is this much less certain, and halves disagree where they
+// differ by this much more, than the best model's or, if larger, the best leave-one-out error.
 inline constexpr double max_projection_deviation = 2.0, max_halves_difference = 3.0;
 // A model leaves this many times what one of the other kind, perspective or wide, does: such a lens
 // it is not, and no view is left out of it.
 inline constexpr double max_above_other_kind = 2.0;
 
-// Fits and, with four views or more, leaves every view out under each of the models. A model that
-// cannot be fitted has a failure in place of a score; the views must be valid (check_view). About
-// 1 ms times models times views squared for views of 54 points; on all cores, with the same result
-// for any number of them.
+// Fits and, from four views on, leaves every view out under each model. A model that cannot be
+// fitted has a failure for a score. Needs checked views. About 1 ms times models times views
+// squared (54 points); on all cores, with the same result for any number of them.
 std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv::Size image_size,
                                      std::span<const CalibrationModel> models,
                                      bool leave_out_views = true);

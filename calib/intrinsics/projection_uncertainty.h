@@ -1,11 +1,8 @@
-// What an uncertain calibration means in pixels: how far the image of a fixed ray may be off,
-// everywhere in the image. Deviations of single parameters do not tell, because their errors
-// cancel.
-//
-// Two figures for each place: with the camera held, and after the rotation of the camera that takes
-// back most of it over the image, each place weighing as much as it is certain. The second is left
-// to a measurement that finds the camera's orientation itself, as a marker's pose does. After mrcal
-// (its documentation, "Projection uncertainty"), for far points.
+// An uncertain calibration in pixels: how far the image of a fixed ray may be off, everywhere,
+// since the parameters' errors cancel. With the camera held, and after the rotation that takes back
+// most of it, each place weighing by its certainty: what a measurement is left that finds the
+// camera's orientation itself. After mrcal (its documentation, "Projection uncertainty"), for far
+// points.
 #pragma once
 
 #include "calib/intrinsics/calibration_model.h"
@@ -26,9 +23,8 @@ std::vector<Eigen::Vector2d> all_pixels(std::span<const CalibrationView> views);
 // Those within the convex hull of some pixels.
 ImageRays rays_among(const ImageRays& rays, std::span<const Eigen::Vector2d> pixels);
 
-// d pixel / d parameters and d pixel / d rotation (rad, left perturbation) of all rays, two rows
-// for each. Rays of a telecentric camera have Z = 1 mm: turned about x or y by 1 rad they are
-// shifted by 1 mm, which is what a measurement takes back there.
+// d pixel / d parameters and d pixel / d rotation (rad, left perturbation), two rows a ray.
+// Telecentric rays have Z = 1 mm: a turn of 1 rad about x or y shifts them by 1 mm.
 Eigen::MatrixXd parameter_jacobian(const CameraModel& camera, const ImageRays& rays,
                                    const CalibrationModel& model);
 Eigen::MatrixXd rotation_jacobian(const CameraModel& camera, const ImageRays& rays);
@@ -60,9 +56,8 @@ struct ProjectionUncertainty {
     double share_among_points() const;  // of the image, 0 to 1
 };
 
-// `covariance` is of the model's parameters in their order, `points` are the pixels that the camera
-// was calibrated from. Some milliseconds. Throws
-// NumericalError where Projector does, and when no ray reaches the image.
+// `covariance` is of the model's parameters in their order, `points` the calibration's pixels. Some
+// milliseconds. Throws NumericalError where Projector does, and when no ray reaches the image.
 ProjectionUncertainty projection_uncertainty(const CameraModel& camera,
                                              const CalibrationModel& model,
                                              const Eigen::MatrixXd& covariance,

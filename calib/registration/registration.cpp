@@ -289,11 +289,10 @@ GaugeFreedom gauge_freedom(const Twist& twist, const XY& xy, const Rigid& base_f
     return freedom;
 }
 
-// Directions about which all poses together say less than a single pose would if Y were known. The
-// ratio is the squared sine of the angle between the columns of X and those of Y (canonical
-// correlation; Bjorck and Golub, Math. Comp. 27, 1973), times the number of poses: it depends on no
-// unit and on no choice of origin. `middle_mm` is the middle of the marker's positions, base frame.
-// A motion counts as a shift when it moves this point by more than the arc of its turn at 100 mm.
+// Directions about which all poses together say less than a single pose would if Y were known: the
+// squared sine between the columns of X and of Y (canonical correlation; Bjorck and Golub, Math.
+// Comp. 27, 1973) times the number of poses, free of units and origins. `middle_mm`: of the
+// marker's positions, base frame. A shift moves it by more than the arc of its turn at 100 mm.
 std::vector<PoorlyConstrainedDirection> weak_directions(const RegistrationJacobian& jacobian,
                                                         const XY& xy,
                                                         const std::vector<Twist>& freedoms,
@@ -322,9 +321,8 @@ std::vector<PoorlyConstrainedDirection> weak_directions(const RegistrationJacobi
     return weak;
 }
 
-// Moves along the freedoms to the carriage_from_marker nearest to the nominal one (rotations count
-// as arcs of 100 mm radius). Exact: the predicted pixels do not change. `base_from_carriage` is any
-// one of the run.
+// Along the freedoms to the carriage_from_marker nearest to the nominal (rotations as arcs of 100
+// mm radius). Exact: predicted pixels do not change. `base_from_carriage`: any one of the run.
 XY nearest_to_prior(XY xy, const std::vector<Twist>& freedoms, const Rigid& base_from_carriage,
                     const Rigid& nominal_carriage_from_marker) {
     if (freedoms.empty())

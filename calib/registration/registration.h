@@ -2,13 +2,12 @@
 //
 //     camera_from_marker(i) = camera_from_base * base_from_carriage(q_i) * carriage_from_marker
 //
-// X = camera_from_base and Y = carriage_from_marker are estimated together from corner pixels by
-// robust weighted least squares, the camera being fixed to the calibration under test. The
-// "robot-world / hand-eye" problem (Zhuang et al. 1994; Tabb & Ahmad Yousef 2017), on pixels.
+// X = camera_from_base and Y = carriage_from_marker from corner pixels by robust weighted least
+// squares, the camera fixed: "robot-world / hand-eye" (Zhuang et al. 1994; Tabb & Ahmad Yousef
+// 2017).
 //
-// A stage with few axes leaves directions that no observation can determine (gauge freedoms). They
-// are found from the Jacobian, named, and fixed by a stated prior: the carriage_from_marker nearest
-// to the nominal one. The predicted camera_from_marker never depends on that prior.
+// With few axes some directions stay undetermined (gauge freedoms). They are found from the
+// Jacobian, named, and fixed at the nominal carriage_from_marker; predictions never depend on that.
 #pragma once
 
 #include "calib/camera/projector.h"
@@ -70,17 +69,14 @@ struct Registration {
     }
 };
 
-// Estimates X and Y. `nominal_carriage_from_marker` fixes the gauge freedoms and nothing else.
-//
-// The seed is linear and needs no particular set of axes; then Levenberg-Marquardt with a Huber
-// loss whose threshold comes from the residuals' median. Single-threaded and repeatable to the bit;
-// some milliseconds for 100 poses.
+// Estimates X and Y. `nominal_carriage_from_marker` fixes the gauge freedoms and nothing else. A
+// linear seed for any set of axes, then Levenberg-Marquardt with a Huber loss whose threshold comes
+// from the residuals' median. Single-threaded and repeatable to the bit; some ms for 100 poses.
 //
 // Throws NumericalError for fewer than 4 distinct poses, sizes that do not agree, values that are
-// not finite, a stage that did not move (or moved so little that more than 4 directions are free),
-// a marker that is predicted outside the camera's valid region, and a solution that does not
-// converge. Whether the poses move all that the stage can: require_full_motion()
-// (calib/registration/stage_motion.h).
+// not finite, a stage that hardly moved (more than 4 free directions), a marker predicted outside
+// the valid region, and no convergence. Whether poses move all that the stage can:
+// require_full_motion().
 Registration register_stage(const Projector& projector,
                             const std::vector<Eigen::Vector3d>& points_mm,
                             std::span<const RegistrationPose> poses,

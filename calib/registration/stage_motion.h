@@ -1,12 +1,10 @@
-// What kind of motion the poses of a plan make together. It follows from the stage's transforms
-// alone: no camera is needed, and nothing has to move.
-//
-// It says how many directions of (X, Y) a registration on these poses leaves free. Such a direction
-// is a motion of the base frame that commutes with every relative motion S_i S_j^-1 of the carriage
-// (H. H. Chen, "A screw motion approach to uniqueness analysis of head-eye geometry", CVPR 1991).
+// What kind of motion a plan's poses make together, from the stage's transforms alone: how many
+// directions of (X, Y) a registration leaves free. Such a direction is a motion of the base frame
+// that commutes with every relative motion S_i S_j^-1 of the carriage (H. H. Chen, "A screw motion
+// approach to uniqueness analysis of head-eye geometry", CVPR 1991).
 //
 // A plan that moves less than its stage can is degenerate: part of X and Y, or of a camera's errors
-// in depth, stays undetermined. Such a plan is named, and not registered.
+// in depth, stays undetermined. It is named, and not registered.
 #pragma once
 
 #include <span>
@@ -44,9 +42,8 @@ struct StageMotion {
 // NumericalError for no poses, or one that is not finite. Microseconds per pose.
 StageMotion stage_motion(std::span<const Rigid> base_from_carriage);
 
-// Throws NumericalError, in words, for a plan of fewer than 4 distinct poses, and for one that
-// moves less than the stage can. `reach`: transforms that show what the stage can do, such as each
-// axis moved alone.
+// Throws NumericalError, in words, for fewer than 4 distinct poses and for a plan that moves less
+// than the stage can. `reach`: transforms that show that, such as each axis moved alone.
 void require_full_motion(std::span<const Rigid> plan, std::span<const Rigid> reach);
 
 }  // namespace etalon

@@ -1,20 +1,18 @@
-// A camera that takes pictures on request, whatever is behind it: a GenICam device, a V4L2 or
-// libcamera one, a folder of recorded images, or a mock. The contract that every backend keeps
-// (tests/capture/frame/camera_contract.h checks it for each of them):
+// A camera that takes pictures on request: GenICam, V4L2, libcamera, a folder of images, a mock.
+// The contract of every backend (tests/capture/frame/camera_contract.h checks each):
 //
 //   closed -- open (constructor) --> idle -- configure --> configured -- arm --> armed
 //   armed -- frame_after --> armed          armed -- disarm --> configured
 //   any -- the device is gone: DeviceError --> lost -- reconnect --> as it was before
 //
-//   * A `complete` frame from frame_after(t) began its exposure after t, the uncertainty of the
-//     clock mapping included. A backend that cannot know drains or restarts until it does.
-//   * What was asked is what the camera does, or DeviceError says the difference: every setting is
-//     read back. A configure() that threw leaves the camera idle.
-//   * An incomplete frame comes back with its status and without an image; it is never handed on
-//     as good. Codes are in the low bits of a pixel, 9 to 16 bits in 16, none lost.
-//   * Automatic and enhancing functions of the device are off; remarks() names those that
-//     cannot be.
-//   * disarm() and the destructor never throw and never hang (bounded by 3 s), lost or not.
+//   * A `complete` frame from frame_after(t) began its exposure after t, clock uncertainty
+//     included. A backend that cannot know drains or restarts until it does.
+//   * Every setting is read back; DeviceError says a difference. A configure() that threw leaves
+//     the camera idle.
+//   * An incomplete frame comes back with its status and without an image. Codes are in the low
+//     bits of a pixel, 9 to 16 bits in 16, none lost.
+//   * Automatic and enhancing functions are off; remarks() names those that cannot be.
+//   * disarm() and the destructor never throw and never hang (3 s), lost or not.
 //
 // One thread owns a camera; only the stop_token may be triggered from another.
 #pragma once
@@ -44,8 +42,7 @@ struct CaptureStatistics {
     long reconnects = 0;
 };
 
-// What a device can do, as `etalon devices` prints it. Image sizes from `smallest` to `largest` in
-// steps; one single size has both equal.
+// What a device can do. Image sizes from `smallest` to `largest` in steps; equal: a single size.
 struct FrameSizes {
     cv::Size smallest, largest;
     cv::Size step{1, 1};
@@ -79,13 +76,11 @@ public:
 
     virtual const CameraIdentity& identity() const = 0;
 
-    // Asks the device; for an idle or configured camera. Throws DeviceError when it is gone. Empty
-    // for what is no device.
+    // Asks an idle or configured device; empty for none. Throws DeviceError when it is gone.
     virtual CameraAbilities abilities() const { return {}; }
 
-    // Applies the settings, reads every one back, returns what is in force (format and trigger by
-    // name, bits and size as numbers). Throws DeviceError when the device refuses or changes one by
-    // more than its own step.
+    // Applies the settings, reads every one back, returns what is in force. Throws DeviceError when
+    // the device refuses or changes one by more than its own step.
     virtual CaptureSettings configure(const CaptureSettings& wanted) = 0;
 
     virtual void arm() = 0;
@@ -97,17 +92,15 @@ public:
 
     virtual void disarm() noexcept = 0;
 
-    // After the device was gone: waits for it until `deadline`, opens it anew, requires the same
-    // serial number, applies the settings that were in force and compares, and arms if it was
-    // armed. May be tried again. Throws DeviceError when it does not come back as it was, and
-    // always where a device cannot come back; Interrupted when a stop was requested.
+    // Waits for a lost device until `deadline`, opens it, requires the same serial number, applies
+    // and compares the settings, and arms if it was armed. May be tried again. Throws DeviceError
+    // when it does not come back as it was, or cannot; Interrupted when a stop was requested.
     virtual void reconnect(Instant deadline, std::stop_token stop);
 
     virtual CaptureStatistics statistics() const = 0;
 
     // What limits this connection or cannot be switched off, one line each, for the record and the
-    // operator ("the kernel grants a receive buffer of 212992 bytes, 4194304 were asked ...",
-    // "sharpness stays at 3: it cannot be switched off"). Usually empty.
+    // operator ("sharpness stays at 3: it cannot be switched off"). Usually empty.
     virtual std::vector<std::string> remarks() const { return {}; }
 };
 
@@ -121,8 +114,7 @@ struct CameraBackend {
 // What this program can open, without a question to any device.
 std::vector<CameraBackend> camera_backends();
 
-// The same with the cameras that answer now (`etalon devices`). Takes a second: it asks the
-// networks.
+// The same with the cameras that answer now (`etalon devices`); asks the networks, about a second.
 std::vector<CameraBackend> list_cameras();
 
 // Options of a connection that are no exposure settings.
@@ -135,8 +127,7 @@ struct CameraLink {
         interface;  // IP address of the network card to use; empty: the library looks for it
 };
 
-// A backend whose SDK is loaded when a camera of it is asked for (core/program/plugin.h): the
-// plugin's table.
+// The table of a plugin with a camera backend (core/program/plugin.h).
 struct CameraPlugin {
     std::vector<CameraIdentity> (*list)();
     // `id` is what follows the colon of the URI.
@@ -147,10 +138,8 @@ struct CameraPlugin {
 // ConfigError for a URI that no backend knows and DeviceError when the device does not answer.
 std::unique_ptr<Camera> open_camera(const std::string& uri, const CameraLink& link, Clock& clock);
 
-// Why a camera cannot be opened now, but perhaps soon.
-
-// Another program controls it, or one that was killed still seems to: the camera lets go of that
-// one when its heartbeat has been missing for so long.
+// Another program controls the camera, or a killed one still seems to, until its heartbeat has been
+// missing for this long.
 class CameraBusy : public DeviceError {
 public:
     CameraBusy(const std::string& device, std::chrono::milliseconds heartbeat_timeout)
@@ -163,12 +152,9 @@ private:
     std::chrono::milliseconds heartbeat_timeout_;
 };
 
-// A device's clock mapped to the station's: what a stamp of the device means, from a reading of its
-// clock that is known to lie between two instants. Rates may differ by 200 ppm, more than any
-// quartz does, and the uncertainty grows by that with the distance from the reading.
-//
-// Epochs do not matter, so a clock that PTP disciplines is treated like any other: TAI and UTC
-// cannot be confused.
+// A device's clock mapped to the station's, from a reading known to lie between two instants. Rates
+// may differ by 200 ppm, more than any quartz: the uncertainty grows by that with the distance from
+// the reading. Epochs do not matter: TAI and UTC cannot be confused.
 
 // A moment within [earliest, latest].
 struct TimeWindow {

@@ -1,6 +1,5 @@
-// Mean and variance of a pixel over frames of a scene that stands still: the mean is what less
-// noisy measurements start from, the variance is the camera's temporal noise. Not for scenes that
-// move or lights that flicker: both would pass for noise.
+// Mean and variance of a pixel over frames of a scene at rest in steady light: the mean has less
+// noise, the variance is the camera's temporal noise.
 #pragma once
 
 #include <fmt/format.h>

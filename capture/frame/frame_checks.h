@@ -9,9 +9,8 @@
 
 namespace etalon {
 
-// Whether frame `id` comes after frame `last` on a GigE Vision stream. Block ids count 1..65535 and
-// wrap to 1, never to 0 (GigE Vision 1.x); an id that is ahead by less than half of that range
-// counts as later. Ids above 65535 (GigE Vision 2 extended ids, USB3 Vision) never wrap.
+// Whether frame `id` comes after `last` on a GigE Vision stream. Block ids (1.x) count 1..65535 and
+// wrap to 1; ahead by less than half of that is later. Ids above 65535 (2, USB3 Vision) never wrap.
 bool frame_id_advanced(std::uint64_t last, std::uint64_t id);
 
 // How many ids lie between frame `last` and the later frame `id`: frames that never came.
@@ -27,9 +26,7 @@ bool exceeds_full_scale(const CodeImage& image);
 // Whether codes above the full scale can occur at all: packed codes have no room for them.
 bool can_exceed_full_scale(const PixelFormat& format, int bits);
 
-// What is wrong with the codes of an image of this format, in the words of a DeviceError: they
-// exceed its full scale. Empty if nothing. Another frame would not help: a device that sends codes
-// in the wrong bits always does.
+// In words: codes exceed the full scale; empty if not. Another frame would not help.
 std::string code_fault(const CodeImage& image, const PixelFormat& format);
 
 // Unpacks the data of a frame, of which `bits` a pixel are in use: `complete`, or `short_frame`
@@ -42,17 +39,15 @@ struct SettingDifference {
     std::string cause;    // "the device uses 2 dB"
 };
 
-// The first that differs of size, bits, format, exposure, gain, black level, trigger and further
-// controls: exposure by more than `exposure_step_us`, gain by more than 0.05 dB (cameras' coarsest
-// usual step is 0.1 dB), black level and controls by more than 1e-6 of themselves. Wishes of 0 for
-// size, bits and exposure, and empty ones, are none.
+// The first that differs of size, bits, format, exposure (by more than `exposure_step_us`), gain
+// (by 0.05 dB; cameras' coarsest usual step is 0.1 dB), black level, trigger and controls (by 1e-6
+// of themselves). Size, bits and exposure 0, and empty wishes, are none.
 std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
                                                   const CaptureSettings& actual,
                                                   double exposure_step_us);
 
-// The retries of Camera::frame_after(): takes frames until one is complete, at most 1 + `retries`,
-// and counts them. Returns the last that came at all, if any did: a camera whose frames break is
-// not one that is gone.
+// The retries of Camera::frame_after(): takes and counts frames until one is complete, at most 1 +
+// `retries`. Otherwise the last that came, if any did: its camera is not gone.
 template <class Take>
 Frame first_complete_frame(int retries, CaptureStatistics& statistics, const Take& take) {
     Frame last;

@@ -1,6 +1,4 @@
-// The log of a record, events.jsonl: its lines, and the frames that they tell of. Everybody who
-// reads one reads it here: who replays the frames, goes on with a run or analyses it again. It is
-// written by station/record/run_events.h.
+// A record's log, events.jsonl, written by station/record/run_events.h: its lines and frames.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,8 +14,7 @@ inline constexpr const char* log_file = "events.jsonl";
 
 struct LogLength {
     std::uintmax_t whole_bytes = 0;  // of the lines that have their end
-    // Behind them: a line without its end, as of a program that was killed, or what a power cut
-    // left of the last lines, which begins with zeros.
+    // Behind them: a line without its end (killed program, power cut: begins with zeros).
     std::uintmax_t broken_bytes = 0;
 };
 
@@ -26,8 +23,7 @@ struct LogLength {
 LogLength read_log(const std::filesystem::path& folder,
                    const std::function<void(const JsonEntry& line)>& take);
 
-// One frame that was asked of the camera. Only complete frames have a file and can have corners.
-// Times are seconds since the record began.
+// One frame asked of the camera. Only complete ones have a file. Times: seconds of the record.
 struct FrameRecord {
     std::string file;    // "frames/0007_1.png", in the record folder; empty unless complete
     std::string sha256;  // of that file, once it is written

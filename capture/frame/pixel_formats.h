@@ -1,9 +1,7 @@
-// The pixel formats that cameras send, and unpacking them into code values: one table for all
-// backends, with each format's name in GenICam (PFNC), V4L2 and libcamera. Codes are kept as they
-// are: nothing is scaled, and a Bayer mosaic stays one; of YUV formats the luma is kept.
-//
-// Layouts: GenICam Pixel Format Naming Convention 2.1; GigE Vision 1.2 for Mono10Packed and
-// Mono12Packed; the kernel's "Luma-Only Formats" and "Raw Bayer Formats" (MIPI CSI-2 packing).
+// The cameras' pixel formats in one table with their names in GenICam (PFNC), V4L2 and libcamera,
+// and unpacking into code values. Nothing is scaled; a Bayer mosaic stays one; of YUV the luma is
+// kept. Layouts: GenICam Pixel Format Naming Convention 2.1; GigE Vision 1.2 (Mono10Packed,
+// Mono12Packed); the kernel's "Luma-Only Formats" and "Raw Bayer Formats" (MIPI CSI-2 packing).
 #pragma once
 
 #include <cstddef>
@@ -45,8 +43,7 @@ struct PixelFormat {
     }
 };
 
-// The table. A row may be copied and altered for a camera that departs from it, such as one that
-// sends 12 bits in the high bits of Mono16.
+// The table. A row may be copied and altered, for 12 bits in the high bits of Mono16 for instance.
 std::span<const PixelFormat> pixel_formats();
 
 // Null where the table has none of that name.
@@ -66,17 +63,14 @@ struct RawImage {
     std::size_t bytes_per_line = 0;
 };
 
-// Bytes that unpack() reads, for at least one pixel: up to the last pixel of the last line, whose
-// padding may be missing; 0 for compressed formats.
+// Bytes that unpack() reads, up to the last pixel of the last line; 0 for compressed formats.
 std::size_t image_bytes(const PixelFormat& format, int width, int height,
                         std::size_t bytes_per_line);
 
-// Unpacks into `image`, whose memory is used again where it fits, so pass an empty one if its
-// pixels were handed on. Returns what is wrong with the data, for a person to read, and leaves
-// `image` empty then; returns nothing when all is well. Codes above the full scale are possible in
-// words_low and left for the caller to judge. Cost: one pass, about that of copying the image; a
-// JPEG is decoded (about 5 ns a pixel), one that ends early is refused, other damage inside it
-// cannot be seen.
+// Unpacks into `image`, whose memory is used again where it fits (so pass an empty one if its
+// pixels were handed on). Returns what is wrong with the data, for a person, and leaves `image`
+// empty then. Codes above the full scale are possible in words_low. Cost: about that of copying; a
+// JPEG is decoded (5 ns a pixel), one that ends early is refused, other damage cannot be seen.
 [[nodiscard]] std::string unpack(const PixelFormat& format, const RawImage& raw, CodeImage& image);
 
 }  // namespace etalon

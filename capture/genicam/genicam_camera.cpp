@@ -35,10 +35,8 @@ void reject(Frame& frame, FrameStatus status, const std::string& why) {
     frame.status_detail = why;
 }
 
-// The frames of an armed GenICam device: one acquisition, from start to stop, with its buffers.
-// Every default of a GigE Vision stream was measured to fail somewhere, so all of them are set here
-// on purpose. A frame is judged by its size too: the library calls truncated ones good; and by what
-// its chunks say, where the device sends them.
+// The frames of an armed device: one acquisition with its buffers. A frame is judged by its size
+// too, since the library calls truncated ones good, and by its chunks.
 class GenicamStream {
 public:
     using Buffer = std::unique_ptr<ArvBuffer, UnrefObject>;
@@ -67,8 +65,7 @@ public:
             release_in_background(std::move(stream_));
     }
 
-    // The next buffer that the library has done with; null where there is none (before the
-    // deadline).
+    // The next buffer that the library has done with; null where there is none.
     Buffer waiting() { return Buffer(arv_stream_try_pop_buffer(stream_.get())); }
 
     Buffer next(const Clock& clock, Instant deadline, std::stop_token stop) {
@@ -150,9 +147,8 @@ private:
                      static_cast<guint>(frame_retention.count()), nullptr);
     }
 
-    // What is wrong with what a frame that the library calls good says of itself before its pixels,
-    // and with its size; empty if nothing. With chunks the size is judged by them. The leader of
-    // pure chunk data describes no image: the chunk's length must do.
+    // What is wrong with the header and size of a frame that the library calls good; empty if
+    // nothing. With chunks the size is judged by them: the leader of pure chunk data has no image.
     std::string leader_fault(ArvBuffer* buffer) const {
         const ArvBufferPayloadType type = arv_buffer_get_payload_type(buffer);
         if (capture_.chunks.active && type == ARV_BUFFER_PAYLOAD_TYPE_CHUNK_DATA)
@@ -222,8 +218,7 @@ private:
             apart.count());
     }
 
-    // The number in the chunk counts exposures, the other one what was sent: the former may run
-    // ahead, but a chunk that falls behind belongs to an earlier frame.
+    // The chunk's number counts exposures and may run ahead; one that falls behind is another's.
     std::string frame_id_fault(std::uint64_t id, std::uint64_t chunk_id) {
         const auto last = std::exchange(last_ids_, FrameIds{id, chunk_id});
         if (!last || !frame_id_advanced(last->id, id))
@@ -344,8 +339,7 @@ private:
     bool by_software() const { return capture_.settings.trigger == "Software"; }
 
     Frame next_frame(Instant t, std::stop_token stop) override {
-        // The answer to an old trigger may still come and would pass for the new one's. Only a new
-        // stream, on a port of its own, is sure to be without it.
+        // The answer to an old trigger would pass for the new one's: only a new stream excludes it.
         if (answer_outstanding_ || !stream_)
             restart_stream();
         wait_until_after(clock_, t, stop);
@@ -374,9 +368,8 @@ private:
         return nothing_came(fmt::format("no frame within {} ms", link_.frame_timeout.count()));
     }
 
-    // Triggers where the camera is triggered by software. Returns before when no frame that comes
-    // can have begun, as far as the station knows; otherwise the frame's stamp must tell. Without a
-    // clock a camera that runs freely begins anew.
+    // Triggers, if by software. Returns before when no frame that comes can have begun, as far as
+    // the station knows. Without a clock a camera that runs freely begins anew.
     Instant begin_exposure() {
         Instant earliest = Instant::min();
         if (!by_software()) {
@@ -408,8 +401,7 @@ private:
         }
     }
 
-    // A clock that PTP is about to set is as good as none. One that it keeps in step is read like
-    // any other: whether the station's own clock follows the same master, nobody here can know.
+    // A clock that PTP is about to set is as good as none; one that it keeps is like any other.
     void read_clock() {
         device_clock_.forget();
         const auto ptp = read_ptp(*device_);
@@ -432,8 +424,7 @@ private:
         remark(text);
     }
 
-    // A stamp may lie anywhere from the beginning to the end of the exposure: devices differ.
-    // Nothing where there is no stamp or it is none of a clock that goes on steadily.
+    // A stamp may lie anywhere in the exposure. Nothing without a stamp of a steady clock.
     std::optional<TimeWindow> exposure_start_by_stamp(std::uint64_t device_ns, Instant arrival) {
         if (!device_clock_.known() || device_ns == 0)
             return std::nullopt;

@@ -80,8 +80,7 @@ std::optional<ChunkField::Source> register_source(ArvGcNode* node) {
     return ChunkField::Source{*id, static_cast<std::size_t>(address + length)};
 }
 
-// Collects the registers that a node's value is made from. False where one of them lies elsewhere
-// than in a chunk, or depends on the device's state.
+// Collects the registers of a node's value. False where one is no chunk's or depends on the device.
 bool collect_sources(ArvGcNode* node, int links_left, Sources& sources) {
     if (!node || links_left == 0)
         return false;

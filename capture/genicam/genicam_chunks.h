@@ -1,8 +1,6 @@
-// What a frame of a GenICam device says of itself, in chunks that are sent with the image: the
-// exposure time and the gain that it was taken with, its time stamp and its number. They are
-// switched on where the device has them (names of SFNC 2). Aravis' parser evaluates them, since the
-// device's description says how; it trusts every length, so the chunks' layout is checked before it
-// sees a frame, and only values that lie in chunks as they are, without selectors, are used.
+// What a frame of a GenICam device says of itself in chunks (names of SFNC 2): exposure time, gain,
+// time stamp, number. Aravis' parser evaluates them by the device's description but trusts every
+// length: the layout is checked before, and only plain values without selectors are used.
 #pragma once
 
 #include <bit>
@@ -15,11 +13,9 @@ typedef struct _ArvBuffer ArvBuffer;
 
 namespace etalon {
 
-// In chunk mode a device sends its image and what it says of it as chunks one after the other: the
-// data of each, then its id and its length in bytes, 4 bytes each, big-endian with GigE Vision and
-// little-endian with USB3 Vision. Only the end of the payload is known, so they are read backwards.
-// The image is the first of them; some devices send it without id and length. Nothing outside the
-// payload is ever touched, whatever the lengths say.
+// A chunk is its data, then id and length, 4 bytes each, big-endian with GigE Vision, little-endian
+// with USB3 Vision. Only the payload's end is known: they are read backwards. The image is the
+// first, from some devices without id and length. Nothing outside the payload is ever touched.
 struct Chunk {
     std::uint32_t id = 0;
     std::span<const std::uint8_t> data;

@@ -16,8 +16,7 @@ constexpr int max_links_of_a_value = 64;            // real cameras have some 20
 constexpr double max_evaluations = 1e5;             // of a value
 constexpr long long max_register_length = 1 << 30;  // of a register, in bytes
 
-// What a node's value is made from. Limits, selectors and states are asked for on their own, and
-// may lead back to the value that they limit.
+// What a node's value is made from; limits, selectors and states may lead back to it.
 const std::set<std::string_view> value_reference_tags = {
     "pValue",  "pVariable",     "pAddress",      "pIndex",
     "pLength", "pValueIndexed", "pValueDefault", "pCommandValue"};

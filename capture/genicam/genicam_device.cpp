@@ -133,8 +133,7 @@ std::chrono::milliseconds GenicamDevice::heartbeat_timeout() const {
     return std::chrono::milliseconds(known && ms > 0 ? ms : 3000);
 }
 
-// A program that was killed leaves its stream running. A camera that is taken over before it has
-// noticed would go on sending there, and nothing to us.
+// A killed program leaves its stream running, which would go on and send nothing to us.
 void GenicamDevice::end_stream_of_another() {
     ErrorSlot ignored;  // a device that streams to nobody may refuse
     arv_camera_stop_acquisition(camera(), ignored.out());
@@ -319,8 +318,7 @@ std::uint64_t nanoseconds_of_ticks(std::uint64_t ticks, std::uint64_t frequency)
     return seconds * 1'000'000'000 + rest * 1'000'000'000 / frequency;
 }
 
-// A device may take its time to latch, so the clock counts as read when the value has changed: it
-// lies between sending the command and seeing that.
+// A device may take time to latch: the clock counts as read when the value has changed.
 std::optional<GenicamClockReading> read_genicam_clock(const GenicamDevice& device,
                                                       const Clock& clock) {
     const auto features = latch_features(device);

@@ -37,21 +37,17 @@ struct UnrefObject {
     void operator()(void* object) const;
 };
 
-// What the library wants to tell a lost device once more, for 2.5 s each time, it tells on a thread
-// of its own.
+// On a thread: the library still tells a lost device something, for 2.5 s each time.
 void release_in_background(std::shared_ptr<void> object) noexcept;
 
-// Checks a camera's GenICam description before the library follows it: Aravis takes references and
-// lengths as they come (0.8.26), and would run out of stack, of time or of memory. Refuses what is
-// not well-formed; a value that refers to itself, or to more than 64 others one after another; a
-// value that takes more than 100 000 others; a register of more than 1 GiB. Throws Error, with the
-// line and the name. Lengths that the camera says only when asked (pLength) are not seen. Linear.
+// Checks a camera's GenICam description, which Aravis (0.8.26) follows as it comes. Refuses what is
+// not well-formed; a value that refers to itself, to more than 64 others one after another or to
+// 100 000 in all; a register above 1 GiB. Throws Error with line and name. pLength is not seen.
 void require_sound_description(const std::string& xml);
 
 class GenicamDevice {
 public:
-    // `id`: an IP address or a device id. Throws DeviceError; CameraBusy while another program has
-    // control.
+    // `id`: an IP address or a device id. Throws DeviceError; CameraBusy: another program controls.
     GenicamDevice(const std::string& id, const CameraLink& link);
     ~GenicamDevice();
 
@@ -64,8 +60,7 @@ public:
 
     [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
 
-    // Carries out one call of the library; its error becomes a DeviceError that names the request.
-    // A device that does not answer is lost from then on.
+    // One call of the library; its error becomes a DeviceError with the request. Silence: lost.
     template <typename Call>
     auto ask(const std::string& request, Call call) const {
         ErrorSlot error;
@@ -130,9 +125,8 @@ struct BufferVerdict {
 };
 BufferVerdict verdict_of_buffer(int status);
 
-// Latches the device's clock and reads what was latched: the clock's value at some moment within
-// the window. Nothing where the device has no clock that can be read, or does not latch within 50
-// ms. Throws DeviceError when the device does not answer. About 1 ms on a network.
+// Latches and reads the device's clock: its value at some moment within the window. Nothing without
+// a readable clock, or no latch in 50 ms. Throws DeviceError without an answer. About 1 ms.
 struct GenicamClockReading {
     std::uint64_t device_ns = 0;
     TimeWindow window;
@@ -140,9 +134,8 @@ struct GenicamClockReading {
 std::optional<GenicamClockReading> read_genicam_clock(const GenicamDevice& device,
                                                       const Clock& clock);
 
-// The part that a device's clock has in the Precision Time Protocol (IEEE 1588). While it is
-// neither synchronised nor the master, the protocol may set it at any moment, and a reading is
-// worth nothing at the next.
+// The device's clock in the Precision Time Protocol (IEEE 1588). While neither synchronised nor
+// master it may be set at any moment, and a reading is worth nothing.
 struct PtpState {
     std::string status;                     // in the device's words: "Listening", "Slave"
     std::optional<std::int64_t> offset_ns;  // of a slave from its master, by its own estimate

@@ -12,8 +12,7 @@ namespace {
 
 using std::chrono::microseconds;
 
-// A list of the library's, which is freed here. Entries to which a description gives no name are
-// left out: nobody can choose them.
+// A list of the library's, freed here. Entries without a name are left out.
 std::vector<std::string> taken_names(const char** names, guint count) {
     std::vector<std::string> taken;
     for (guint i = 0; i < count; ++i)
@@ -97,8 +96,7 @@ const PixelFormat* set_pixel_format(const GenicamDevice& device, const CaptureSe
     return format;
 }
 
-// A negative offset and a size of 0 leave what the device has: moving the region would move the
-// principal point that the calibration holds for.
+// A negative offset and a size of 0 keep the device's: moving moves the principal point.
 void set_image_size(const GenicamDevice& device, int width, int height) {
     device.call(fmt::format("set image size {}x{}", width, height), arv_camera_set_region, -1, -1,
                 width, height);

@@ -1,7 +1,6 @@
-// What a GenICam device is told before a capture, and what it says of itself: pixel format, size,
-// exposure, gain, black level, trigger, further features; automatic and enhancing functions off,
-// chunks on.
-// Names follow SFNC 2; older names of exposure, gain and black level are known to the library.
+// What a GenICam device is told before a capture and says of itself; automatic and enhancing
+// functions off, chunks on. Names follow SFNC 2; the library knows older ones of exposure, gain and
+// black level.
 #pragma once
 
 #include "capture/frame/pixel_formats.h"

@@ -158,8 +158,7 @@ private:
         return settings;
     }
 
-    // A rolling shutter exposes in steps of a line's readout, and a frame takes at least as many of
-    // them as it has lines.
+    // A rolling shutter exposes in steps of a line's readout, at least a frame's lines of them.
     double exposure_step_us() const override {
         const std::chrono::duration<double, std::micro> period =
             timing_.period().value_or(Duration(0));

@@ -1,12 +1,10 @@
-// Cameras behind libcamera: sensors on embedded boards, with or without an image processor, and USB
-// ones. They run freely; a frame is waited for, not triggered. What a request brings is taken only
-// if its exposure began after the moment asked for (FrameTiming in libcamera_device.h); older ones
-// are queued again. A camera is silent when no frame comes within the link's frame_timeout.
+// Cameras behind libcamera: embedded sensors, and USB cameras. They run freely; a frame is waited
+// for, and taken only if its exposure began after the moment asked for (FrameTiming in
+// libcamera_device.h). Silent: no frame within the link's frame_timeout.
 //
-// Settings reach the sensor some frames late. They are in force when the frames' metadata say so,
-// which configure() and arm() wait for, at most 20 frames, and which every frame is asked again.
-// What is asked for and is never mentioned there (USB cameras tell no exposure) is refused; v4l2:
-// reads such cameras back.
+// Settings reach the sensor some frames late. configure() and arm() wait until the frames' metadata
+// say that they are in force, at most 20 frames; every frame is asked again. What the metadata
+// never mention (USB cameras tell no exposure) is refused; v4l2: reads such cameras back.
 #pragma once
 
 #include "capture/libcamera/libcamera_device.h"

@@ -32,8 +32,7 @@ std::string reason(int negative_errno) {
 // ---- the one camera manager ----------------------------------------------------------------
 
 // libcamera allows one manager in a process. It lives while somebody holds a lease; the next one
-// after that looks for cameras afresh, which finds a camera that has come back even where no udev
-// announces it.
+// looks for cameras afresh, which finds one that came back without udev.
 class ManagerLease {
 public:
     ManagerLease() {
@@ -161,8 +160,7 @@ std::vector<FrameSizes> sizes_of(const libcamera::StreamFormats& formats,
 
 // ---- buffers -------------------------------------------------------------------------------
 
-// The first plane of a frame buffer, mapped for reading. It holds all of a frame, or the luma of
-// formats that keep it apart.
+// The first plane of a frame buffer, mapped for reading: all of a frame, or its luma.
 class MappedPlane {
 public:
     explicit MappedPlane(const libcamera::FrameBuffer& buffer)
@@ -175,8 +173,7 @@ public:
     MappedPlane(const MappedPlane&) = delete;
     MappedPlane& operator=(const MappedPlane&) = delete;
 
-    // Reading begins or ends; for machines whose caches the device's writing passes by. Buffers
-    // that are not of that kind refuse, and need none.
+    // Reading begins or ends, for caches that the device's writing passes by; others refuse.
     void synchronise(std::uint64_t begin_or_end) const {
         dma_buf_sync sync{DMA_BUF_SYNC_READ | begin_or_end};
         ioctl(plane_.fd.get(), DMA_BUF_IOCTL_SYNC, &sync);
@@ -417,9 +414,8 @@ private:
         ++queued_;
     }
 
-    // libcamera ends the program when it has to stop a device that is gone, of which it has not
-    // heard yet, while requests are queued: their buffers do not come back (an assertion in its
-    // PipelineHandler::stop()). So either they have come back, or libcamera knows.
+    // libcamera ends the program (assertion in PipelineHandler::stop()) when it stops a device that
+    // is gone, unknown to it, with queued requests. So they must have come back, or it must know.
     void wait_until_stopping_is_safe() {
         while (queued_ > 0 && !disconnected_ && a_video_device_is_gone())
             if (completed_.pop(std::chrono::seconds(1), {}))
@@ -450,8 +446,7 @@ private:
 
 }  // namespace
 
-// Twice, because libcamera misses what udev announces after it has looked at the devices and before
-// it listens. A new manager looks again.
+// Twice: libcamera misses what udev announces after its look and before it listens.
 std::unique_ptr<LibcameraDevice> open_libcamera_device(const std::string& id) {
     for (int look = 1; look <= 2; ++look) {
         const ManagerLease manager;

@@ -1,8 +1,5 @@
-// One libcamera camera, reduced to what the backend needs of it and said in plain types, so that
-// tests can script one. It neither judges frames nor knows what was wished for.
-//
-// Only what libcamera 0.0.3 and all later versions have is used; controls and pixel formats go by
-// their names, so that one which a version lacks is one that this camera lacks.
+// One libcamera camera in plain types, so that tests can script one. It does not judge frames. Only
+// what libcamera 0.0.3 and all later versions have is used; controls and formats go by their names.
 #pragma once
 
 #include "capture/frame/frame_checks.h"
@@ -43,8 +40,7 @@ struct LibcameraFrame {
     std::span<const std::uint8_t> data;  // of the first plane; valid until given back
 };
 
-// The clocks that a SensorTimestamp may refer to, read together. `boot_ns` counts on while the
-// machine is suspended, `monotonic_ns` does not.
+// The clocks that a SensorTimestamp may refer to, read together; suspension counts in `boot_ns`.
 struct KernelTime {
     std::int64_t monotonic_ns = 0, boot_ns = 0;
 };
@@ -58,8 +54,7 @@ public:
     virtual std::vector<LibcameraFormat> formats() const = 0;
     virtual std::map<std::string, LibcameraRange> controls() const = 0;
 
-    // Sets one stream up, not streaming yet. An empty size leaves what libcamera proposes. Both may
-    // be adjusted by the driver: the answer says what it is now.
+    // Sets one stream up. An empty size: libcamera's proposal. The answer says what it is now.
     virtual LibcameraStream configure(const std::string& format, cv::Size size) = 0;
 
     // Starts the stream with every buffer in a request of its own. The i-th of these requests
@@ -81,8 +76,7 @@ public:
     // udev, later or never. True as well when it is another video device of this process.
     virtual bool is_silently_gone() const = 0;
 
-    // Ends the stream; nothing if there is none. May take as long as the driver likes, and as long
-    // as libcamera needs to hear that the device is gone.
+    // Ends the stream, if any. May take as long as the driver and libcamera like.
     virtual void stop() noexcept = 0;
 };
 
@@ -93,14 +87,11 @@ std::unique_ptr<LibcameraDevice> open_libcamera_device(const std::string& id);
 // Takes about a tenth of a second. Empty where libcamera cannot look.
 std::vector<CameraIdentity> list_libcamera_cameras();
 
-// What the libcamera backend decides without a device: which format and which values to ask for,
-// what the frames' metadata say about them, and when an exposure began.
-
+// What is decided without a device: formats, values, what metadata say, when an exposure began.
 // ---- formats -------------------------------------------------------------------------------
 
-// The table's row for what is wished for, out of the names that a camera offers: the one that was
-// named, or else a monochrome one that holds the bits, the one with the fewest. Null if there is
-// none.
+// Of the offered names the wished one's row, or else the monochrome one with the fewest bits that
+// holds the wish. Null if there is none.
 const PixelFormat* choose_libcamera_format(const CaptureSettings& wanted,
                                            const std::vector<LibcameraFormat>& offered);
 
@@ -124,8 +115,7 @@ struct LibcameraPlanning {
 LibcameraPlanning plan_libcamera_controls(const CaptureSettings& wanted,
                                           const std::map<std::string, LibcameraRange>& offered);
 
-// The first asked-for value, in words, that a frame's metadata contradict; nothing if none. What
-// they do not mention is not contradicted.
+// The first asked-for value that the metadata contradict, in words; nothing where they say nothing.
 std::optional<SettingDifference> contradicted(const LibcameraValues& asked,
                                               const LibcameraValues& metadata,
                                               double exposure_step_us);
@@ -139,10 +129,9 @@ double gain_db(double gain_factor);
 
 // ---- time ----------------------------------------------------------------------------------
 
-// Tells how old a SensorTimestamp is. Its definition says CLOCK_BOOTTIME, in every version, but
-// pipelines hand on the kernel drivers' stamps, which are CLOCK_MONOTONIC. The two differ by the
-// time that the machine was suspended, and a stamp that lies in the monotonic clock's future gives
-// away which it is. For less than a second of it, that time is uncertainty instead.
+// How old a SensorTimestamp is. By definition CLOCK_BOOTTIME, but pipelines hand on the drivers'
+// CLOCK_MONOTONIC stamps. A stamp in the monotonic clock's future gives away which; less than a
+// second of suspension is uncertainty instead.
 class SensorClock {
 public:
     struct Age {
@@ -155,9 +144,8 @@ private:
     bool counts_suspension_ = false;
 };
 
-// Says of each frame of a stream when its exposure began. The stamp is the readout's beginning, so
-// the exposure began within the ExposureTime before it. A frame that does not tell that comes from
-// a USB camera, of which UsbDelay tells.
+// When each frame's exposure began. The stamp is the readout's beginning: the exposure began within
+// the ExposureTime before; without that it is a USB camera's frame (UsbDelay).
 class FrameTiming {
 public:
     struct Start {

@@ -141,10 +141,9 @@ bool enhances(const std::string& name) {
                        [&](std::string_view part) { return name.find(part) != name.npos; });
 }
 
-// The controls of a video node: exposure, and everything that would make a picture differ from what
-// the sensor saw. A control's name here is the driver's, written as v4l2-ctl does: lower case, with
-// one underscore for whatever is neither letter nor digit ("exposure_time_absolute"). Source: the
-// kernel's "Extended Controls API" and "Camera Control Reference".
+// The controls of a video node: exposure, and what makes a picture differ from what the sensor saw.
+// Names are the driver's as v4l2-ctl writes them ("exposure_time_absolute"). Source: the kernel's
+// "Extended Controls API" and "Camera Control Reference".
 class V4l2Controls {
 public:
     // Asks the device which it has. The device outlives this.
@@ -172,9 +171,8 @@ public:
         return all;
     }
 
-    // Every automatic function off; whatever enhances, mirrors or replaces the image at rest:
-    // sharpness, gain and backlight compensation lowest, tone and colour controls at the driver's
-    // default. Returns a line for each that could not be brought there.
+    // Automatic functions off; sharpness, gain and backlight compensation lowest, tone and colour
+    // at the driver's default, no mirroring. Returns a line for each that could not be set so.
     std::vector<std::string> bring_to_rest() {
         std::vector<std::string> remarks;
         const auto bring = [&](const Control& control, std::int64_t rest) {
@@ -194,8 +192,7 @@ public:
         return remarks;
     }
 
-    // Sets and reads back. Throws DeviceError when there is no such control, the value is out of
-    // its range or no whole number, or the device uses another.
+    // Sets and reads back. Throws DeviceError: no such control, out of range, not whole, refused.
     void set(const std::string& name, double value) {
         const std::string what = fmt::format("set control {} = {}", name, value);
         const Control& control = named(name, what);
@@ -226,8 +223,7 @@ public:
                             (control ? std::max<std::int64_t>(control->step, 1) : 1));
     }
 
-    // To the nearest step. Throws DeviceError when there is no such control, it is refused, or
-    // the automatic exposure cannot be switched off.
+    // To the nearest step. Throws DeviceError: no such control, refused, or automatic exposure.
     void set_exposure(microseconds exposure) {
         const std::string what = fmt::format("set exposure {} us", exposure.count());
         const Control* control = find(V4L2_CID_EXPOSURE_ABSOLUTE);
@@ -431,9 +427,9 @@ public:
         if (error)
             device_.fail("take a frame", error);
         if (buffer.index >= mappings_.size())
-            device_.fail("take a frame",
-                         fmt::format("the driver returns a buffer {} that it was not given",
-                                     buffer.index));
+            device_.fail(
+                "take a frame",
+                fmt::format("the driver returns a buffer {} that it was not given", buffer.index));
         FilledBuffer filled;
         filled.index = buffer.index;
         filled.sequence = buffer.sequence;
@@ -513,8 +509,7 @@ private:
         mappings_.push_back({memory, length});
     }
 
-    // In the background if the driver takes its time; the file may be another's by then, so only
-    // the memory is given back.
+    // In the background if the driver hangs; then only the memory is given back.
     void stop() noexcept {
         const auto abandoned = std::make_shared<std::atomic<bool>>(false);
         const auto task = [abandoned, &system = device_.system(), file = device_.file(),
@@ -637,8 +632,7 @@ private:
         return *format;
     }
 
-    // The frame rate comes first, since it limits the exposure. Those asked for by name come last:
-    // who asks for sharpness gets it.
+    // The frame rate first: it limits the exposure. Those by name last: they have the last word.
     void apply_controls(const CaptureSettings& wanted) {
         if (const auto rate = wanted.controls.find(frame_rate_name); rate != wanted.controls.end())
             device_->set_frame_rate(rate->second);
@@ -761,8 +755,7 @@ private:
         return frame;
     }
 
-    // The driver's counter has 32 bits, and some stand still or begin anew; a frame's id only
-    // grows.
+    // The driver's counter has 32 bits, may stand still or begin anew; a frame's id only grows.
     void count(std::uint32_t sequence) {
         const std::uint32_t ahead = last_sequence_ ? sequence - *last_sequence_ : 0;
         if (!last_sequence_)

@@ -1,7 +1,5 @@
-// One open video node: asking it, with every answer checked, and the image formats it offers. Knows
-// nothing of frames or of exposure: see v4l2_camera.h and v4l2_controls.h.
-//
-// Source: the kernel's Video for Linux API, part I (linux/videodev2.h).
+// One open video node: checked questions and its image formats. Source: the kernel's Video for
+// Linux API, part I (linux/videodev2.h).
 #pragma once
 
 #include <sys/types.h>
@@ -11,9 +9,8 @@
 
 namespace etalon {
 
-// The system calls that the V4L2 backend makes, so that tests can put a scripted device in the
-// kernel's stead. Results are the kernel's: 0 or more, or the negative error number. Nothing throws
-// or retries.
+// The V4L2 backend's system calls, for a scripted device in tests. Results are the kernel's: 0 or
+// more, or the negative error number. Nothing throws or retries.
 class V4l2System {
 public:
     virtual ~V4l2System() = default;
@@ -71,8 +68,7 @@ public:
     // The v4l2_buf_type of this node's buffers.
     unsigned buffer_type() const;
 
-    // One ioctl, repeated when a signal interrupts it: 0, or the positive error number. From ENODEV
-    // on the device is lost.
+    // One ioctl, repeated after signals: 0 or the positive error. From ENODEV on it is lost.
     int ask(unsigned long request, void* argument);
 
     // The same, for what must succeed: `what` says it in an error ("start the stream").
@@ -87,15 +83,13 @@ public:
 
     std::vector<CameraFormat> formats();
 
-    // Sets, reads back, and throws DeviceError when the driver changes anything. Width and height 0
-    // keep what is set.
+    // Sets and reads back; throws DeviceError when the driver changes anything. 0 keeps a size.
     V4l2ImageFormat set_format(const PixelFormat& pixels, int width, int height);
 
     // Between two frames, as the driver says; 0 where it does not.
     Duration frame_period();
 
-    // The frame rate, which is no control of V4L2's but is set and listed like one (Hz, told to a
-    // hundredth). Nothing where the driver does not say.
+    // No control of V4L2's, but set and listed like one (Hz, to a hundredth). Nothing: unknown.
     std::optional<double> frame_rate();
     void set_frame_rate(double hz);  // throws where it is none or the driver refuses
     std::optional<CameraControl> frame_rate_control();

@@ -1,5 +1,4 @@
-// When the exposure of a V4L2 frame began, as far as its time stamp tells. What each kind of stamp
-// proves is in v4l2_camera.h.
+// When a V4L2 frame's exposure began, as far as its stamp tells (v4l2_camera.h).
 #pragma once
 
 #include <fmt/format.h>
@@ -28,13 +27,10 @@ struct FilledBuffer {
     StampMeaning meaning = StampMeaning::nothing;
 };
 
-// How long before its time stamp the exposure of a USB camera's frame may have begun. The kernel's
-// driver (uvcvideo) stamps a frame when its first data arrive, and camera and host have held it
-// back before. Taken for granted is that at most four frames are on their way, one being exposed
-// and three held, so that an exposure began after the fourth frame before had arrived, however slow
-// the camera really is; and of fast cameras, that it began at most 100 ms ago, since the host may
-// be late by many of their frames. A device that holds pictures longer cannot be told.
-
+// How long before its stamp a USB camera's exposure may have begun: uvcvideo stamps a frame when
+// its first data arrive. Assumed: at most four frames are on their way, one being exposed, so that
+// an exposure began after the fourth frame before had arrived; and at most 100 ms ago for fast
+// cameras, since the host may be late. A device that holds pictures longer cannot be told.
 class UsbDelay {
 public:
     static constexpr std::uint64_t frames_on_their_way = 4;
@@ -55,8 +51,7 @@ public:
             latest_.pop_front();
     }
 
-    // From the beginning of the newest frame's exposure to its stamp; nothing while it is not
-    // known of any frame that it came so long before.
+    // From the newest frame's exposure to its stamp; nothing while no frame came so long before.
     std::optional<std::chrono::nanoseconds> longest() const {
         for (auto before = latest_.rbegin(); before != latest_.rend(); ++before)
             if (before->number + frames_on_their_way <= latest_.back().number)
@@ -122,8 +117,7 @@ public:
         return start;
     }
 
-    // Until a frame comes that surely began later than now: it is stamped so much later, and is the
-    // next after that.
+    // Until a frame comes that surely began later than now.
     Duration longest_wait() const { return longest_delay() + camera_.longest_hold; }
 
 private:
@@ -160,8 +154,7 @@ private:
                 TimeSource::request};
     }
     StampMeaning meaning_of(const FilledBuffer& buffer, Instant now) const {
-        // Some drivers stamp a frame with the moment at which it would have ended, and hand it out
-        // before.
+        // Some drivers stamp a frame's expected end and hand it out before.
         const bool ahead = instant_of(buffer.stamp) > now + stamp_lead;
         return ahead ? StampMeaning::nothing : buffer.meaning;
     }

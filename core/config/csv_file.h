@@ -37,8 +37,7 @@ public:
     const SourcePlace& place() const { return place_; }  // of the header
     const std::vector<std::string>& header() const { return header_; }
 
-    // Nothing behind the last row. Throws as read_csv() for what is wrong with a row, and for a
-    // line longer than 64 KiB.
+    // Nothing behind the last row. Throws as read_csv(), and for a line longer than 64 KiB.
     std::optional<CsvRow> next();
 
 private:
@@ -51,9 +50,8 @@ private:
     std::vector<std::string> header_;
 };
 
-// Throws ConfigError with file and line when the file cannot be read, is larger than 64 MiB, is not
-// UTF-8, has a header other than one of `headers` (any if there are none), or a row of another
-// length than its header.
+// Throws ConfigError with file and line when the file cannot be read, is larger than 64 MiB, not
+// UTF-8, has none of `headers` (any if empty), or a row of another length.
 CsvFile read_csv(const std::filesystem::path& path,
                  std::initializer_list<std::string_view> headers = {});
 

@@ -134,8 +134,7 @@ private:
     std::map<std::string, Place*> known_;  // by path in the present file
 };
 
-// A file that may extend another needs none of its keys, and `key: ~` takes one of the other's
-// away; lists are never merged.
+// A file that may extend another needs no keys; `key: ~` removes one; lists are never merged.
 ordered_json schema_of(const Place& place, bool extends);
 
 ordered_json mapping_schema(const Place& place, bool extends) {

@@ -1,8 +1,6 @@
-// JSON Schema (draft 2020-12) of our kinds of files, for editors: made of what the strict reader
-// asked while files were read (core/config/file_schema.h), so that it says what the reader takes
-// and nothing else. It has the keys and ranges that those files led the reader to; what one key
-// says about another (files that exist, low < high, a key that another one needs) only the reader
-// knows.
+// JSON Schema (draft 2020-12) of our kinds of files, for editors, made of what the strict reader
+// asked while files were read. It has the keys and ranges that those files led to, but not what one
+// key says about another (existing files, low < high, keys that need each other).
 #pragma once
 
 #include <map>
@@ -11,11 +9,7 @@
 
 namespace etalon {
 
-// What the strict reader was asked for while files were read: the keys, types and ranges that a
-// kind of file has are stated nowhere but in the code that reads it, and this makes them visible
-// (core/config/file_schema.h).
-
-// One question to a value, at its dotted path: "axes[1].name".
+// One question of the strict reader to a value, at its dotted path: "axes[1].name".
 struct ReadEvent {
     enum class Question { required_key, optional_key, items, number, integer, flag, text, words };
 
@@ -26,8 +20,7 @@ struct ReadEvent {
     std::vector<std::string> words = {};
 };
 
-// Notes, from construction to destruction, what this thread's strict files are asked, those that
-// are refused included. One at a time.
+// Notes what this thread's strict files are asked while it exists, refused ones too. One at a time.
 class ReadTrace {
 public:
     ReadTrace();
@@ -43,9 +36,8 @@ public:
     std::vector<std::shared_ptr<File>> files;  // in the order in which they were opened
 };
 
-// By kind, "camera/1", of the files that were read to their end. A key is required if the reader
-// wanted it in every mapping of its place. The files of the trace must be ones that were read
-// without an error.
+// By kind, "camera/1", of files that were read to their end, without an error. A key is required if
+// the reader wanted it in every mapping of its place.
 std::map<std::string, std::string> file_schemas(const ReadTrace& trace);
 
 // Each as FOLDER/NAME.json, "camera.json"; the folder is made.

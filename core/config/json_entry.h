@@ -1,6 +1,5 @@
-// One value of a JSON text with its place, read strictly: what is missing, of another type, not
-// finite or out of range is a ConfigError with file, line and dotted key. For the records that this
-// program wrote itself and reads back (core/config/strict_reader.h is for what people write).
+// One value of a JSON text, read strictly: ConfigErrors with file, line and dotted key. For records
+// that this program wrote itself (core/config/strict_reader.h is for what people write).
 #pragma once
 
 #include <cstdint>

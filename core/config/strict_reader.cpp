@@ -58,8 +58,7 @@ std::shared_ptr<ReadTrace::File> traced_file(std::string_view kind) {
     return active_trace->files.back();
 }
 
-// Of one mapping; of one key. Whoever reads all keys of a mapping looks each of them up among all,
-// and every value carries its path.
+// Of one mapping; of one key: reading all looks each up among all, and values carry their paths.
 constexpr std::size_t max_keys = 1000, max_key_bytes = 200;
 
 int line_of(const YAML::Node& node) {

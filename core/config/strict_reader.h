@@ -97,8 +97,7 @@ public:
     Value at(std::string_view key) const;
     std::optional<Value> find(std::string_view key) const;
     std::vector<std::string> keys() const;
-    // The same mapping; what is looked up through it are names that the file itself gives, of its
-    // axes for instance, and no words of ours (core/config/file_schema.h).
+    // The same mapping; keys looked up are names that the file gives (axes), no words of ours.
     Value with_names() const;
 
     // Of an optional key, 0 without it.
@@ -107,8 +106,7 @@ public:
     // Of a list.
     std::vector<Value> items() const;
 
-    // Of a scalar. A quoted number is text, not a number. What has a unit has the range of that
-    // unit (core/config/strict_reader.h).
+    // Of a scalar. A quoted number is text.
     double number(Range range) const;
     int integer(int low, int high) const;
     bool flag() const;  // true or false
@@ -168,8 +166,7 @@ private:
     Value root_;
 };
 
-// True if the file declares itself one of ours (`etalon: ...`), whatever else is wrong with it.
-// Foreign files need not be YAML: only the beginning is looked at.
+// Whether the beginning declares one of ours (`etalon: ...`). Foreign files need not be YAML.
 bool is_etalon_file(const std::filesystem::path& path);
 
 }  // namespace etalon

@@ -35,8 +35,7 @@ private:
     std::ofstream file_;  // without a buffer: what failed would be written again when it is closed
 };
 
-// Returns when the content of a file, or the names in a folder, are on the disk, so that they
-// outlast a power cut. Takes as long as the disk does: from 0.5 ms to some 20 ms.
+// Returns when a file's content, or a folder's names, outlast a power cut: 0.5 ms to some 20 ms.
 void sync_to_disk(const std::filesystem::path& file_or_folder);
 
 }  // namespace etalon

@@ -1,5 +1,4 @@
-// SHA-256 (FIPS 180-4) of files and texts, so that a record can say which inputs it was made from.
-// For identification only; nothing here guards secrets.
+// SHA-256 (FIPS 180-4) of files and texts, to identify inputs in records; guards no secrets.
 #pragma once
 
 #include <filesystem>

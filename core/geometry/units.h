@@ -1,5 +1,4 @@
-// The degree. Inside, angles are radians; degrees exist only at the edges: files, command lines,
-// registers and reports.
+// The degree. Inside, angles are radians.
 #pragma once
 
 #include <numbers>

@@ -80,11 +80,10 @@ struct Frame {
     CaptureSettings settings;          // in force during the exposure
 };
 
-// The one reader of picture files; formats and limits: core/image/picture_codec.h. An image is 8 or
-// 16 bit, one channel; a colour photograph is converted to luma (Rec. 601 weights, as OpenCV does),
-// transparency is dropped, and a mark that says which way up to show it (EXIF) is not followed:
-// pixels stay where the sensor has them, and all photographs of a camera have one size. Written
-// by the extension. Throws ConfigError with the path when it cannot be read or written.
+// The one reader of picture files (core/image/picture_codec.h): 8 or 16 bit, one channel; colours
+// become luma (Rec. 601, as OpenCV does), transparency is dropped, EXIF's rotation not followed, so
+// that all photographs of a camera have one size. Written by the extension. Throws ConfigError with
+// the path.
 CodeImage read_image(const std::filesystem::path& path);
 void write_image(const std::filesystem::path& path, const CodeImage& image);
 

@@ -1,5 +1,4 @@
-// What of OpenCV is loaded when it is first used (core/program/plugin.h): its picture formats,
-// films and edge segments, which bring GDAL, FFmpeg and GStreamer along.
+// What of OpenCV is loaded when first used (core/program/plugin.h): formats, films, edge segments.
 #pragma once
 
 #include <functional>

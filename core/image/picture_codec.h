@@ -1,9 +1,7 @@
-// Pictures in memory: PNG, JPEG and TIFF by libpng, libjpeg-turbo and libtiff. Other formats, CMYK
-// JPEGs and TIFFs of other kinds than ours go through core/image/opencv_plugin.h. Any thread; as
-// fast as the libraries. All functions throw Error with the cause.
-//
-// Pixels stay where the file has them: a mark that says which way up to show it (EXIF) is not
-// followed. Transparency is dropped.
+// Pictures in memory: PNG, JPEG and TIFF by libpng, libjpeg-turbo and libtiff; others, CMYK JPEGs
+// and other TIFFs than ours by core/image/opencv_plugin.h. Pixels stay where the file has them
+// (EXIF's rotation is not followed), transparency is dropped. Any thread; as fast as the libraries.
+// Throws Error with the cause.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -13,8 +11,7 @@
 
 namespace etalon {
 
-// A picture that claims more is refused before memory is taken for it: 16384 x 16384, 1.6 GB of
-// 16-bit colour.
+// More is refused before memory is taken: 16384 x 16384, 1.6 GB of 16-bit colour.
 inline constexpr long most_picture_pixels = 1L << 28;
 
 // CV_8UC1, CV_16UC1 or CV_32FC1; of colours CV_8UC3 or CV_16UC3 in OpenCV's order (BGR).

@@ -1,6 +1,5 @@
-// Levenberg and Marquardt's method: nonlinear least squares of small dense problems, with Huber's
-// loss by iterated weights (Björck, Numerical Methods for Least Squares Problems, 9.2), and the
-// descent below it for problems that make their steps themselves. Single-threaded, nothing random.
+// Levenberg and Marquardt's method for small dense problems, with Huber's loss by iterated weights
+// (Björck, Numerical Methods for Least Squares Problems, 9.2). Single-threaded, nothing random.
 #pragma once
 
 #include <Eigen/Core>

@@ -45,16 +45,14 @@ std::optional<double> rising_root(const Function& f, double limit, double start)
     return x;
 }
 
-// The smallest x > 0 at which c0 + c1 x + c2 x^2 + ... is no longer positive; infinity where there
-// is none, 0 where it is not positive at 0. To rounding, unless two roots nearly coincide. Up to
-// degree 4.
+// The smallest x > 0 at which c0 + c1 x + c2 x^2 + ... (degree 4 at most) is not positive; infinity
+// for none, 0 where it is not positive at 0. To rounding, unless two roots nearly coincide.
 double first_positive_root(std::initializer_list<double> coefficients);
 
-// Newton's method for the point of a plane that a smooth map takes to a target: damped, so that
-// every step comes nearer, and kept inside a region in which the map is invertible.
-// `map` gives `point` and `jacobian` of a point, and is_regular(); `contains` says whether a point
-// is in the region. Right to 1e-12 of `scale`, asked for to 1e-14; nothing where no such point is
-// found.
+// The point of a plane that a smooth map takes to a target: Newton's method, damped so that every
+// step comes nearer, inside a region in which the map is invertible (`contains`). `map` gives
+// `point`, `jacobian` and is_regular(). Right to 1e-12 of `scale`, asked for to 1e-14; nothing
+// where no such point is found.
 template <class Map, class Contains>
 std::optional<Eigen::Vector2d> damped_newton(const Map& map, const Contains& contains,
                                              const Eigen::Vector2d& target,

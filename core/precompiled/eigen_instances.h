@@ -1,8 +1,6 @@
-// Eigen's decompositions and products of MatrixXd, compiled once in eigen_instances.cpp: each costs
-// two to eight seconds in every file that would make its own. Part of the precompiled header;
-// nothing needs to include it, and without it the same code is compiled again.
-//
-// The kernels below them are Eigen's own, named as in its version 3.4; other versions do without.
+// Eigen's decompositions and products of MatrixXd, compiled once (two to eight seconds each): part
+// of the precompiled header, needed by nobody. The kernels are Eigen 3.4's own; other versions do
+// without.
 #pragma once
 
 #include <Eigen/Dense>

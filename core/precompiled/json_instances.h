@@ -1,6 +1,5 @@
-// The JSON library's classes for ordered and sorted objects, compiled once in json_instances.cpp:
-// they cost two to four seconds in every room that would make its own. Part of the precompiled
-// header; nothing needs to include it. For version 3.11; others do without.
+// The JSON library's classes, compiled once (two to four seconds each): part of the precompiled
+// header, needed by nobody. For version 3.11; others do without.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -1,10 +1,7 @@
-// Another program as a child process.
-//
-// It leads a process group of its own: a Ctrl-C in the terminal is for the parent, which ends it in
-// order. It gets SIGTERM when the parent dies, however that dies, and what it left running in its
-// group is killed when it ends. It inherits none of our files but stderr, where that is asked for,
-// and no blocked or ignored signals. fork() in place of posix_spawn(), which cannot ask the kernel
-// for that SIGTERM (PR_SET_PDEATHSIG).
+// Another program as a child process, in a process group of its own: a Ctrl-C is for the parent,
+// which ends it in order. It gets SIGTERM when the parent dies (PR_SET_PDEATHSIG, so fork() and no
+// posix_spawn()); what it left running in its group is killed when it ends. It inherits none of our
+// files but stderr, where asked for, and no blocked or ignored signals.
 #pragma once
 
 #include <functional>

@@ -1,8 +1,5 @@
-// The errors that a caller cannot simply go on from. Each says where it happened and what was
-// expected, in one line that can be shown to a user as it is.
-//
-// Not for measurements: a camera out of limits is a value with a verdict, and an incomplete frame
-// is a frame with a status.
+// The errors that a caller cannot simply go on from, each in one line for a user: where, and what
+// was expected. Not for measurements: a camera out of limits is a value with a verdict.
 #pragma once
 
 #include <filesystem>
@@ -29,8 +26,7 @@ struct SourcePlace {
     std::string key;   // dotted path of the value ("plan.volume.x"); empty for the whole file
 };
 
-// An input that cannot be used: a file, a key in it, or an argument. Exit code 3.
-// what() reads "file:line: key: message", leaving out the parts that the place does not have.
+// An input that cannot be used: a file, a key, an argument. Exit code 3. "file:line: key: message".
 class ConfigError : public Error {
 public:
     ConfigError(SourcePlace place, const std::string& message);
@@ -47,8 +43,7 @@ public:
     using ConfigError::ConfigError;
 };
 
-// DiskError where the disk is the cause, otherwise ConfigError: the path is one that cannot be
-// written.
+// DiskError where the disk is the cause, otherwise ConfigError.
 [[noreturn]] void fail_writing(const std::filesystem::path& path, std::error_code cause);
 
 // A device that did not do what was asked of it. Exit code 4.
@@ -83,9 +78,8 @@ struct Result {
     T* operator->() { return &*value; }
 };
 
-// What a computation returns, or why it has no trustworthy result, where its caller can go on
-// without: one photograph of many, one model of several. Of a computation that returns nothing,
-// whether it went well.
+// What a computation returns, or why it has no trustworthy result (one photograph of many, one
+// model of several); of one that returns nothing, whether it went well.
 template <class Computation>
 auto attempted(Computation&& computation) {
     using Value = std::invoke_result_t<Computation>;

@@ -11,9 +11,8 @@
 namespace etalon {
 
 // Takes items from next(), one call at a time, until it returns an empty std::optional; calls
-// make(item) on several threads; gives what that returns to keep(), one call at a time, in the
-// order of the items. At most two items a thread are under way. Items are default constructible.
-// Throws what these throw.
+// make(item) on several threads and keep() with the results, one at a time, in order. At most two
+// items a thread. Items are default constructible. Throws what these throw.
 template <class Next, class Make, class Keep>
 void process_in_order(const Next& next, const Make& make, const Keep& keep) {
     using Item = typename std::invoke_result_t<Next>::value_type;

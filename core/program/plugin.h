@@ -1,17 +1,14 @@
-// Parts of the program that are loaded when they are first used: the libraries behind them take
-// longer to load than most commands take to run. A plugin is a shared object
-// LIBDIR/etalon/etalon_NAME.so, which exports one table of functions and a version.
+// Parts that are loaded when first used, since their libraries load longer than most commands run:
+// shared objects LIBDIR/etalon/etalon_NAME.so, which export one table of functions and a version.
 #pragma once
 
 #include <string>
 
 namespace etalon {
 
-// The table of the plugin, as `etalon_plugin_table` returns it. Looked for below the folders above
-// the file that this code lies in (the build folder, the prefix), then where the dynamic linker
-// looks (run path, LD_LIBRARY_PATH). Loaded once and never unloaded; any thread. Takes as long as
-// its libraries need: 20 to 200 ms. Throws Error with the plugin's file, the cause, and the package
-// that brings it.
+// The table that `etalon_plugin_table` returns. Looked for below the folders above the file of this
+// code (build folder, prefix), then by the dynamic linker. Loaded once, never unloaded; any thread;
+// 20 to 200 ms. Throws Error with the plugin's file, the cause and the package that brings it.
 const void* load_plugin(const std::string& name);
 
 // The same table with its type, the one that the plugin was compiled with.

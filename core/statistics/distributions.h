@@ -21,9 +21,8 @@ double normal_quantile(double upper_tail);
 // P(T <= t) of Student's t with `degrees_of_freedom` >= 1.
 double student_t_probability(double t, int degrees_of_freedom);
 
-// The t with P(T <= t) = 1 - upper_tail, 0 < upper_tail <= 0.5, for intervals from a standard
-// deviation that was itself estimated from a few values (GUM, annex G.3). Throws NumericalError for
-// other arguments.
+// The t with P(T <= t) = 1 - upper_tail, 0 < upper_tail <= 0.5, for intervals from few values (GUM,
+// annex G.3). Throws NumericalError for other arguments.
 double student_t_quantile(double upper_tail, int degrees_of_freedom);
 
 // P(F > f) of Fisher's F, both degrees of freedom > 0; 1 where f is not positive.
@@ -37,11 +36,8 @@ double reduced_chi_square(double z, double degrees_of_freedom);
 // where no k has so small a tail.
 std::size_t coin_quantile(double lower_tail, std::size_t tosses);
 
-// A share of independent trials with its confidence interval.
-//
-// Wilson's score interval (Journal of the American Statistical Association 22, 1927): unlike the
-// one from the share's own variance it neither leaves [0, 1] nor shrinks to nothing at 0 and 1.
-
+// A share of independent trials with Wilson's score interval (Journal of the American Statistical
+// Association 22, 1927), which stays in [0, 1] and does not shrink to nothing at 0 and 1.
 struct Proportion {
     std::size_t count = 0, trials = 0;
     double value = 0.0;            // count / trials
@@ -51,9 +47,7 @@ struct Proportion {
 // 0 <= count <= trials, trials > 0; throws NumericalError otherwise.
 Proportion wilson_share(std::size_t count, std::size_t trials);
 
-// The median, for whatever must not be moved by a few wild values.
-
-// Of an even number the mean of the two in the middle. `values` must not be empty nor hold NaN.
+// The median; of an even number the mean of the two in the middle. `values` not empty, without NaN.
 inline double median(std::vector<double> values) {
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());

@@ -1,8 +1,6 @@
-// Counter-based random numbers: a value is a pure function of its key, so the same pose and pixel
-// get the same noise on every platform and for every number of threads, in any order.
-//
-// Philox4x32-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011); normal
-// deviates by Box and Muller in double precision (core/statistics/random.h).
+// Counter-based random numbers, pure functions of their key: the same for every platform, thread
+// count and order. Philox4x32-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC
+// 2011).
 #pragma once
 
 #include <array>
@@ -10,22 +8,19 @@
 
 namespace etalon {
 
-// Two normal deviates from two words of random bits, by Box and Muller's transformation ("A note on
-// the generation of random normal deviates", Ann. Math. Stat. 29, 1958): for u and v uniform in
-// (0, 1) they are sqrt(-2 ln u) cos(2 pi v) and sqrt(-2 ln u) sin(2 pi v).
+// Two normal deviates from two words of random bits (Box and Muller, "A note on the generation of
+// random normal deviates", Ann. Math. Stat. 29, 1958): for u and v uniform in (0, 1), sqrt(-2 ln u)
+// cos(2 pi v) and sqrt(-2 ln u) sin(2 pi v).
 //
-// Nothing but additions, multiplications, divisions and square roots of doubles in a given order,
-// none of them fused: the bits are the same on every machine, whatever its mathematics library,
-// and the same from vectors (sim/sensor/sensor_simd.cpp). A word w stands for (2 w + 1) 2^-33: u
-// and v are never 0 or 1, and their arguments are reduced without a rounding:
+// Only additions, multiplications, divisions and square roots of doubles in a given order, none
+// fused: the same bits on every machine and from vectors (sim/sensor/sensor_simd.cpp). A word w
+// stands for (2 w + 1) 2^-33, never 0 or 1; arguments are reduced without a rounding:
 //   u = 2^-e m, sqrt(1/2) <= m < sqrt(2):  -2 ln u = e 2 ln 2 - 4 atanh(s),  s = (m - 1) / (m + 1)
 //   |z| <= 1/4:                            cos(2 pi v) = sin(2 pi z),        z = |v - 1/2| - 1/4
-// Both functions are odd: the argument times a polynomial of its square, of degree 7. The
-// coefficients interpolate 4 atanh(s) / s at the 8 Chebyshev nodes of 0 <= s^2 <= 0.0294372515,
-// (sqrt(2) - 1)^2 / (sqrt(2) + 1)^2, and sin(2 pi z) / z at those of 0 <= z^2 <= 1/16, computed
-// with 70 digits and rounded to double. The rounded polynomials are wrong by less than 3.1e-18 and
-// 2.5e-16 of their value; with the roundings of their evaluation the deviates are within 1.5e-15
-// of their own value.
+// Both are the argument times a polynomial of its square, of degree 7, through the 8 Chebyshev
+// nodes of 0 <= s^2 <= 0.0294372515, (sqrt(2) - 1)^2 / (sqrt(2) + 1)^2, and of 0 <= z^2 <= 1/16,
+// computed with 70 digits and rounded: wrong by less than 3.1e-18 and 2.5e-16; the deviates are
+// within 1.5e-15 of their own value.
 
 // Of s^2 and of z^2, ascending.
 inline constexpr double log_polynomial[8] = {

@@ -15,8 +15,7 @@ namespace etalon {
 using Instant = std::chrono::steady_clock::time_point;
 using Duration = std::chrono::steady_clock::duration;
 
-// Some 32 years at most in either direction, so that sums of a few never overflow; not a number is
-// 0.
+// 32 years at most in either direction, so that sums of a few never overflow; NaN is 0.
 Duration duration_of(double seconds);
 
 class Clock {
@@ -40,8 +39,7 @@ public:
     bool wait_until(Instant until, std::stop_token stop) override;
 };
 
-// Starts at zero and stands still until somebody waits: then it is at once as late as was waited
-// for. Safe from every thread; meant for tests with one.
+// Stands still at zero until somebody waits, or advance(). Every thread; meant for tests with one.
 class VirtualClock final : public Clock {
 public:
     Instant now() const override;

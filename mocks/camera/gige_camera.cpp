@@ -65,8 +65,7 @@ void require_usable(const GigeCameraOptions& options) {
         fail("the packet loss must be between 0 and 1");
 }
 
-// Where the client's region lies on the sensor. The pattern callback's buffer does not know its own
-// size yet, only the region.
+// The client's region on the sensor: the pattern callback's buffer does not know its own size yet.
 cv::Rect region_of(ArvBuffer* buffer) {
     int x = 0, y = 0, width = 0, height = 0;
     arv_buffer_get_image_region(buffer, &x, &y, &width, &height);

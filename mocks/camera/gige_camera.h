@@ -1,12 +1,10 @@
-// A GigE Vision camera on 127.0.0.1 that shows the pictures it is given: Aravis' fake camera, which
-// speaks the real control and stream protocols over UDP, with our pixels in place of its pattern
-// and a GenICam description of our own (mocks/camera/gige_description.h). Frames with chunks, which
-// it does not know, are sent in place of its own.
+// A GigE Vision camera on 127.0.0.1 that shows given pictures: Aravis' fake camera, which speaks
+// the real protocols over UDP, with our pixels, our GenICam description (gige_description.h) and
+// our sender of frames with chunks.
 //
-// Settings: Width, Height, OffsetX, OffsetY, PixelFormat, ExposureTime (us), Gain (dB), BlackLevel
-// and AcquisitionFrameRate can be set by the client; it runs freely, or is triggered by software or
-// on Line1. Only one can exist on a machine (GigE Vision's port is fixed: UDP 3956), and after a
-// client that died its control is free again 3 s later.
+// The client can set Width, Height, OffsetX, OffsetY, PixelFormat, ExposureTime (us), Gain (dB),
+// BlackLevel and AcquisitionFrameRate. It runs freely, or is triggered by software or on Line1.
+// One a machine: GigE Vision's port is UDP 3956. A dead client's control is free after 3 s.
 #pragma once
 
 #include <functional>
@@ -64,8 +62,7 @@ public:
 
     // ---- faults, from any thread
 
-    // From now on the frames have another size, as after a change that the client did not ask for.
-    // At most the sensor's.
+    // From now on the frames have another size, unasked; at most the sensor's.
     void change_size_unasked(int width, int height);
     // Part of the packets that the next `frames` frames lose, in place of the options'.
     void lose_packets(double part, int frames);

@@ -1,6 +1,5 @@
-// The mock GigE camera's own description of itself (GenICam, GenApi schema 1.0), written for
-// Aravis' fake camera: what that one keeps at fixed registers (size, pixel format, exposure,
-// trigger), with the names of SFNC 2, and what it lacks, at registers of the manufacturer's space.
+// The mock GigE camera's description of itself (GenICam, GenApi schema 1.0, names of SFNC 2), for
+// Aravis' fake camera with its fixed registers and some in the manufacturer's space.
 #pragma once
 
 #include <cstdint>
@@ -24,8 +23,7 @@ inline constexpr std::uint32_t ptp_latch_register = 0xA084;
 inline constexpr std::uint32_t ptp_status_register = 0xA088;
 inline constexpr std::uint32_t ptp_offset_register = 0xA090;  // 8 bytes, ns, signed
 
-// The chunks that a frame can have. `selected` is their number in the selector, whose 0 is the
-// image.
+// The chunks of a frame. `selected` is the number in the selector, whose 0 is the image.
 struct MockChunk {
     const char* name;
     std::uint32_t selected;

@@ -24,9 +24,8 @@ public:
           shown_(render_(shown_positions_)),
           thread_([this](std::stop_token stop) { work(std::move(stop)); }) {}
 
-    // Whether the picture on show is the one of these positions, within 10 nm or 10 urad; if not,
-    // it will be the next one (a newer wish replaces one that is not in work yet). Returns at once.
-    // Safe from every thread.
+    // Whether the picture on show is of these positions, within 10 nm or 10 urad. If not, it will
+    // be the next one; a newer wish replaces one that is not in work yet. At once; every thread.
     bool shows(const std::vector<double>& positions) {
         const std::lock_guard lock(mutex_);
         if (same_place(positions, shown_positions_))
@@ -36,8 +35,7 @@ public:
         return false;
     }
 
-    // The last finished picture; its pixels are shared and must not be written. Safe from every
-    // thread.
+    // The last finished picture. Its pixels are shared: do not write them. Every thread.
     Radiance picture() const {
         const std::lock_guard lock(mutex_);
         return shown_;

@@ -1,7 +1,6 @@
-// A stage controller as its bus sees it: requests for its units are carried out on the registers of
-// a profile, in front of a simulated stage, and a script says which of them go wrong. Behind
-// sockets and serial lines (ModbusStageServer) or in memory
-// (tests/fakes/memory_transport.h).
+// A stage controller as its bus sees it: requests for its units act on a profile's registers, in
+// front of a simulated stage; a script says which go wrong. Behind sockets and serial lines
+// (ModbusStageServer) or in memory (tests/fakes/memory_transport.h).
 #pragma once
 
 #include "mocks/stage/modbus_server.h"

@@ -1,5 +1,4 @@
-// Faults of the link between station and stage, by name, at a scripted moment: what twin.yaml's
-// `faults` lists beside those of the stage. The twin's server makes them.
+// Scripted faults of the link between station and stage (twin.yaml's `faults`, beside the stage's).
 #pragma once
 
 #include "mocks/stage/simulated_stage.h"
@@ -8,8 +7,7 @@
 namespace etalon {
 
 struct ModbusFault {
-    // What happens to a request or its reply. Where nothing else is said the request is carried
-    // out.
+    // What happens to a request or its reply. The request is carried out unless said otherwise.
     enum class Kind {
         late_reply,  // the reply comes `delay` late
         silence,     // no reply

@@ -36,8 +36,7 @@ std::optional<ModbusFrame> take_tcp(Bytes& received, bool& out_of_step) {
     return ModbusFrame{word_at(bytes, 0), bytes[6], {bytes.begin() + tcp_header, bytes.end()}};
 }
 
-// How long a request is can only be known from its function: unit, PDU, check sum. 0: not yet
-// known.
+// Of unit, PDU and check sum, told by the function; 0: not yet known.
 std::size_t rtu_length(const Bytes& received) {
     const int function = received[1];
     if (function != 15 && function != 16)
@@ -90,8 +89,7 @@ Bytes to_bytes(ModbusFraming framing, const ModbusFrame& frame) {
     return bytes;
 }
 
-// "MODBUS over Serial Line", 6.2.2: x^16 + x^15 + x^2 + 1, reflected. Over a frame and its own
-// check sum it is 0.
+// "MODBUS over Serial Line", 6.2.2: x^16 + x^15 + x^2 + 1, reflected; 0 over a frame and its sum.
 std::uint16_t modbus_crc(std::span<const std::uint8_t> bytes) {
     unsigned crc = 0xFFFF;
     for (const std::uint8_t byte : bytes) {

@@ -1,7 +1,6 @@
-// Modbus messages as bytes, from the controller's side: on TCP with transaction ids, on serial
-// lines with check sums. Written from "MODBUS Application Protocol V1.1b3", "MODBUS Messaging on
-// TCP/IP Implementation Guide V1.0b" and "MODBUS over Serial Line V1.02", without the library that
-// the client uses: the two check each other. Pure functions.
+// Modbus messages as bytes, from the controller's side: "MODBUS Application Protocol V1.1b3",
+// "MODBUS Messaging on TCP/IP Implementation Guide V1.0b", "MODBUS over Serial Line V1.02". Without
+// the client's library, so that the two check each other. Pure functions.
 #pragma once
 
 #include <span>
@@ -21,9 +20,8 @@ struct ModbusFrame {
     Bytes pdu;  // function code and data
 };
 
-// Takes the first complete request out of `received`; nothing when it is not complete yet. Sets
-// `out_of_step` for what can be no request: on TCP there is no way back into step, on a serial line
-// the bytes until the next pause are lost.
+// Takes the first complete request out of `received`, if any. `out_of_step`: no request can begin
+// so. TCP has no way back into step; a serial line loses the bytes until the next pause.
 std::optional<ModbusFrame> take_request(ModbusFraming framing, Bytes& received, bool& out_of_step);
 
 Bytes to_bytes(ModbusFraming framing, const ModbusFrame& frame);
@@ -39,8 +37,7 @@ enum ModbusException : std::uint8_t {
     target_silent = 11  // a gateway's: the unit does not answer
 };
 
-// What a request's PDU asks, checked before anything is done. An exception when it is not in order;
-// then only the function code is set.
+// Decodes and checks a request's PDU. With an exception only the function code is set.
 ModbusException decode_request(const Bytes& pdu, ModbusRequest& request);
 
 // The PDU of an answer with the values that were read, or of an exception.

@@ -1,8 +1,6 @@
-// Modbus TCP (127.0.0.1) or a serial line with Modbus RTU, in front of whatever answers the
-// requests: a stage controller (mocks/stage/modbus_controller.h) or a room's sensor
-// (mocks/stage/room_sensor_server.h).
-//
-// Function codes 1 to 6, 15 and 16; everything else is answered by an exception.
+// Modbus TCP (127.0.0.1) or Modbus RTU on a serial line, in front of what answers the requests: a
+// stage controller (modbus_controller.h) or a room's sensor (room_sensor_server.h). Function codes
+// 1 to 6, 15 and 16; others are answered by an exception.
 #pragma once
 
 #include "mocks/stage/modbus_fault.h"
@@ -33,8 +31,7 @@ public:
 class ModbusServer {
 public:
     // Listens at once; port 0 takes any free one. Throws DeviceError when the port is taken,
-    // ConfigError when it is none. The units must outlive the server. One thread serves every
-    // client (at most 16).
+    // ConfigError for none. The units must outlive the server. One thread for up to 16 clients.
     ModbusServer(ModbusUnits& units, int port);
 
     // Answers on the serial line, which must outlive the server.

@@ -1,6 +1,5 @@
-// A sensor of temperature and humidity on Modbus TCP (127.0.0.1): input register 0 holds the
-// temperature in 0.01 degrees C (int16), input register 1 the humidity in 0.1 %. It answers to
-// every unit, and only to function 4. For the twin and for tests.
+// A sensor of temperature and humidity on Modbus TCP (127.0.0.1), for the twin and tests. Input
+// register 0: 0.01 degrees C (int16); 1: 0.1 %. It answers to every unit, only to function 4.
 #pragma once
 
 #include <atomic>

@@ -1,6 +1,5 @@
-// Two ends of a serial line without a wire: a pseudo-terminal, as posix_openpt() gives it. The
-// controller holds this end, the station opens the device by its name. Bytes pass at once, whatever
-// the baud rate, and the parity is not looked at.
+// Both ends of a serial line: a pseudo-terminal. The controller holds this end, the station opens
+// the device by its name. Bytes pass at once; baud rate and parity have no effect.
 #pragma once
 
 #include <filesystem>
@@ -26,8 +25,7 @@ private:
 // A serial line with a name that its user may choose: a symbolic link to the station's end.
 class SerialLink {
 public:
-    // A link that is there already is left from a twin that was killed, and replaced; anything else
-    // of that name is a DeviceError.
+    // Replaces a link, which a killed twin left. Throws DeviceError for anything else of that name.
     explicit SerialLink(std::filesystem::path path);
     ~SerialLink();  // the link is gone with the line
 

@@ -1,10 +1,8 @@
-// The physics of one axis: the motion that its controller plans, the servo that follows it, the
-// carriage with its errors. Everything is a closed form of the time since the last command (of the
-// servo: one matrix exponential per piece of motion); nothing is integrated step by step.
-//
-// Not a controller: whether a command is allowed is its caller's business
-// (mocks/stage/simulated_stage.h). Times are seconds since power-on, and never before that of the
-// last command. Positions mm or rad.
+// The physics of one axis: the controller's planned motion, the servo that follows it, the carriage
+// with its errors. Closed forms of the time since the last command (servo: one matrix exponential
+// per piece of motion). Whether a command is allowed is the caller's business
+// (mocks/stage/simulated_stage.h). Times are seconds since power-on and never go back. Positions mm
+// or rad.
 #pragma once
 
 #include "sim/twin/servo.h"
@@ -12,10 +10,8 @@
 
 namespace etalon {
 
-// How a carriage differs from what its encoder says, and the encoder from a ruler: the errors that
-// a laboratory finds with an interferometer. Temperatures are K from power-on.
-
-// Of one axis, at the position m of its motor; all finite:
+// How a carriage differs from its encoder, and the encoder from a ruler. Temperatures are K from
+// power-on. Of one axis, at the position m of its motor; all finite:
 //     true = m (1 + scale + expansion T) + drift T + periodic sin(2 pi m / period + phase)
 //            + what the map says + what is drawn for each move + backlash + what other axes lean
 //            this way
@@ -79,8 +75,7 @@ public:
         }
     }
 
-    // From rest to `target` as the encoder counts it. `drawn` is this move's own error, taken on
-    // along the way.
+    // From rest to `target` as the encoder counts it. `drawn_error` is taken on along the way.
     void move_to(double target, double speed, double drawn_error, double t) {
         const double from = motion_.end(), to = target - encoder_offset_;
         target_ = target;
@@ -114,9 +109,8 @@ public:
     void jump_encoder(double size) { encoder_offset_ += size; }
 
     double target() const { return target_; }
-    bool runs(double t) const {
-        return stuck_ || since_start(t) < motion_.duration();
-    }  // its planned motion is not over, or it is stuck
+    // Its planned motion is not over, or it is stuck.
+    bool runs(double t) const { return stuck_ || since_start(t) < motion_.duration(); }
     double ends() const { return started_ + motion_.duration(); }  // when that will be, if not
     bool is_at_target(double t) const {
         constexpr double rounding = 1e-9;

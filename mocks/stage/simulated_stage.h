@@ -1,10 +1,7 @@
 // A motorised stage without its wires: controllers that enable, home, start and stop their axes and
-// raise alarms, and a carriage that is truly somewhere slightly else. For the twin, behind
-// registers and sockets (mocks/stage/stage_registers.h), and for tests.
-//
-// Every quantity is a closed-form function of the time since the last command
-// (mocks/stage/simulated_axis.h), so a test on a VirtualClock knows the exact answer. Positions are
-// mm or rad.
+// raise alarms, and a carriage that is truly somewhere slightly else. For the twin
+// (mocks/stage/stage_registers.h) and for tests. Every quantity is a closed form of the time since
+// the last command (simulated_axis.h): a test on a VirtualClock knows the exact answer. mm or rad.
 #pragma once
 
 #include <fmt/format.h>
@@ -29,8 +26,7 @@ struct FaultTrigger {
     int value = 0;  // as above; moves and requests are counted from 1
 };
 
-// Faults of a stage, by name, at a scripted moment: what twin.yaml's `faults` lists beside those of
-// the link. They happen once. See SimulatedStage for what each does.
+// Faults of a stage at a scripted moment (twin.yaml's `faults`). They happen once.
 struct StageFault {
     enum class Kind {
         stuck_axis,         // the axis stops dead, or does not start, and claims to move
@@ -205,10 +201,9 @@ public:
         return targets;
     }
 
-    // Lets the twin's camera render the picture of a new position before the stage claims to be
-    // there: while all axes rest, "in position" is reported only if `ready(true positions)`. Called
-    // on the thread that asks for status(), at every such status(), without a lock held; it must
-    // return at once. An empty function ends it.
+    // While all axes rest, "in position" is reported only if `ready(true positions)`: the twin
+    // renders the new picture first. Called by every status(), on its thread and without a lock;
+    // must return at once. An empty function ends it.
     void hold_in_position_until(std::function<bool(const std::vector<double>&)> ready) {
         const std::scoped_lock lock(mutex_);
         ready_ = std::move(ready);

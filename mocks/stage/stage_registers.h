@@ -1,6 +1,5 @@
-// The registers of a stage profile in front of a simulated stage: what a controller's firmware does
-// between its registers and its motors, by the same file that the client reads. No sockets. For one
-// thread.
+// The registers of a stage profile in front of a simulated stage: a controller's firmware, by the
+// same file that the client reads. No sockets. For one thread.
 #pragma once
 
 #include "mocks/stage/simulated_stage.h"
@@ -58,8 +57,7 @@ public:
         return values;
     }
 
-    // False, and nothing written, when one of the registers does not exist or is read-only.
-    // Commands take effect before it returns.
+    // False, and nothing written, when a register does not exist or is read-only. Acts at once.
     bool write(RegisterSpace space, int address, std::span<const std::uint16_t> values) {
         std::vector<Place> written;
         for (std::size_t i = 0; i < values.size(); ++i) {

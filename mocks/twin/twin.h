@@ -1,12 +1,11 @@
-// The twin: a stage controller on Modbus TCP or RTU and a camera, whose pictures show the marker
-// where the simulated stage truly is. A station under test cannot tell it from devices, except that
-// the camera it was calibrated for may be another one.
+// The twin: a stage controller on Modbus TCP or RTU and a camera that shows the marker where the
+// simulated stage truly is. For a station under test it is like real devices; its camera may differ
+// from the calibration.
 //
 //   station --Modbus--> stage --true positions--> image source (renders) --picture--> camera
 //
-// The stage reports "in position" only once the picture of the new position is finished, so every
-// frame that is exposed after a settled move shows it. While axes move the last picture stays on
-// show.
+// The stage reports "in position" once the new picture is finished: a frame exposed after a settled
+// move shows it. While axes move the last picture stays.
 #pragma once
 
 #include "mocks/camera/gige_camera.h"
@@ -30,8 +29,7 @@ public:
     const TwinPhysics& physics() const { return physics_; }
     Radiance picture() const { return image_source_.picture(); }  // safe from every thread
 
-    // What such an exposure collects, 1 at the nominal exposure time and 0 dB. Light grows in
-    // proportion to the time and with the gain.
+    // What an exposure collects, proportional to time and gain; 1 at the nominal time and 0 dB.
     double light(std::chrono::microseconds exposure, double gain_db) const;
 
 private:
@@ -47,8 +45,7 @@ private:
     ModbusStageServer server_;  // last: its thread uses all the others
 };
 
-// With a GigE Vision camera on 127.0.0.1. Each frame has its own noise, a pure function of (seed,
-// frames before it, pixel).
+// With a GigE Vision camera on 127.0.0.1. A frame's noise is a function of (seed, number, pixel).
 class Twin : public TwinRig {
 public:
     // Throws as TwinRig does, and DeviceError when the camera's port is taken.

@@ -1,6 +1,5 @@
-// twin.yaml (`etalon: twin/1`): the virtual station's TRUE camera, stage and mounting, and how they
-// differ from what the station under test is told. Relative paths are relative to the file.
-// Every key with its meaning: examples/every-key/twin.yaml.
+// twin.yaml (`etalon: twin/1`): the virtual station's TRUE camera, stage and mounting. Relative
+// paths are relative to the file. Every key: examples/every-key/twin.yaml.
 #pragma once
 
 #include "mocks/stage/room_sensor_server.h"

@@ -1,6 +1,5 @@
-// etalon-twin: a virtual stage (on 127.0.0.1 or a serial line) and camera to try `etalon qualify`
-// on. Runs until it is interrupted. Exit codes: 0 interrupted as intended, 3 usage or config error,
-// 4 a port is taken.
+// etalon-twin: a virtual stage (on 127.0.0.1 or a serial line) and camera for `etalon qualify`.
+// Exit codes: 0 interrupted as intended, 3 usage or config error, 4 a port is taken.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>

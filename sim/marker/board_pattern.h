@@ -1,12 +1,10 @@
 // The cells and points of calibration boards. All throw ConfigError (without a place) for a board
 // whose lengths would need more than 16 million cells, circles more than 4 million.
 //
-// Cells of a grid are all alike, and the lengths of a ChArUco board or an AprilTag grid need not
-// have a common measure. Squares, tags and circles lie exactly where they should. Only edges inside
-// a tag are rounded to cells, to within a twentieth of a tag's cell.
-//
-// A circle is the cells whose centres are inside it: 128 cells to a diameter (24 at least, on large
-// boards), its centre exact, the diameter of the same area right to 2e-3.
+// Squares, tags and circles lie exactly where they should, although lengths need have no common
+// measure; only edges inside a tag are rounded, to a twentieth of its cell. A circle is the cells
+// whose centres are inside: 128 to a diameter (24 at least, on large boards), centre exact, the
+// diameter of the same area right to 2e-3.
 #pragma once
 
 #include <array>
@@ -45,9 +43,8 @@ std::vector<BoardTag> charuco_tags(int columns, int rows, double square_mm, doub
                                    const CharucoLayout& layout);
 
 // Kalibr's aprilgrid: columns x rows tags with a black border of TWO cells, numbered row by row
-// from the BOTTOM left, and a black square in every crossing of the gaps. The points are the tags'
-// corners as a grid of 2 columns x 2 rows. Throws ConfigError for families with data outside the
-// reported square.
+// from the BOTTOM left, a black square in every crossing of the gaps; points: the tags' corners, 2
+// columns x 2 rows. Throws ConfigError for families with data outside the reported square.
 BoardPattern aprilgrid_pattern(const std::string& family, int columns, int rows, double tag_mm,
                                double gap_mm);
 std::vector<BoardTag> aprilgrid_tags(int columns, int rows, double tag_mm, double gap_mm);

@@ -40,9 +40,8 @@ std::string marker_svg(const Marker& marker, const PrintPage& page);
 // Letters outside Latin-1 in the caption become question marks: the standard fonts lack them.
 std::string marker_pdf(const Marker& marker, const PrintPage& page);
 
-// Every edge lies on the nearest pixel border. The resolution is rounded to whole dots per metre,
-// as pHYs has it, before anything is drawn. Throws ConfigError when a cell is smaller than 2 dots
-// or the image larger than 400 megapixels.
+// Edges lie on the nearest pixel border, at a resolution of whole dots per metre (pHYs). Throws
+// ConfigError when a cell is smaller than 2 dots or the image larger than 400 megapixels.
 std::vector<unsigned char> marker_png(const Marker& marker, const PrintPage& page,
                                       double dots_per_mm);
 

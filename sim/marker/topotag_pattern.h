@@ -3,11 +3,10 @@
 // 27(9), 2021.
 //
 // A white square of 4n + 1 cells a side holds n x n vertices, 4 cells apart, the first 2.5 cells
-// from its edges. Around each vertex is a black node of 3 x 3 cells, whose middle cell is white or
-// black: its bit. The second vertex of the first row lies only 2 cells beside the first one, so
-// that both nodes are one: the baseline. The other n^2 - 2 bits, row by row, are the id, the most
-// significant bit first. Ours are the black frame of 2 cells, one white cell around that, and round
-// nodes and dots (families "-circle").
+// from its edges, each in a black node of 3 x 3 cells whose middle cell is its bit. The second
+// vertex of the first row lies 2 cells beside the first: both nodes are one, the baseline. The
+// other n^2 - 2 bits, row by row, are the id, most significant first. Ours: the black frame of 2
+// cells, a white cell around it, round nodes and dots (families "-circle").
 #pragma once
 
 #include <Eigen/Core>
@@ -52,9 +51,8 @@ constexpr int topotag_white_side(int order) {
 }
 constexpr int topotag_frame = 2, topotag_margin = 1;
 
-// The whole tag with its white margin, CV_32FC1, 0 black, 1 white. Squares have one pixel a cell;
-// round tags 28, a staircase whose disks are centred exactly and whose areas are those of diameters
-// right to 3e-4. About 10 ms for round tags.
+// With its white margin, CV_32FC1, 0 black, 1 white. Squares have one pixel a cell; round tags 28,
+// disks centred exactly, areas those of diameters right to 3e-4. About 10 ms for round tags.
 struct TopotagPattern {
     cv::Mat pixels;
     int pixels_per_cell = 1;

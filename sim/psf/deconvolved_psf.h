@@ -1,7 +1,6 @@
-// The core of a point spread with a small disk taken out of it: disk (*) sharpened = core. Averages
-// over that disk, filtered by the sharpened core, are the image filtered by the core, and follow an
-// edge at fewer samples than averages over squares: docs/rendering.md, "C: exact area". The core
-// leaks a little beyond the spread's cut-off, and is followed to 1.25 times that.
+// The core of a point spread with a small disk taken out: disk (*) sharpened = core. It needs fewer
+// samples than averages over squares: docs/rendering.md, "C: exact area". It leaks a little beyond
+// the cut-off, and is followed to 1.25 times that.
 #pragma once
 
 #include <functional>
@@ -20,8 +19,7 @@ std::vector<ConcentricDisk> concentric_disks(int count);
 class DeconvolvedPsf {
 public:
     // Of spread density times window, a function of the radius that ends at `reach_px`. Nothing for
-    // a measured profile, whose cut-off is not known, and for patterns below 0.04 px or above 50
-    // px. Takes some 50 ms.
+    // a measured profile (unknown cut-off) and patterns below 0.04 or above 50 px. Some 50 ms.
     static std::optional<DeconvolvedPsf> of(const PointSpreadFunction& spread,
                                             const std::function<double(double)>& window,
                                             double reach_px);

@@ -1,10 +1,8 @@
-// How the lens spreads a point, as one pattern for the whole image: the Airy pattern (Born and
-// Wolf, Principles of Optics, 8.5.2), a Gaussian in its place, or a measured radial profile in
-// place of diffraction and defocus. docs/rendering.md, "Point spread", has the formulas. A
-// profile's radii are joined by straight lines of density; nothing lies beyond the last.
-//
-// Radii are lengths on the sensor in units of the pixel pitch along x, so that a pattern is round
-// whatever the pixels' shape.
+// How the lens spreads a point, one pattern for the image: the Airy pattern (Born and Wolf,
+// Principles of Optics, 8.5.2), a Gaussian in its place, or a measured radial profile in place of
+// diffraction and defocus (straight lines of density, nothing beyond the last). Formulas:
+// docs/rendering.md, "Point spread". Radii are lengths on the sensor in pixel pitches along x: a
+// pattern is round.
 #pragma once
 
 #include "calib/camera/camera_model.h"
@@ -23,9 +21,8 @@ public:
     // negative and with some energy, all finite (NumericalError otherwise). Normalised to energy 1.
     static PointSpreadFunction measured(const std::vector<std::pair<double, double>>& profile);
 
-    // Of the camera's lens section. Throws NumericalError for a wavelength or sigma that is not
-    // positive and finite, and for the wave-optical model, which is another pattern at every
-    // defocus (sim/psf/wave_point_spread.h).
+    // Of the camera's lens section. Throws NumericalError for an impossible wavelength or sigma,
+    // and for the wave-optical model, whose pattern depends on the defocus.
     static PointSpreadFunction of(const CameraModel& camera);
 
     bool is_airy() const { return kind_ == Kind::airy; }

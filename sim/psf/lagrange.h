@@ -29,8 +29,7 @@ struct RadialWave {
 double cutoff_per_px(const PointSpreadFunction& spread);
 
 // Of spread density times window, a function of the radius that ends at `reach_px`, to 1.25 times
-// the cut-off. The nodes are close enough for functions that reach `farthest_px`. Takes 10 to 30
-// ms.
+// the cut-off; nodes for functions that reach `farthest_px`. 10 to 30 ms.
 std::vector<RadialWave> radial_transfer(const PointSpreadFunction& spread,
                                         const std::function<double(double)>& window,
                                         double reach_px, double farthest_px);

@@ -1,8 +1,6 @@
-// The wave-optical image of a point out of focus: diffraction and defocus together, where disk and
-// Airy pattern convolved are only an approximation.
-//
-// docs/rendering.md, "Wave optics", has the integral |U|^2 (u, v). In Lommel's functions (Born and
-// Wolf, Principles of Optics, 8.8.1)
+// The wave-optical image of a point out of focus, where disk and Airy pattern convolved are only an
+// approximation. docs/rendering.md, "Wave optics", has the integral |U|^2 (u, v). In Lommel's
+// functions (Born and Wolf, Principles of Optics, 8.8.1)
 //     outside the disk  |U|^2 = (2/u)^2 (U1^2 + U2^2)
 //     inside            |U|^2 = (2/u)^2 (1 + V0^2 + V1^2 - 2 V0 cos s - 2 V1 sin s),
 //                       s = (u + v^2/u) / 2
@@ -79,10 +77,9 @@ private:
 };
 
 // Filters of the pattern at any blur radius: pixel box convolved with it. The core is for k box
-// averages a pixel, integrated against their 6-point Lagrange interpolant; the rest of the pattern,
-// the mean over its rings, for pixel averages. Together they hold the energy 1.
-//
-// One per camera. Kernels are built when first asked for and kept. Safe from every thread.
+// averages a pixel, against their 6-point Lagrange interpolant; the rest, its mean over the rings,
+// for pixel averages; energy 1 together. One per camera; kernels are built on demand and kept.
+// Every thread.
 class WaveFilter {
 public:
     // Throws NumericalError for a camera without a lens section, or lambda N_w too small for blur

@@ -1,8 +1,6 @@
-// What of a blurred spread falls beyond a straight edge, and beyond both edges of a corner,
-// tabulated once per camera: sharp images of few edges need no samples then.
-//
-// docs/rendering.md, "Table of edges and corners", defines P, its companion for a blur that changes
-// along the edge (turns), T(d, phi) and the density for blur disks that are ellipses.
+// What of a blurred spread falls beyond a straight edge and beyond both edges of a corner,
+// tabulated once per camera: sharp images of few edges need no samples then. Definitions of P,
+// turns, T(d, phi) and elliptic blur disks: docs/rendering.md, "Table of edges and corners".
 #pragma once
 
 #include "sim/psf/lagrange.h"

@@ -1,9 +1,7 @@
-// Markers that move while the shutter is open: the mean of still images along the way.
-//
-// Midpoint rule: n equal parts of the exposure, each by the pose at its middle. While a straight
-// edge of contrast C sweeps a pixel along its normal by L px, the pixel's slope is at most sqrt(2)
-// C per px, and the rule errs by at most sqrt(2) C L / (8 n^2). Allowed are 255 C L / (4 n^2) gray,
-// for a way that curves. m edges that sweep the same pixel may add up to m times that.
+// Markers that move while the shutter is open: the mean of still images along the way, by the
+// midpoint rule of n parts. A straight edge of contrast C that sweeps a pixel by L px errs by at
+// most sqrt(2) C L / (8 n^2). Allowed are 255 C L / (4 n^2) gray, for a way that curves; m edges
+// that sweep the same pixel may add up to m times that.
 #pragma once
 
 #include "sim/render/renderer.h"
@@ -29,15 +27,13 @@ int parts_of_exposure(double path_px, double contrast, double tolerance_gray);
 struct MovingImage {
     RenderedImage image;  // its plan is the last part's
     int parts = 1;
-    // Of a marker's point in the image: the fastest of 9 x 9 points of each marker, at the
-    // beginning, middle and end of the exposure, times the exposure and 5/4 for what lies between
-    // them. Points that are not seen do not count; 0 if none is.
+    // The fastest of 9 x 9 points of each marker in the image, at the exposure's beginning, middle
+    // and end, times the exposure and 5/4. Points that are not seen do not count; 0 if none is.
     double path_px = 0.0;
 };
 
-// Half of options.tolerance_gray is for time, half for each still image. Takes `parts` renders.
-// Throws NumericalError as Renderer::render for any part, when more than 10 000 are needed, and for
-// a velocity or exposure that is not finite or an exposure below 0.
+// Half of options.tolerance_gray is for time. Takes `parts` renders. Throws NumericalError as
+// render() for any part, for more than 10 000, and for an impossible velocity or exposure.
 MovingImage render_moving(const Renderer& renderer, const Scene& scene,
                           const MotionDuringExposure& motion, const RenderOptions& options = {});
 

@@ -1,8 +1,7 @@
-// The truth that every other method is measured against: brute-force sampling of the whole image
-// model, with its own standard error (docs/rendering.md, "Reference"). Slow, and shares no
-// integration code with the others. Rays that miss the grid, meet the marker's plane behind the
-// lens or from its back, and sensor points without a ray are background. A pixel whose centre has
-// no ray is background without error.
+// The truth that other methods are measured against: brute-force sampling of the image model, with
+// its standard error (docs/rendering.md, "Reference"). Slow; shares no integration code. Rays that
+// miss the grid, or meet the plane behind the lens or from its back, and points without a ray are
+// background; so is, without error, a pixel whose centre has no ray.
 #pragma once
 
 #include "sim/render/renderer.h"

@@ -1,6 +1,5 @@
-// Renders a planar marker as a given camera would see it, in linear radiance: full distortion,
-// thin-lens defocus, diffraction, pixel integration. Methods and errors: docs/rendering.md. The
-// sensor is in sim/sensor/sensor_model.h.
+// Renders a planar marker as a camera sees it, in linear radiance: distortion, thin-lens defocus,
+// diffraction, pixel integration (docs/rendering.md). The sensor: sim/sensor/sensor_model.h.
 #pragma once
 
 #include "sim/scene/scene.h"
@@ -34,11 +33,10 @@ public:
     Renderer(Renderer&&) noexcept;
     Renderer& operator=(Renderer&&) noexcept;
 
-    // About a ms for a marker of 50 px in a VGA image (docs/performance.md); parallel, and the same
-    // bytes for any number of threads. The first render of a kind also makes its filter (some ms).
-    // Throws NumericalError when a marker's plane passes through the lens or part of a marker that
-    // would be seen is behind it, when markers may hide each other (sim/scene/scene.h), when an
-    // input is not finite, or the tolerance cannot be met.
+    // About a ms for a marker of 50 px in VGA (docs/performance.md); the first of a kind makes its
+    // filter. Parallel, the same bytes for any number of threads. Throws NumericalError when a
+    // marker's plane passes through the lens, a seen part is behind it, markers may hide each other
+    // (sim/scene/scene.h), an input is not finite, or the tolerance cannot be met.
     RenderedImage render(const Scene& scene, const RenderOptions& options = {}) const;
 
     // The same pixels, of the part only that is not background: an eighth less time for a small
@@ -68,11 +66,10 @@ private:
     std::unique_ptr<const Cache> cache_;
 };
 
-// Markers before an image, M + (1 - C) B by pixel: M is the markers on black, C the same markers
-// all white on black (their coverage), B the background as the camera sees it without markers, its
-// own blur included. All are CV_32FC1 of one size. Exact where B is even across the blur of an
-// edge. Throws NumericalError for different sizes or types, and for a background that is not
-// finite.
+// Markers before an image, M + (1 - C) B by pixel: M is the markers on black, C their coverage (all
+// white on black), B the background as the camera sees it, blur included; CV_32FC1 of one size.
+// Exact where B is even across an edge's blur. Throws NumericalError for different sizes or types,
+// and B not finite.
 Radiance placed_over(const Radiance& markers, const Radiance& coverage, const Radiance& background);
 
 // The scene without its own background, and its markers as one white cell each.

@@ -1,7 +1,6 @@
-// How wrong a render can be for sampling the image at k x k places a pixel, beside a straight edge
-// at its worst place: docs/rendering.md, "Plan". The spread is taken across the edge's axis only,
-// which is on the safe side. A scene's error is this times the largest step between neighbouring
-// cells; a second edge within the same pixel adds its own.
+// How wrong a render with k x k samples a pixel can be beside a straight edge at its worst place:
+// docs/rendering.md, "Plan". A scene's error is this times the largest step between neighbouring
+// cells; a second edge within the pixel adds its own.
 #pragma once
 
 #include <bitset>

@@ -1,6 +1,5 @@
-// The sensor in the frame in which a marker is seen (docs/rendering.md): where its pixels look, and
-// the squares over which the point spread's tail is summed. Of a flat projection one for all
-// markers; a wide lens is turned towards each marker and needs only the pixels that may see it.
+// The sensor in the frame in which a marker is seen (docs/rendering.md). A flat projection has one
+// for all markers; a wide lens is turned towards each and needs only the pixels that may see it.
 #pragma once
 
 #include "sim/tiles/tail_pyramid.h"

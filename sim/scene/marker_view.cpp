@@ -218,10 +218,9 @@ Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vect
     return m * (1.0 - turn(x).dot(seen)) + defocus_slope(x) * m.dot(seen);
 }
 
-// The marker's sensor points fill a convex outline between the lines u = 0, u = columns, v = 0 and
-// v = rows, where W > 0. Two convex shapes are apart if and only if one of their sides parts them.
-// Needs no division and holds across the horizon. `centre`, `to_right`, `down`: (U, V, W) at the
-// box's centre and half a box from there.
+// The marker's outline is convex between u = 0, u = columns, v = 0 and v = rows, where W > 0.
+// Convex shapes are apart if and only if a side parts them. No division; holds across the horizon.
+// `centre`, `to_right`, `down`: (U, V, W) at the box's centre and half a box from there.
 bool MarkerView::misses_marker(const Box& box, const Eigen::Vector3d& centre,
                                const Eigen::Vector3d& to_right, const Eigen::Vector3d& down) const {
     if (are_apart(box, outline_))
@@ -237,13 +236,11 @@ bool MarkerView::misses_marker(const Box& box, const Eigen::Vector3d& centre,
     return beyond(0, columns_) || beyond(1, rows_);
 }
 
-// u and v are quotients of linear functions: over a box they are largest and smallest at its
-// corners, as long as the denominator W keeps its sign.
-//
-// Where it does not, the range is all cells: a ray with W < 0, which runs away from the plane, then
-// has the background's radiance (docs/rendering.md, "Geometry"). That also holds where a window
-// (aperture or box) leaves out the lines before one that all of it is beyond, or after one that
-// nothing of it is beyond: for such a ray the other lines of that direction end in the frame.
+// u and v are quotients of linear functions, extreme at the corners as long as W keeps its sign.
+// Where it does not, the range is all cells: a ray with W < 0 has the background's radiance
+// (docs/rendering.md, "Geometry"). So also where a window (aperture or box) leaves out lines before
+// one that all of it is beyond, or after one that nothing of it is beyond: for such a ray they end
+// in the frame.
 std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
     if (are_apart(sensor_box, blurred_outline_))
         return std::nullopt;

@@ -92,9 +92,8 @@ struct SensorPoint {
 
 class MarkerView {
 public:
-    // Throws NumericalError when a corner of the marker is not in front of the lens, the camera
-    // sees the marker's back, or its plane cuts the aperture (|a| d/2 >= 1: some ray of a sensor
-    // point runs along the plane or meets its back).
+    // Throws NumericalError when a corner is not in front of the lens, the back is seen, or the
+    // plane cuts the aperture (|a| d/2 >= 1).
     MarkerView(const PlacedMarker& marker, double background, const Aperture& aperture);
 
     int columns() const { return columns_; }
@@ -164,9 +163,8 @@ public:
     Eigen::Vector2d line_gradient(int axis, int index, const Eigen::Vector2d& x,
                                   const Eigen::Vector2d& l) const;
 
-    // Cells such that the lines between them tell what any ray from the box through the lens meets;
-    // nothing when all of them meet the background. Every cell and the frame of background where
-    // the plane's horizon may come between.
+    // Cells whose lines tell what any ray from the box through the lens meets; nothing: all meet
+    // the background. All cells and the frame where the plane's horizon may come between.
     std::optional<CellRange> footprint(const Box& box) const;
 
     // Such a range for a box within one for which this range holds: lines that the box does not see
@@ -211,9 +209,8 @@ bool is_in_view(const Projector& projector, const CellGrid& grid, const Rigid& c
 std::vector<Eigen::Vector2d> marker_outline(const MarkerView& view, const Projector& projector,
                                             int points_per_side);
 
-// The pixels within `margin` (px, along x and y) of the outline's bounding box, as far as they are
-// in `limit`; all of `limit` for an empty outline. Distortion may bulge a side out between two
-// points: the margin must hold that too.
+// The pixels within `margin` (px, x and y) of the outline's bounding box, within `limit`; all of
+// that for an empty outline. The margin must hold distortion's bulges too.
 cv::Rect pixels_around(const std::vector<Eigen::Vector2d>& outline, const Eigen::Array2d& margin,
                        const cv::Rect& limit);
 

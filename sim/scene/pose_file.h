@@ -10,9 +10,8 @@
 
 namespace etalon {
 
-// A pose as on the command line, "rx,ry,rz,tx,ty,tz"; `place` is the option's name. Throws
-// ConfigError unless it is six finite numbers, the rotation vector no longer than 2 pi (longer ones
-// are degrees typed by mistake) and the translation no longer than a kilometre.
+// "rx,ry,rz,tx,ty,tz"; `place` is the option's name. Throws ConfigError unless six finite numbers,
+// the rotation within 2 pi (longer: degrees by mistake) and the translation within a kilometre.
 Rigid parse_pose(const std::string& text, const std::string& place);
 
 // The format follows from the extension, .csv or .json. Throws ConfigError with file and line for

@@ -76,10 +76,9 @@ std::uint64_t sobol_digits(const SobolDirections& directions, std::uint64_t inde
     return digits;
 }
 
-// Owen's nested uniform scrambling: a digit is flipped or not by a random bit of its own for every
-// value of all the digits before it. The bits form a binary tree, of which one draw, keyed by the
-// digits before, holds seven levels (127 nodes, numbered from 1 as in a heap). The first 56 digits,
-// as an integer.
+// Owen's nested uniform scrambling: each digit is flipped by a random bit of its own for every
+// value of the digits before it: a binary tree. One draw, keyed by those, holds seven levels (127
+// nodes, numbered from 1 as in a heap). The first 56 digits, as an integer.
 std::uint64_t nested_uniform(std::uint64_t digits, std::uint64_t seed, std::uint32_t dimension) {
     constexpr int levels = 7, scrambled = 56;
     constexpr std::uint32_t purpose = 0x4f77656eu;  // apart from every RandomStream of this seed
@@ -107,9 +106,8 @@ std::uint32_t bit_reversed(std::uint32_t x) {
     return ((x & 0x55555555u) << 1) | ((x & 0xaaaaaaaau) >> 1);
 }
 
-// A permutation in which every bit depends only on itself and the bits below it: applied to the
-// reversed digits, that is a nested scramble. Constants: N. Vegdahl, "Building a better LK hash"
-// (2021).
+// A permutation whose bits depend on themselves and those below: of reversed digits a nested
+// scramble. Constants: N. Vegdahl, "Building a better LK hash" (2021).
 std::uint32_t nested_scramble(std::uint32_t x, std::uint32_t seed) {
     x ^= x * 0x3d20adeau;
     x += seed;

@@ -1,13 +1,11 @@
-// Low-discrepancy points of the unit cube, for plans and studies that cover a volume of poses
-// evenly. What the coordinates mean: sim/scene/pose_volume.h.
+// Low-discrepancy points of the unit cube, for plans and studies of a volume of poses
+// (sim/scene/pose_volume.h).
 //
 // Halton's sequence (Numerische Mathematik 2, 1960): the index's digits in the first prime bases,
-// mirrored at the point. From the fifth base on the first points lie on lines, so the digits are
-// permuted: at every position at random (Matousek, J. Complexity 14, 1998), or by Faure's
-// permutations of the smallest discrepancy, one per base (J. Number Theory 42, 1992). With those a
-// seed lets every base start at a random index (X. Wang and F. J. Hickernell, Math. Comput.
-// Modelling 32, 2000; G. Okten, J. Complexity 25, 2009). With a seed each point is uniform either
-// way, and the strata stay.
+// mirrored at the point and permuted: at random (Matousek, J. Complexity 14, 1998), or by Faure's
+// permutations of the smallest discrepancy (J. Number Theory 42, 1992), whose bases a seed starts
+// at random indices (X. Wang and F. J. Hickernell, Math. Comput. Modelling 32, 2000; G. Okten, J.
+// Complexity 25, 2009). With a seed each point is uniform, and the strata stay.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,13 +17,11 @@
 
 namespace etalon {
 
-// Owen-scrambled Sobol points: each scramble is an independent randomisation of the same set.
-// Direction numbers: S. Joe and F. Y. Kuo, SIAM J. Sci. Comput. 30 (2008), file
-// new-joe-kuo-6.21201.
-//
-// SobolSequence, for plans and studies: any index, scrambled as A. B. Owen defined it (Lecture
-// Notes in Statistics 106, Springer 1995). SobolPoints, for millions of integrals: six dimensions,
-// a prepared number of points, scrambled by hashing (B. Burley, JCGT 9(4), 2020) in a few ns.
+// Owen-scrambled Sobol points. Direction numbers: S. Joe and F. Y. Kuo, SIAM J. Sci. Comput. 30
+// (2008), file new-joe-kuo-6.21201. SobolSequence, for plans and studies: any index, scrambled as
+// by A. B. Owen (Lecture Notes in Statistics 106, Springer 1995). SobolPoints, for millions of
+// integrals: six dimensions, a prepared number of points, scrambled by hashing (B. Burley, JCGT
+// 9(4), 2020) in a few ns.
 
 // By digit of the index, the last first: what it adds modulo 2 to the point, of which the first
 // binary digit is the highest bit.
@@ -39,10 +35,9 @@ public:
     // 1 to 16 dimensions (NumericalError otherwise); without a seed the points are not scrambled.
     SobolSequence(int dimensions, std::optional<std::uint64_t> seed);
 
-    // One coordinate in [0, 1) per dimension, 53 binary digits. Of 2^m points that start at a
-    // multiple of 2^m, exactly one lies in each of the 2^m equal intervals of every dimension, and
-    // of the first two in each rectangle of area 2^-m with sides of powers of two. In the index's
-    // order, not its Gray code's. Point 0 of the unscrambled sequence is the origin.
+    // One coordinate in [0, 1) per dimension, 53 bits, in the index's order. Of 2^m points from a
+    // multiple of 2^m one lies in each of the 2^m equal intervals of every dimension, and of the
+    // first two in each rectangle of area 2^-m. Point 0 of the unscrambled sequence is the origin.
     std::vector<double> point(std::uint64_t index) const;
 
 private:

@@ -66,9 +66,8 @@ int dimensions_of(const std::array<bool, 6>& moves, int extra) {
     return std::max(1, static_cast<int>(std::count(moves.begin(), moves.end(), true)) + extra);
 }
 
-// The point moved along x (axis 0) or y (axis 1) until its image has that column or row: Newton's
-// method, its steps halved where they leave what the camera model holds for. Nothing where that
-// does not converge: the camera sees no such point.
+// The point moved along x (axis 0) or y (axis 1) until its image has that column or row (damped
+// Newton). Nothing where the camera sees no such point.
 std::optional<Eigen::Vector3d> moved_to_pixel(const Projector& projector, Eigen::Vector3d p_camera,
                                               Eigen::Index axis, double pixel) {
     constexpr int max_steps = 40;

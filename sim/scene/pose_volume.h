@@ -1,6 +1,5 @@
-// The six-dimensional volume of a marker study, and its poses: points of a low-discrepancy sequence
-// (sim/scene/pose_sampling.h) at which the camera sees the whole marker. A rejected point leaves a
-// hole that no later one fills: strata are exact only where all of the volume is seen.
+// The six-dimensional volume of a marker study: low-discrepancy points (sim/scene/pose_sampling.h)
+// at which the whole marker is seen. Rejected points leave holes: strata are exact only without.
 #pragma once
 
 #include "calib/camera/projector.h"
@@ -19,10 +18,9 @@ struct Interval {
     double at(double u) const { return std::min(low + u * (high - low), high); }
 };
 
-// Position of the marker's origin in the camera frame, mm, and R = Rz(yaw) Ry(pitch) Rx(roll), rad
-// (core/geometry/rigid.h). Every axis is uniform in its interval. x or y that is not given ranges
-// over all that the camera sees at that depth: without both, the origin's pixel is uniform in the
-// image; with x (y) alone, the origin's image row (column) is.
+// The marker's origin in the camera frame, mm, and R = Rz(yaw) Ry(pitch) Rx(roll), rad
+// (core/geometry/rigid.h), each uniform in its interval. x or y not given covers what is seen at
+// that depth: without both the origin's pixel is uniform, with x (y) alone its row (column).
 struct PoseVolume {
     std::optional<Interval> x_mm = {}, y_mm = {};
     Interval z_mm;
@@ -40,14 +38,12 @@ public:
         std::vector<double> extra;  // in [0, 1), one per extra dimension
     };
 
-    // Poses at which every one of the grids is in view, so that the same serve several markers.
-    // The sequence's dimensions are the axes that move, in the order x, y, z, roll, pitch, yaw,
-    // then `extra_dimensions` for what is sampled together with the pose (disturbances); at most
-    // 16. Fixed axes take none, so that fixing an axis changes the others' values too.
-    // Throws ConfigError with the axis as key (z_mm, roll, ...) for an interval that is not finite
-    // or has its ends swapped, a depth that is not positive and an angle beyond +-2 pi (degrees
-    // given by mistake), with margin_px for one that is negative or not finite; NumericalError
-    // without a grid, for too many dimensions or fewer than no extra ones, and as Projector does.
+    // Poses at which every one of the grids is in view. The sequence's dimensions are the moving
+    // axes, in the order x, y, z, roll, pitch, yaw, then `extra_dimensions` for what is sampled
+    // with the pose; at most 16. Fixing an axis changes the others' values. Throws ConfigError with
+    // the axis as key (z_mm, roll, ...) for an impossible interval, a depth not positive, an angle
+    // beyond +-2 pi, and margin_px below 0 or not finite; NumericalError without a grid, for
+    // impossible dimensions, and as Projector does.
     PoseSampler(const CameraModel& camera, std::span<const CellGrid> grids,
                 const PoseVolume& volume, SequenceKind kind, std::uint64_t seed,
                 int extra_dimensions = 0);
@@ -69,10 +65,9 @@ private:
     std::uint64_t points_ = 0, seen_ = 0;
 };
 
-// Poses that fill what a camera can see of a marker, for statistics over poses: Halton points. The
-// grid's outline keeps 20 px from the image's border, and all of the lens sees its front. The same
-// arguments give the same poses, and a longer list begins with a shorter one. Both throw
-// NumericalError when one draw in a thousand or less fits.
+// Poses that fill what a camera can see of a marker: Halton points, the outline 20 px from the
+// border, all of the lens seeing its front. The same arguments give the same poses; longer lists
+// begin with shorter ones. Both throw NumericalError when one draw in a thousand or less fits.
 
 // What the camera sees between two depths of the grid's centre, mm, with tilts up to max_tilt, rad.
 struct SeenVolume {

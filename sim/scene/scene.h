@@ -30,12 +30,11 @@ PlacedMarker turned(const PlacedMarker& marker, const Eigen::Quaterniond& turn);
 // that direction.
 void check_reach(const Scene& scene, const CameraModel& camera);
 
-// The closed-form methods add up the markers' differences from the background: no ray through the
-// lens may meet two markers. That holds for markers side by side in one plane (touching allowed,
-// seams of up to 2e-5 px), and for those whose images are farther apart than the lens can look
-// behind the nearer one's edge. All other pairs are refused, and of a wide lens those that together
-// span 160 degrees and are not well apart. The scene must have passed check_scene(). Throws
-// NumericalError that names both markers, counted from 1, or one that reaches behind the lens.
+// The closed-form methods add up the markers' differences: no ray through the lens may meet two
+// markers. That holds for markers side by side in one plane (touching, seams to 2e-5 px) and images
+// farther apart than the lens looks behind the nearer one. Other pairs are refused, and of a wide
+// lens those that span 160 degrees and are not well apart. Needs check_scene(). Throws
+// NumericalError that names both markers, from 1, or one that reaches behind the lens.
 void check_no_occlusion(const Scene& scene, const CameraModel& camera);
 
 }  // namespace etalon

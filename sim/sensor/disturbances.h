@@ -92,23 +92,19 @@ private:
     double range_dn_;
 };
 
-// The image after JPEG of this quality (baseline, OpenCV's encoder); of quality 0 the same pixels,
-// not a copy. About 1 ms for VGA, 3 of a noisy image. Throws NumericalError for a quality out of
-// range and for an image that is not of 8 bits.
+// After JPEG of this quality (baseline, OpenCV's encoder); 0: the same pixels, no copy. 1 ms for
+// VGA, noisy 3. Throws NumericalError for a quality out of range and an image not of 8 bits.
 CodeImage compressed(const CodeImage& image, double quality);
 
-// The image of the same size, moved along a straight line from -motion/2 to +motion/2 (px, x right,
-// y down) while the shutter is open. Exact is render_moving() (sim/render/motion_blur.h), at the
-// cost of tens of renders; the largest difference and RMS around a marker's edges, of their
-// contrast, are 0.01 and 0.001 with a lens of f/8 on pixels of 2.8 um, 0.07 and 0.008 where only
-// the pixels blur. Edges are not displaced.
+// The image moved along a straight line from -motion/2 to +motion/2 (px, x right, y down) while the
+// shutter is open: the mean of the image interpolated by cubic convolution (Keys, IEEE Trans. ASSP
+// 29, 1981, a = -1/2), integrated exactly. The border continues outwards. Even regions stay to the
+// last bit; motion 0 is no copy.
 //
-// The mean of the interpolated image along the line, integrated exactly: the taps are the line
-// integrals of cubic convolution's weights (Keys, IEEE Trans. ASSP 29, 1981, a = -1/2). Beyond the
-// border the image goes on as at the border. Where all that the line meets is even the result is
-// the image to the last bit. A motion of zero gives the image itself, not a copy.
-// Needs CV_32FC1 and a finite motion. One thread; CPU time of a pixel that is not of an even
-// background about 4 ns for 1 px, 14 for 20 px and 65 for 100 px.
+// render_moving() (sim/render/motion_blur.h) is exact, for tens of renders. Largest difference and
+// RMS around edges, of their contrast: 0.01 and 0.001 with f/8 on pixels of 2.8 um, 0.07 and 0.008
+// where only pixels blur. Needs CV_32FC1 and a finite motion. One thread; an uneven pixel costs 4
+// ns for 1 px, 14 for 20, 65 for 100.
 Radiance line_blurred(const Radiance& radiance, const Eigen::Vector2d& motion_px);
 
 }  // namespace etalon

@@ -38,12 +38,10 @@ Channel channel_of_pixel(Mosaic mosaic, int x, int y);
 class SensorModel {
 public:
     // Throws ConfigError when the sensor section contradicts itself: bits outside 1..16, black not
-    // in [0, full scale), negative gain or noise, read noise without gain, a table that does not
-    // rise strictly from radiance 0 to 1 with codes in [0, 1], an illumination polynomial that is
-    // not positive all over the image, cos^4 of a telecentric camera, or a channel without
-    // response.
-    // With cos^4 illumination it unprojects every pixel once: about 0.2 us of CPU time each. The
-    // steps of 16 bits take 15 ms and 5 MB (sim/sensor/sensor_steps.h).
+    // in [0, full scale), negative gain or noise, noise without gain, a table not strictly rising
+    // from 0 to 1 with codes in [0, 1], an illumination not positive everywhere, cos^4 of a
+    // telecentric camera, or a channel without response. cos^4 unprojects every pixel once (0.2 us
+    // each). Steps of 16 bits take 15 ms and 5 MB (sim/sensor/sensor_steps.h).
     explicit SensorModel(const CameraModel& camera);
 
     // Code values of a radiance image of the camera's size. CPU time: docs/performance.md. Throws
@@ -58,10 +56,9 @@ public:
     // image would have there.
     CodeImage expose_region(const RenderedPart& part, std::optional<NoiseKey> noise = {}) const;
 
-    // Steps 6 to 2 undone: radiance at the sensor (relative response stays in). Codes below
-    // black give negative radiance, and a saturated code 1, which is then only a lower bound.
-    // The image must have the sensor's bit depth (NumericalError otherwise), and may be of any
-    // size.
+    // Steps 6 to 2 undone: radiance at the sensor (relative response stays in). Codes below black
+    // are negative, a saturated code is 1, a lower bound. Any size; NumericalError for another bit
+    // depth.
     Radiance linear_radiance(const CodeImage& image) const;
 
     // q by pixel, CV_32FC1; empty when it is 1 everywhere. Where the distortion model has no ray

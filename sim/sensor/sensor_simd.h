@@ -7,15 +7,12 @@
 
 namespace etalon {
 
-// A camera's curve from radiance to code as 16 quartics, where it is smooth: most pixels of a
-// blurred image get their code by arithmetic, sooner than any table in memory gives it.
-//
-// Two pieces an octave from 2^-8 to 1, by the bits of a float; the first reaches down to 0. At
-// radiance L of piece i, with u = L - centre[i],
+// A camera's curve from radiance to code as 16 quartics, where it is smooth: arithmetic, sooner
+// than a table in memory. Two pieces an octave from 2^-8 to 1, by a float's bits; the first reaches
+// down to 0. At radiance L of piece i, with u = L - centre[i],
 //     t = sum over n of factor[n][i] u^n
-// is the curve's value in codes: the code is t rounded, unless t is within `doubt` of the middle
-// between two. A piece that does not follow the curve so well has a NaN, which leaves
-// all in doubt.
+// is the value in codes: the code is t rounded, unless within `doubt` of the middle between two. A
+// piece that does not follow the curve has a NaN: all in doubt.
 struct PiecewisePolynomial {
     static constexpr int count = 16, degree = 4, shift = 22;
     static constexpr std::int32_t first = (std::bit_cast<std::int32_t>(1.0f) >> shift) - count;
@@ -25,11 +22,10 @@ struct PiecewisePolynomial {
     bool follow;  // else a look-up in the first place is sooner
 };
 
-// Cells of floats, by the bits of their size (without the sign): bits >> shift, limited to
-// first..last. One entry each, first those of positive floats, then those of negative ones:
-// the code at the cell's start << 16 | the place of the step within it, where the code becomes one
-// more (negative: less); or `doubtful` in place of that. A cell without a step has one at place 0,
-// and the code from before it.
+// Cells of floats by the bits of their size (without the sign): bits >> shift, limited to
+// first..last; entries of positive floats, then of negative ones: the code at the cell's start <<
+// 16 | the place of the step, where the code becomes one more (negative: less); or `doubtful`. A
+// cell without a step has one at place 0, and the code from before it.
 struct StepCells {
     static constexpr int place_bits = 15;
     static constexpr std::uint32_t doubtful = 1u << place_bits;

@@ -124,9 +124,8 @@ Factors through_steps(const std::vector<double>& steps, const Piece& piece) {
     return powers.partialPivLu().solve(codes).cwiseQuotient(scale);
 }
 
-// `rounding`: what that of L and t may move t by. Half of it is for t: half a float's last bit of
-// 2^bits in its last sum and some of that before; that what is just at `doubt` is in doubt gives it
-// another such bit.
+// `rounding`: of L and t, by which t may move; half is t's: half a last bit of 2^bits in its last
+// sum and some before. What is just at `doubt` gives it another such bit.
 bool follows(const std::vector<double>& steps, const Piece& piece, const Factors& factors,
              double doubt, double rounding) {
     double bend = 0.0;  // the slope changes by no more

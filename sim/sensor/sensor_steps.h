@@ -1,7 +1,6 @@
-// A camera's code values as the radiances at which they step. A pixel's code is one look-up and one
-// comparison, or none where the curve is smooth (PiecewisePolynomial). Floats are cut into
-// cells by their exponent and the first bits of their mantissa, so fine that a cell holds one step
-// or none.
+// A camera's codes as the radiances at which they step: one look-up and one comparison a pixel, or
+// none where the curve is smooth (PiecewisePolynomial). Cells of floats, by exponent and first bits
+// of the mantissa, hold one step or none.
 #pragma once
 
 #include <cmath>
@@ -12,11 +11,10 @@
 
 namespace etalon {
 
-// `steps`, of fewer than 2^bits: number c is the least radiance whose code is above c; ascending.
-// A quartic goes through five of the steps. It is taken when it rises all over its piece and misses
-// no step, and none of the codes at its ends, by as much as `doubt` without the rounding of L and
-// t: then it is right at every float that is not in doubt, and at every radiance that rounds to
-// one.
+// `steps`, fewer than 2^bits, ascending: number c is the least radiance whose code is above c. A
+// quartic through five steps is taken when it rises all over its piece and misses no step, and none
+// of the codes at its ends, by `doubt` less the rounding of L and t: right at every float not in
+// doubt, and at every radiance that rounds to one.
 PiecewisePolynomial fit_pieces(const std::vector<double>& steps, int bits);
 
 // Safe from every thread once built.
@@ -31,9 +29,8 @@ public:
     // code_of(radiance), exactly; finite.
     std::uint16_t code_at(double radiance) const;
 
-    // The codes of up to `max_at_once` radiances. `values` are these, or those nearest in single
-    // precision (`is_rounded`); `radiance_at(i)` is number i in double. False, and any codes, where
-    // one is not finite.
+    // The codes of up to `max_at_once` radiances; `values` are these, or the nearest floats
+    // (`is_rounded`); `radiance_at(i)` in double. False, and any codes, where one is not finite.
     static constexpr int max_at_once = 512;
     template <class Code, class RadianceAt>
     bool put_codes(const float* values, bool is_rounded, int count, const RadianceAt& radiance_at,

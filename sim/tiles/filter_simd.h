@@ -7,9 +7,8 @@
 
 namespace etalon {
 
-// A kernel with its own mirror image from left to right, on rows of samples that are stored phase
-// by phase: sample k x + q of a row lies at q * phase_stride + x. Two samples with the same weight
-// make a pair and are added first.
+// A kernel with its mirror image, on rows stored phase by phase: sample k x + q of a row lies at q
+// * phase_stride + x. Two samples with the same weight are added first.
 struct MirroredKernel {
     static constexpr int rows_at_once = 4;  // output rows
 

@@ -296,9 +296,8 @@ FilterKernel ImageFilter::make_ring(int shift, bool and_finer) const {
                          windowed_energy(*psf_, window));
 }
 
-// The part of the rings' energy goes with lambda N / s, and what the grid cannot follow of an edge
-// blurred by R >> s with (s / R)^2. The factors are above the largest difference found over edges
-// of all directions and places (tests/sim/tiles/tail_pyramid_test.cpp).
+// The rings' energy goes with lambda N / s, what the grid misses of an edge blurred by R >> s with
+// (s / R)^2; factors above the largest difference found (tests/sim/tiles/tail_pyramid_test.cpp).
 double ImageFilter::gray_of_coarser_ring(int shift, double blur_px) const {
     if (shift <= first_shift_)
         return 0.0;

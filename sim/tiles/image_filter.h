@@ -1,7 +1,6 @@
 // From samples of the aperture average to pixels: convolution with (pixel box * point spread),
-// split by radius into a core, filtered at k samples per pixel, and rings of the diffraction tail,
-// each twice as wide as the one before and filtered on a grid twice as coarse. docs/rendering.md,
-// "Filter", has the weights.
+// split by radius into a core at k samples per pixel and rings of the diffraction tail, each twice
+// as wide and on a grid twice as coarse. Weights: docs/rendering.md, "Filter".
 #pragma once
 
 #include "sim/psf/deconvolved_psf.h"
@@ -60,9 +59,8 @@ public:
     // The tail's rings: each works on averages over 2^shift px squares, from the shift first_ring()
     // on, at radii from 1.65 to 6.6 squares and more.
     int first_ring() const { return first_shift_; }
-    // The ring of a grid (k = 1); the result is the pixel average's at the squares' centres. With
-    // `and_finer` the grid takes the part of all finer ones too: for images too blurred to need
-    // these.
+    // The ring of a grid (k = 1), at the squares' centres; `and_finer`: with the part of all finer
+    // ones, for images too blurred to need these.
     const FilterKernel& ring(int shift, bool and_finer) const;
     // Core and the rings on grids finer than `shift` hold the whole pattern up to this radius, px
     // along x.
@@ -76,10 +74,9 @@ public:
     // How far around a pixel the core and a ring on pixel averages look, px.
     int reach_px() const;
 
-    // The tail beyond this radius (px along x) changes no pixel by more than `allowed_gray`,
-    // whatever is where: all of it is the difference `contrast` over `area_px` pixels at most.
-    // From the smaller of two bounds, the energy beyond r and the area times the largest density
-    // beyond r. 0 when the core's part is enough. Airy only.
+    // The tail beyond this radius (px along x) changes no pixel by more than `allowed_gray`, with
+    // `contrast` over `area_px` pixels at most: from the energy beyond r, or area times largest
+    // density there. 0 when the core's part is enough. Airy only.
     double tail_reach_px(double contrast, double area_px, double allowed_gray) const;
 
 private:

@@ -5,10 +5,9 @@ namespace {
 
 using std::numbers::pi;
 
-// The sum that both closed-form methods share (docs/rendering.md, "E"), over a window: the
-// aperture, or a pixel's box. `column_cuts[n]` is its part beyond the line u = base_column + 1 + n,
-// and so on. A cut has a member `area`; wedge_area(a, b) is the area beyond both; fractions of the
-// window.
+// The sum of both closed-form methods (docs/rendering.md, "E") over a window: the aperture or a
+// pixel's box. `column_cuts[n]` is its part beyond the line u = base_column + 1 + n, and so on. A
+// cut has an `area`; wedge_area(a, b) is beyond both; fractions of the window.
 template <class Cut, class WedgeArea>
 double sum_of_cells(const MarkerView& view, int base_column, int base_row,
                     const std::vector<Cut>& column_cuts, const std::vector<Cut>& row_cuts,

@@ -64,9 +64,8 @@ struct RenderPlan {
 
 struct RenderedImage {
     Radiance radiance;  // CV_32FC1, the camera's size
-    // CV_8UC1: 255 where the pixel's ray exists, 0 outside the distortion model's valid region
-    // (there the radiance is the background's). Shared by all images of a renderer: not to be
-    // written to.
+    // CV_8UC1: 255 where the pixel's ray exists, 0 outside the valid region (background's
+    // radiance). Shared by all images of a renderer: do not write.
     cv::Mat valid;
     RenderPlan plan;
 };

@@ -61,12 +61,11 @@ public:
                      const std::vector<Eigen::Vector2d>& outline, const cv::Rect& limit) const;
 
     // Adds to the region's `pixels` (CV_32FC1, its size) the tail of everything within `reach_px`
-    // (infinity included) of a pixel; `seen_at` is what sources() gave for the region with that
-    // much room around it. With a `background` writes both; without one leaves the pixels far from
-    // the marker to `far`. The samples must cover the region and ImageFilter::reach_px() around it,
-    // best in multiples of 8 px. `finest`: the shift of the first ring's grid. Calls `done` for
-    // each band of the region (for_each_band()), from its thread, when nothing else will be written
-    // there. Parallel, and the same bytes for any number of threads.
+    // (maybe infinite); `seen_at` is what sources() gave for the region with that room. With a
+    // `background` writes both; without one leaves pixels far from the marker to `far`. The samples
+    // must cover the region and ImageFilter::reach_px() around, best in multiples of 8 px.
+    // `finest`: the first ring's shift. Calls `done` for each finished band (for_each_band()) from
+    // its thread. Parallel, same bytes for any number.
     void add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,
              double reach_px, int finest, const cv::Rect& region, std::optional<float> background,
              FarTail& far, cv::Mat& pixels, const std::function<void(const cv::Rect&)>& done) const;

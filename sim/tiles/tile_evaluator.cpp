@@ -483,8 +483,7 @@ TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
 }
 
 // On a Fibonacci lattice (Niederreiter, "Random Number Generation and Quasi-Monte Carlo Methods",
-// 1992, section 5.1) no two parts share a row or a column, so that even a border along the pixels'
-// rows is found to a thousandth of a pixel.
+// 1992, 5.1): a border along the pixels' rows is found to a thousandth of a pixel.
 double TileEvaluator::mean_of_parts(int i, int j, int column, int row) {
     int points = 34, generator = 21;  // two Fibonacci numbers in a row
     while (points < 1000 / sampling_.k)

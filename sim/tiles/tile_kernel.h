@@ -1,13 +1,11 @@
-// Methods E and C for the points of one tile at a time, in single precision with the widest vector
-// instructions that the machine has (Google Highway chooses at run time).
+// Methods E and C for the points of one tile at a time, in single precision with the machine's
+// widest vectors (Google Highway chooses at run time): the sums of sim/tiles/lens_average.h, within
+// 2e-3 gray for edges blurred by more than 0.05 px (sharper: within the step of 1e-6 px),
+// instruction sets within 1e-3 of each other. Formulas: docs/rendering.md.
 //
-// The sums of sim/tiles/lens_average.h, which has them in double precision. Every instruction set
-// is within 2e-3 gray of those for edges blurred by more than 0.05 px (sharper ones within the step
-// that 1e-6 px make), and within 1e-3 gray of every other. docs/rendering.md has the formulas.
-//
-// Lengths are in "px", units of 1/f_x in undistorted normalised coordinates (wedge_pixels() and
-// averages over disks: px of the sensor), from the tile's centre: that makes single precision
-// enough. Finite values below 1e9 px give finite results. Pure functions, safe from every thread.
+// Lengths are "px", units of 1/f_x in undistorted normalised coordinates (wedge_pixels() and disks:
+// px of the sensor), from the tile's centre. Finite values below 1e9 px give finite results. Pure,
+// every thread.
 #pragma once
 
 #include <array>

@@ -59,8 +59,7 @@ enum class TileDetail : unsigned char {
 };
 
 // One value for each tile of a grid, zero outside, and where it is the same throughout. A refined
-// tile, of which there is any detail, has finer values elsewhere and counts as different from its
-// neighbours.
+// tile has finer values elsewhere and counts as different from its neighbours.
 class TileMap {
 public:
     // All zero and none of them refined.

@@ -19,9 +19,8 @@ public:
     const cv::Rect& tiles() const { return tiles_; }
     int k() const { return sampling_.k; }
 
-    // The tiles among which are all that differ from the background: each tile's average. Finer
-    // values of the refined ones: the averages of the quarters, 2 x 2 of them, and behind them the
-    // (4 k)^2 samples if there are any.
+    // The tiles that may differ from the background: each one's average. Refined ones also have
+    // their 2 x 2 quarters' averages and behind them the (4 k)^2 samples, if any.
     const TileMap& map() const { return map_; }
     static constexpr std::ptrdiff_t samples_offset = 4;
     // From where on the (4 k)^2 averages before any spread begin.

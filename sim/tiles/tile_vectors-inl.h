@@ -1,9 +1,7 @@
-// The vector code that both kernels share, included once for each instruction set, into a namespace
-// of its own.
-//
+// The vector code of both kernels, included once for each instruction set, into its own namespace.
 // No function template of the standard library is called between HWY_BEFORE_NAMESPACE and
-// HWY_AFTER_NAMESPACE: the linker could keep the copy of an instruction set that another machine
-// has not. Vectors are members of structures, which those of unknown size (SVE, RVV) cannot be.
+// HWY_AFTER_NAMESPACE: the linker could keep another instruction set's copy. Vectors are members of
+// structures, which those of unknown size (SVE, RVV) cannot be.
 #if defined(ETALON_SIM_TILE_VECTORS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef ETALON_SIM_TILE_VECTORS_INL_H
 #undef ETALON_SIM_TILE_VECTORS_INL_H

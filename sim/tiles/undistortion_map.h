@@ -1,15 +1,13 @@
 // Where every point of the sensor looks: undistorted normalised coordinates, fast and with bounds.
 //
-// The sensor is divided into square tiles. Newton's inverse (calib/camera/projector.h) gives their
-// corners. Inside a tile the bicubic polynomial through 4 x 4 corners replaces it: error below 1e-4
-// px, mostly below 1e-5 px. A tile where that bends too much has a cubic of its own through 4 x 4
-// points within it, which errs 46 times less. Tiles at the border of the valid region, and those
-// that bend too much even so, have Newton's method. Bezier control points bound what a tile sees;
-// groups of 4 x 4 tiles, of 4 x 4 groups and so on have bounds as well.
+// In each square tile the bicubic polynomial through 4 x 4 corners replaces Newton's inverse
+// (calib/camera/projector.h): error below 1e-4 px, mostly 1e-5. A tile that bends too much has a
+// cubic through 4 x 4 inner points, 46 times better; at the valid region's border and beyond that
+// Newton's method. Bezier control points bound what a tile sees, a group of 4 x 4 tiles, of 4 x 4
+// groups and so on.
 //
-// Blocks of 16 x 16 tiles are made when first asked for; before, one cubic bounds a block. Results
-// do not depend on what was made before. Safe from every thread. Construction takes 1 us per block,
-// a tile 0.3 us, 10 us with a cubic of its own.
+// Blocks of 16 x 16 tiles are made on demand (before, one cubic bounds a block); results do not
+// depend on that. Every thread. 1 us per block, a tile 0.3 us, 10 us with a cubic of its own.
 #pragma once
 
 #include <atomic>

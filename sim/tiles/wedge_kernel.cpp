@@ -336,9 +336,8 @@ struct Across {
           square(hn::MulAdd(x, x, y * y)) {}
 };
 
-// Each ray has the blur across its own line. Two lines that lie on the lens at another angle than
-// on the sensor, because the distortion or a tilt has made the blur disk an ellipse, see more than
-// that where they cross: by so many times the density there.
+// Each ray has the blur across its own line. Lines whose angle on the lens is not the sensor's
+// (distortion, tilt) see more where they cross: by so many times the density there.
 template <bool between_rows>
 HWY_INLINE WedgeSeen points_beyond(const EdgeCut& a, const EdgeCut& b, const WedgeAngle& angle,
                                    Vector to_a, Vector to_b, Vector blur) {

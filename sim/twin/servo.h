@@ -1,16 +1,14 @@
-// What a motor and the structure behind it make of a planned motion: the loop lags and overshoots,
-// and the carriage rings on its spring after the motor stands.
+// What a motor and the structure behind it make of a planned motion: lag, overshoot, a ringing
+// carriage.
 //
-//     drive       w' = (r - w) / lag                                     r: the planned motion
-//     motor       e'' = ws^2 (w - e) - 2 zs ws e'                        e: what the encoder sees
-//     carriage    c'' = wr^2 (e - c) + 2 zr wr (e' - c')                 c: where the carriage is
+//   drive       w' = (r - w) / lag                                     r: the planned motion
+//   motor       e'' = ws^2 (w - e) - 2 zs ws e'                        e: what the encoder sees
+//   carriage    c'' = wr^2 (e - c) + 2 zr wr (e' - c')                 c: where the carriage is
 //
-// The carriage does not pull the motor back: its loop is stiff. Positions mm or rad, times seconds.
-//
-// Linear dynamics x' = A x + b u(t), advanced without discretisation error: within one piece of a
-// motion u is a cubic of time, and the state after it is one matrix exponential of A beside the
-// chain of u's derivatives (Van Loan, "Computing integrals involving the matrix exponential", IEEE
-// Trans. Automatic Control 23, 1978).
+// The carriage does not pull the stiff motor back. Positions mm or rad, times seconds. Linear
+// dynamics x' = A x + b u(t) without discretisation error: u is a cubic of time, the state after it
+// one matrix exponential of A beside the chain of u's derivatives (Van Loan, IEEE Trans. Automatic
+// Control 23, 1978).
 #pragma once
 
 #include <Eigen/Core>
@@ -19,10 +17,9 @@
 
 namespace etalon {
 
-// The motion that a stage's controller plans for one axis: pieces of constant jerk. With an
-// infinite jerk the profile is the trapezoid of constant accelerations, with a finite one the
-// S-curve of at most seven pieces (Biagiotti and Melchiorri, "Trajectory Planning for Automatic
-// Machines and Robots", Springer 2008, 3.4).
+// A controller's planned motion of one axis: pieces of constant jerk, with an infinite one the
+// trapezoid, with a finite one the S-curve of at most seven pieces (Biagiotti and Melchiorri,
+// "Trajectory Planning for Automatic Machines and Robots", Springer 2008, 3.4).
 
 struct MotionLimits {
     double speed = 0.0, acceleration = 0.0;                 // > 0, finite

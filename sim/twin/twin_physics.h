@@ -32,9 +32,8 @@ public:
     TwinPhysics(const CameraModel& true_camera, TwinScene scene, RenderMethod method,
                 std::uint64_t noise_seed);
 
-    // The picture in front of the sensor with the carriage at `base_from_carriage`, at the nominal
-    // exposure. Where the marker cannot be rendered (behind the lens, through it) the picture is
-    // background: a camera that looks away still delivers frames. Costs one rendering.
+    // The picture before the sensor with the carriage there, at the nominal exposure; background
+    // where the marker cannot be rendered (behind the lens, through it). Costs one rendering.
     Radiance radiance(const Rigid& base_from_carriage) const;
 
     // The frame that the sensor makes of it: `exposure` times the nominal light (gain included),

@@ -1,13 +1,11 @@
-// The stage's axes: their geometry, limits, errors and declared uncertainties, as station.yaml
-// lists them.
+// The stage's axes as station.yaml lists them: geometry, limits, errors, declared uncertainties.
 //
 //     base_from_carriage(q) = M_1 A_1(d_1) M_2 A_2(d_2) ... M_n A_n(d_n)
 //     d_i = q_i - zero_i + error_i(q_i)         how far axis i truly is; axis 1 is next to the base
 //
 // M_i is how axis i is mounted on what the one before it carries (identity unless declared). A
 // linear axis translates by d along `direction`, a rotary one turns by d about `direction` through
-// `point_mm`, both given in the mounted frame. Positions q are as the controller counts them, in mm
-// or rad. Pure data; the transform itself is stage/axes/kinematics.h's.
+// `point_mm`, in the mounted frame. Positions q are the controller's, mm or rad.
 #pragma once
 
 #include <span>
@@ -95,8 +93,7 @@ std::string as_typed(const Axis& axis, double position);
 // Throws ConfigError at `place` when the numbers of axes and positions differ.
 void require_same_count(std::size_t axes, std::size_t positions, const SourcePlace& place);
 
-// The same, and for the first axis and position outside its soft limits (the
-// limits themselves are inside, NaN is outside).
+// The same, and for the first axis outside its soft limits (these are inside, NaN is outside).
 void require_within_limits(std::span<const Axis> axes, std::span<const double> positions,
                            const SourcePlace& place);
 

@@ -1,8 +1,6 @@
-// What an interferometer said about one axis: how far it truly is from what it reads, as a table
-// over its travel, interpolated linearly. ISO 230-2's deviation: actual minus indicated position.
-//
-// The standard uncertainty is interpolated in the same way, which is right when the errors of
-// neighbouring points are fully correlated and on the safe side otherwise. Pure, no device.
+// What an interferometer said about one axis: its deviation (ISO 230-2: actual minus indicated
+// position) as a table over the travel, interpolated linearly. So is the standard uncertainty:
+// right for fully correlated errors of neighbouring points, safe otherwise. Pure, no device.
 #pragma once
 
 #include "core/config/strict_reader.h"

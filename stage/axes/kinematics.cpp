@@ -70,9 +70,8 @@ Matrix6d error_covariance(const Axis& axis, double distance, double variance,
     const Eigen::Quaterniond turned = rotation_from_vector(axis.direction * distance);
     const Eigen::Vector3d first = axis.direction.unitOrthogonal();
     for (const Eigen::Vector3d& across : {first, Eigen::Vector3d(axis.direction.cross(first))}) {
-        // The direction leans by 1 rad. A linear axis then goes `across` as well; a rotary one is
-        // turned about `across` before its own turn and back afterwards. (Which of the two
-        // perpendiculars is meant does not matter: both are summed.)
+        // The direction leans by 1 rad: a linear axis also goes `across`, a rotary one is turned
+        // about `across` before its own turn and back afterwards. Both perpendiculars are summed.
         const Eigen::Vector3d back = across - turned * across;
         sum += lean * outer(linear ? shift(across * distance) : turn(back)) +
                point * outer(linear ? Vector6d::Zero() : shift(back));

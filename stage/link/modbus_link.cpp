@@ -44,8 +44,7 @@ void require_range(const std::string& device, const ModbusRequest& request, Regi
 }
 
 // The silence that begins a serial frame ("MODBUS over Serial Line V1.02", 2.5.1.1): 3.5 characters
-// of 11 bits, and 1.75 ms where that is less. A controller may take anything sooner for the rest of
-// the frame before. TCP needs none.
+// of 11 bits, at least 1.75 ms. TCP needs none.
 Duration silence_before_frame(const StageLink& link) {
     using namespace std::chrono_literals;
     const auto* port = std::get_if<SerialPort>(&link.address);

@@ -1,12 +1,10 @@
 // One connection to Modbus devices on TCP or a serial line, with the guards that libmodbus leaves
-// to its user: every request ends in time and stays within the protocol's limits; a broken
-// connection is closed at once and opened anew with a growing pause, so that a late reply is never
-// taken for another one's. A serial line keeps late replies: after opening and after every failure
-// it is read empty until it was quiet for long enough.
+// to its user. Every request ends in time and stays within the protocol's limits. A broken
+// connection is closed at once and opened again with a growing pause, so that no late reply is
+// taken for another's. A serial line, which keeps late replies, is read until it is quiet.
 //
-// Reading has no effect on the device and is repeated after a failure. A write is NEVER repeated
-// here: when its reply is missing only the caller can find out by reading back. Blocks its caller;
-// one thread at a time, except last_exchanges().
+// Reading is repeated after a failure. A write NEVER is: without its reply only the caller can find
+// out by reading back. Blocks its caller; one thread at a time, except last_exchanges().
 #pragma once
 
 #include <deque>
@@ -36,9 +34,8 @@ struct ModbusExchange {
 class ModbusLink {
 public:
     // Connects with the first request. The clock must outlive the link; it times the pauses and the
-    // exchanges, the response time-out is the operating system's. A host name instead of an address
-    // is looked up for every connection, however long the resolver takes. Throws ConfigError for a
-    // link that cannot be. Without a transport libmodbus is taken.
+    // exchanges. Host names are looked up for every connection. Throws ConfigError for a link that
+    // cannot be. Without a transport libmodbus is taken.
     ModbusLink(const StageLink& link, Clock& clock,
                std::unique_ptr<ModbusTransport> transport = nullptr);
 
@@ -54,11 +51,9 @@ public:
     // reply is missing or says that the write may still be carried out.
     void write(int unit, RegisterSpace space, int address, std::span<const std::uint16_t> values);
 
-    // From the next request on, until told otherwise by nothing: for stopping, which has to be over
-    // then. Each request gives half of what is left to opening the connection, emptying the line
-    // included, and half of the rest to its reply. A write is sent even on a line that does not
-    // become quiet: a stop into noise is better than none. Reading is not, since nothing that is
-    // heard there can be believed.
+    // From the next request on, until told otherwise by nothing: for stopping. Each request gives
+    // half of the time left to the connection, emptying the line included, and half of the rest to
+    // its reply. A write is sent even on a noisy line: better than no stop. Reading is not.
     void hurry(std::optional<Instant> deadline) { deadline_ = deadline; }
 
     // Closes the connection; the next request opens a new one, without a pause.

@@ -1,6 +1,5 @@
-// The seam below ModbusLink: one request out, its reply in, with a time limit. Made by libmodbus
-// for TCP and serial lines (here), and by the twin in memory and on virtual time (mocks/).
-// No retries and no judgement: those are ModbusLink's. One thread.
+// One request out, its reply in, with a time limit. By libmodbus for TCP and serial lines (here),
+// by the twin in memory and virtual time. Retries are ModbusLink's. One thread.
 #pragma once
 
 #include <cstdint>

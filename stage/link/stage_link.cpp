@@ -45,8 +45,7 @@ SerialPort read_line(const Value& link, SerialPort port) {
     return port;
 }
 
-// A line that is quiet for less than the controller may take to answer can still bring a reply, to
-// an earlier program for example, which the next request would take for its own.
+// A line that is quiet for less than a reply may take can still bring an earlier one.
 void require_quiet_enough(const Value& link, Milliseconds response_timeout, Milliseconds quiet) {
     if (quiet >= response_timeout)
         return;

@@ -1,5 +1,4 @@
-// Where a stage controller is reached: a Modbus TCP address or a serial line with Modbus RTU, and
-// how long to wait for it. Read from station.yaml; a profile knows what its family usually needs.
+// Where a stage controller is reached: Modbus TCP or Modbus RTU on a serial line, with time-outs.
 #pragma once
 
 #include <chrono>
@@ -25,9 +24,8 @@ struct StageLink {
     int unit = 1;  // of axes that name none
     std::chrono::milliseconds response_timeout{300};
 
-    // Serial only: the line counts as free of old replies when nothing arrived during this time.
-    // A reply of a serial line does not say which request it answers, so this must be longer than
-    // the controller's slowest reply takes: no file may say less than the response time-out.
+    // Serial only: the line is free of old replies when nothing arrived during this time. Replies
+    // do not say which request they answer, so no file may say less than the response time-out.
     std::chrono::milliseconds quiet{300};
 
     bool is_serial() const { return std::holds_alternative<SerialPort>(address); }
@@ -36,8 +34,7 @@ struct StageLink {
 // "127.0.0.1:502" or "/dev/ttyUSB0".
 std::string describe(const StageLink& link);
 
-// What a family of controllers needs where station.yaml says nothing; the address is not part of
-// it.
+// What a family of controllers needs where station.yaml says nothing.
 struct LinkDefaults {
     enum class Transport { tcp, rtu };
     Transport transport = Transport::tcp;  // the usual one
@@ -53,8 +50,7 @@ LinkDefaults read_link_defaults(const Value& link);
 // unit, response_timeout_ms, quiet_ms}; required are host and port, or device. Throws ConfigError.
 StageLink read_stage_link(const Value& link, const LinkDefaults& defaults = {});
 
-// Throws ConfigError for a link that cannot exist: no host, a baud rate that serial lines do not
-// have, a unit that cannot answer.
+// Throws ConfigError for an empty host, an impossible baud rate or a unit that cannot answer.
 void require_usable(const StageLink& link);
 
 }  // namespace etalon

@@ -56,8 +56,7 @@ public:
             unit.read_inputs();
     }
 
-    // Stops the axes if they were ever enabled by this object; leaves them enabled, since a
-    // vertical axis may drop without its motor.
+    // Stops axes that it enabled; leaves them enabled, since a vertical axis may drop otherwise.
     ~ModbusStage() override {
         if (ever_enabled_)
             stop();
@@ -295,8 +294,7 @@ private:
                             axes_[static_cast<std::size_t>(still - run.started.begin())].name));
     }
 
-    // By a program that ended before its stop was confirmed. While it is on, a homing or a start
-    // may be ignored without a word, and what was homed then still says so.
+    // By a program that ended before its stop was confirmed. It may suppress homing and starts.
     bool is_stop_left_on() const {
         return profile_.inputs.contains(Input::stop) &&
                std::ranges::any_of(units_,
@@ -480,8 +478,7 @@ private:
         }
     }
 
-    // A position that the axis cannot have reached since the last poll is another register's, or
-    // the encoder jumped.
+    // An impossible position is another register's, or the encoder jumped.
     void check_plausible(const Run& run, const Statuses& axes, Instant now) const {
         const double seconds = std::chrono::duration<double>(now - run.polled).count();
         for (std::size_t i = 0; i < axes.size(); ++i) {

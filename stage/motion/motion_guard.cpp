@@ -165,8 +165,7 @@ private:
 
 // ---- Drawing back
 
-// Where an axis is just clear of a forbidden box, inside its soft limits. Of a rotary axis the
-// turn nearest to where it is.
+// Where an axis is just clear of a forbidden box, inside its soft limits; rotary: the nearest turn.
 Positions clear_positions(const Axis& axis, const std::vector<AxisInterval>& sides, double near) {
     Positions clear;
     for (const AxisInterval& side : sides)

@@ -1,11 +1,10 @@
-// Where the axes may go and by which way: soft limits, boxes of axis positions that no axis may
-// enter together, slow zones around them, and approaching positions from one side.
+// Where the axes may go and by which way: soft limits, forbidden boxes of axis positions, slow
+// zones around them, approaches from one side.
 //
-// The axes of one motion do not keep step: it is free when the whole box that its start and its end
-// span is clear of every forbidden one. A motion of all axes that is not is split into motions of
-// some axes after others; where that is not enough one axis first draws back past a forbidden box.
-//
-// Pure functions, no device; some 10 us a motion, with 8 axes and many boxes some milliseconds.
+// The axes of a motion do not keep step: it is free when the box that its start and end span is
+// clear of every forbidden one. Another is split into motions of some axes after others, or one
+// axis first draws back past a forbidden box. Pure functions, no device; some 10 us a motion, with
+// 8 axes and many boxes some milliseconds.
 #pragma once
 
 #include "stage/motion/stage.h"
@@ -17,8 +16,7 @@ struct AxisInterval {
     double high = std::numeric_limits<double>::infinity();
 };
 
-// Positions that are forbidden when every axis is inside its side at the same time. A rotary axis
-// is inside again after every full turn.
+// Forbidden when every axis is inside its side. A rotary axis is inside again after every turn.
 struct ForbiddenBox {
     std::string name;
     std::vector<AxisInterval> sides;  // one per axis, mm or rad; unbounded: wherever it is
@@ -32,11 +30,10 @@ struct MotionRules {
     double slow_share = 1.0;
 };
 
-// Of the `stage` section of station.yaml, mm and degrees, both optional; axes that are not named
-// matter not (forbidden) or have the margin 0 (slow_near):
+// Of the `stage` section of station.yaml, mm and degrees, both optional; an axis that is not named
+// is unbounded (forbidden) or has the margin 0 (slow_near). Throws ConfigError.
 //     forbidden: [{name: lens, x: [-20, 20], z: [100, 160]}]
 //     slow_near: {margin: {x: 5, z: 10}, speed_share: 0.2}
-// Throws ConfigError.
 MotionRules read_motion_rules(const Value& stage, std::span<const Axis> axes);
 
 // One motion of some axes together, from rest to rest.
@@ -52,13 +49,11 @@ struct MotionSegment {
 constexpr double clearance_mm = 0.1;
 constexpr double clearance_deg = 0.1;
 
-// Throws ConfigError at `place`, saying what is in the way, unless the target is inside the soft
-// limits and clear of every forbidden box.
+// Throws ConfigError at `place` for a target outside the soft limits or in a forbidden box.
 void require_allowed(std::span<const Axis> axes, const MotionRules& rules,
                      std::span<const double> target, const SourcePlace& place);
 
-// Whether the target, and the way on which it would be approached, is clear of every forbidden box.
-// The limits are not looked at.
+// Whether the target and its approach are clear of every forbidden box. Ignores the limits.
 bool is_clear(std::span<const Axis> axes, const MotionRules& rules, std::span<const double> target);
 
 // The motions that take the axes from where they are to the target, the quickest that is free, at
@@ -68,9 +63,8 @@ std::vector<MotionSegment> plan_motion(std::span<const Axis> axes, const MotionR
                                        std::span<const double> from, std::span<const double> target,
                                        const SourcePlace& place);
 
-// The stage that a station drives: another one, within the rules of its station.yaml. Each move is
-// planned from the positions that the axes read and made in as many motions as the plan needs,
-// slowly where something is near. Homing is the controller's own and knows no rules.
+// The stage that a station drives: another one, within the rules of station.yaml. Each move is
+// planned from the positions read, in as many motions as needed. Homing knows no rules.
 class LimitedStage final : public Stage {
 public:
     // `rules` belong to the stage's axes. Throws ConfigError when an axis cannot be as slow as they
@@ -87,8 +81,7 @@ public:
     void resume() override { stage_->resume(); }
     void take_for_homed() override { stage_->take_for_homed(); }
 
-    // Throws ConfigError, before anything moves, for a target that is not allowed or to which no
-    // way is found.
+    // Throws ConfigError, before anything moves, for a target not allowed or without a way.
     void move(std::span<const double> target, std::stop_token stop) override {
         // Not position(): an axis that was homed to its limit switch stands there, and may leave.
         std::vector<double> from;

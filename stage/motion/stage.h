@@ -35,14 +35,12 @@ public:
     virtual void enable(std::stop_token stop) = 0;
     virtual void home(std::stop_token stop) = 0;
 
-    // In place of enable() and home(): goes on where an earlier program left the axes. Commands
-    // nothing. Throws DeviceError unless every axis is enabled, says itself that it is homed, rests
-    // and has no alarm.
+    // In place of enable() and home(): continues where an earlier program left the axes. Commands
+    // nothing. Throws DeviceError unless every axis is enabled, homed, at rest and without alarm.
     virtual void resume() = 0;
 
-    // The operator's word, for controllers that do not tell whether their axes are homed: resume()
-    // takes them for it, and home() takes an axis that does not move for one at its zero. Without
-    // it both are DeviceErrors. Of a controller that tells, it changes nothing.
+    // The operator's word for controllers that do not tell whether axes are homed: resume() and
+    // home() (of an axis that does not move) rely on it, and throw DeviceError without.
     virtual void take_for_homed() {}
 
     // Moves all axes together, returns when every one is done and settled. Throws ConfigError for a
@@ -61,17 +59,14 @@ public:
     // Stops every axis. True when the controller confirmed that nothing moves.
     virtual bool stop() noexcept = 0;
 
-    // The last exchanges with the device, one line each, for the record. Empty where there are
-    // none. Safe from every thread.
+    // The last exchanges with the device, one line each; may be empty. Safe from every thread.
     virtual std::string trace() const { return {}; }
 
-    // Called with one line for every exchange from now on, on the thread that makes it, times
-    // relative to this call. An empty function ends it.
+    // Called with one line for every exchange, on its thread, times from now; empty: ends it.
     virtual void set_trace(std::function<void(const std::string&)>) {}
 };
 
-// For stopping alone a stage is opened without a question: a unit that does not answer must not
-// keep the others from being stopped.
+// For stopping a stage is opened without a question, so that a silent unit keeps none from it.
 enum class Opening { asks, asks_nothing };
 
 // Opens a stage on Modbus TCP or RTU that speaks the given profile, built in ("generic") or a file

@@ -1,6 +1,5 @@
-// One Modbus unit of a stage and the axes that it drives: a profile's registers as status, inputs
-// and targets. Knows how to write safely; when to write what is stage/motion/modbus_stage.h's part.
-// One thread.
+// One Modbus unit of a stage and its axes: a profile's registers as status, inputs and targets, and
+// how to write them safely. When: stage/motion/modbus_stage.h. One thread.
 #pragma once
 
 #include <fmt/format.h>
@@ -30,8 +29,7 @@ inline bool is_on(const AxisStatus& axis, Signal signal) {  // alarm: any code b
     return flag ? axis.*flag : axis.alarm != 0;
 }
 
-// What lasts, in contrast to what happens: on where a controller does not say it, and of several
-// axes on when it is of all of them.
+// What lasts: on where a controller does not say it; of several axes on when it is of all.
 constexpr bool is_state(Signal signal) {
     return signal == Signal::enabled || signal == Signal::ready || signal == Signal::homed ||
            signal == Signal::in_position;
@@ -62,8 +60,7 @@ inline std::string words_for(const Condition& condition, const AxisStatus& axis,
     }
 }
 
-// The first of these conditions that holds of an axis, in words: "axis y is at a limit switch".
-// Empty where none does. The profile has the words for alarms' codes.
+// The first of these conditions that holds of an axis: "axis y is at a limit switch"; else empty.
 inline std::string disturbance(std::span<const Axis> axes, std::span<const AxisStatus> statuses,
                                std::span<const Condition> conditions, const StageProfile& profile) {
     for (const Condition& condition : conditions)
@@ -78,9 +75,8 @@ inline constexpr int alarm_without_code = -1;
 
 class StageUnit {
 public:
-    // Throws ConfigError when the axes do not fit the profile: their number, or travel, speed,
-    // tolerance and approach in the counts of its registers. The link and the profile must outlive
-    // this. Sends nothing.
+    // Throws ConfigError when the axes do not fit the profile: number, travel, speed, tolerance or
+    // approach in counts. The link and the profile must outlive this. Sends nothing.
     StageUnit(ModbusLink& link, const StageProfile& profile, int unit, std::vector<Axis> axes)
         : link_(link), profile_(profile), unit_(unit), axes_(std::move(axes)) {
         if (axes_.empty() || axes_.size() > static_cast<std::size_t>(profile.max_axes))
@@ -131,8 +127,7 @@ public:
                found->second.certain && is_given(found->second.value, point);
     }
 
-    // What of the inputs that read back is not as this object left it: another master wrote there.
-    // Empty where nothing is.
+    // What another master wrote to inputs that read back; empty for nothing.
     std::string changed_by_others() {
         for (const auto& [place, word] : words_) {
             if (!word.reads_back || !word.certain)
@@ -146,10 +141,9 @@ public:
         return "";
     }
 
-    // One input on or off; an edge that is on already goes off first. A missing reply is followed
-    // by reading back, and only if that shows that nothing was written, by writing again. Throws
-    // UncertainWrite where reading back tells nothing: the same input must not be given again then
-    // if it means motion. Other inputs are repeated.
+    // One input on or off; an edge goes off first. After a missing reply it is read back, and only
+    // if nothing was written, written again. Throws UncertainWrite where reading back tells
+    // nothing: an input that means motion must not be given again then.
     void set(Input input, bool on) {
         const InputPoint& point = profile_.inputs.at(input);
         const Word& word = words_.at({point.space, point.address});
@@ -174,9 +168,8 @@ public:
             write_block(block, target, speed_share);
     }
 
-    // One write and no question: for stopping. Edges of the same register go off. Only a register
-    // that was never read is read before; where that fails the motors are taken to be on, since an
-    // axis whose motor goes off may drop.
+    // For stopping: one write, edges of the same register off. A register that was never read is
+    // read before; where that fails the motors count as on, since an axis may drop without.
     void set_at_once(Input input, bool on) {
         const InputPoint& point = profile_.inputs.at(input);
         const Place place{point.space, point.address};
@@ -272,8 +265,7 @@ private:
                                      share * 100.0, is_counted(field) ? "1" : "more than 0", most));
     }
 
-    // An arrival is told by the counts that are read, and an approach is made in whole ones: the
-    // two ends of an overrun of two counts are never the same one.
+    // Arrival and approach are told by whole counts: both ends of an overrun must differ.
     void require_fine_enough(const Axis& axis) const {
         const double count =
             1.0 / std::abs(profile_.counts_of(axis, 1.0) - profile_.counts_of(axis, 0.0));

@@ -1,11 +1,10 @@
-// A stage controller as data: which registers hold what, and by which steps its axes are enabled,
-// homed, moved and stopped. The same profile drives the client (stage/motion/modbus_stage.h) and
-// the twin's controller (mocks/stage/stage_registers.h), so that every profile can be driven end to
-// end. Read from YAML (`etalon: stage-profile/1`, stage/profiles/); docs/stage.md explains the
-// keys.
+// A stage controller as data: which registers hold what, and the steps that enable, home, move and
+// stop its axes. Drives the client (stage/motion/modbus_stage.h) and the twin's controller
+// (mocks/stage/stage_registers.h). YAML (`etalon: stage-profile/1`, stage/profiles/); keys:
+// docs/stage.md.
 //
-// A profile describes one Modbus unit with up to max_axes axes. Addresses are as on the wire
-// (0-based) and those of the unit's first axis. Not for the inner loop: profiles are read once.
+// One Modbus unit with up to max_axes axes. Addresses are as on the wire (0-based), of the first
+// axis.
 #pragma once
 
 #include <map>
@@ -155,18 +154,16 @@ struct StageProfile {
         std::vector<Step> enable, reset, home, move, stop;
     } sequences;
 
-    // Holds the milliseconds that the controller will still move without hearing from its master;
-    // 0: for ever. Written anew while a motion lasts.
+    // The milliseconds that the controller moves on without hearing from its master; 0: for ever.
     struct Watchdog {
         int address = 0;
         std::chrono::milliseconds timeout{0};
     };
     std::optional<Watchdog> watchdog;  // without one a motion outlives a killed program
 
-    // A move is done when no axis moves, each is within the tolerance of its target, in position
-    // (if asked for) and was seen to start (if asked for: moving, out of position or half the way
-    // travelled, unless the way is within the tolerance), all that in `stable_polls` successive
-    // polls and for `settle`.
+    // A move is done when no axis moves, each is within the tolerance, in position (if asked for)
+    // and was seen to start (if asked for: moving, out of position, half the way, or a way within
+    // the tolerance), in `stable_polls` successive polls and for `settle`.
     struct Done {
         bool in_position = true, start_seen = false;
         double tolerance_mm = 0.0, tolerance_deg = 0.0;
@@ -182,8 +179,7 @@ struct StageProfile {
 
     std::map<int, std::string> alarms;  // the maker's words for alarm codes, as far as known
 
-    // Positions in mm or rad, speeds in mm/s or rad/s; throw ConfigError for an axis that lacks the
-    // counts or the lead that this profile leaves to it.
+    // mm or rad, mm/s or rad/s. Throw ConfigError for an axis without the counts or lead it needs.
     double counts_of(const Axis& axis, double position) const;
     double position_of(const Axis& axis, double counts) const;
     double register_of_speed(const Axis& axis, double speed) const;
@@ -200,14 +196,12 @@ bool starts_motion(const StageProfile& profile, const Step& step);
 const char* name_of(Signal signal);  // as in YAML: "in_position"
 const char* name_of(Input input);
 
-// Throws ConfigError (file, line, key) for anything missing, unknown or contradictory:
-// docs/stage.md lists the checks. `extends` is looked for beside the file, then among the built-in
-// ones.
+// Throws ConfigError (file, line, key) for anything missing, unknown or contradictory
+// (docs/stage.md). `extends` is looked for beside the file, then among the built-in ones.
 StageProfile read_stage_profile(const std::filesystem::path& path);
 StageProfile stage_profile_from_text(const std::string& text, const std::string& name);
 
-// A profile that is built into the library, by its name ("generic"); no file is needed.
-// Throws ConfigError when there is none of this name.
+// Built into the library ("generic"). Throws ConfigError when there is none of this name.
 StageProfile builtin_stage_profile(const std::string& name);
 std::vector<std::string> builtin_stage_profile_names();  // without the bases
 

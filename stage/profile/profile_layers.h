@@ -1,5 +1,4 @@
-// A profile and those that it extends as one mapping: internal to stage/profile/. Every error
-// names the file that the faulty value stands in.
+// A profile and those that it extends as one mapping. Errors name the value's own file.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +8,7 @@
 
 namespace etalon {
 
-// Mappings of several files laid over each other, the nearest first. What a nearer one says hides
-// what a farther one says; `key: ~` removes the key.
+// Mappings laid over each other, the nearest first, which hides the farther; `key: ~` removes it.
 class Layers {
 public:
     explicit Layers(std::vector<Value> mappings) : mappings_(std::move(mappings)) {}
@@ -93,9 +91,8 @@ private:
     std::vector<Value> mappings_;  // never empty
 };
 
-// The parts of a profile's reader. Each checks what it reads as soon as it can, so that an error
-// stands at the value that is wrong. poll, position, alarm_code, signals, inputs, target and
-// watchdog; needs max_axes.
+// The parts of a profile's reader. Each checks what it reads at once, at the value that is wrong.
+// poll, position, alarm_code, signals, inputs, target and watchdog; needs max_axes.
 void read_profile_registers(const Layers& root, StageProfile& profile);
 
 // sequences; needs the registers.

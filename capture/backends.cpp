@@ -95,8 +95,4 @@ std::unique_ptr<Camera> open_camera(const std::string& uri, const CameraLink& li
                                       uri, name, fmt::join(names, ", ")));
 }
 
-void Camera::reconnect(Instant, std::stop_token) {
-    throw DeviceError("camera " + identity().uri, "reconnect", "it is none that can come back");
-}
-
 }  // namespace etalon

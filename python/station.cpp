@@ -1,7 +1,7 @@
 // etalon.Station: what a station.yaml says, its devices, and the main job; records analysed again.
 // etalon.run_study: detectors compared.
 #include "calib/camera/projector.h"
-#include "core/file/file_lock.h"
+#include "core/file/file_writing.h"
 #include "python/arrays.h"
 #include "python/devices.h"
 #include "python/interruptible.h"

@@ -12,7 +12,6 @@
 #include <cstddef>
 #include <vector>
 
-#include "core/file/file_lock.h"
 #include "core/file/file_writing.h"
 #include "core/program/errors.h"
 

@@ -95,7 +95,7 @@ public:
     // Waits for a lost device until `deadline`, opens it, requires the same serial number, applies
     // and compares the settings, and arms if it was armed. May be tried again. Throws DeviceError
     // when it does not come back as it was, or cannot; Interrupted when a stop was requested.
-    virtual void reconnect(Instant deadline, std::stop_token stop);
+    virtual void reconnect(Instant deadline, std::stop_token stop) = 0;
 
     virtual CaptureStatistics statistics() const = 0;
 

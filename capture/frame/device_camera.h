@@ -51,12 +51,44 @@ public:
         stop_stream();
     }
 
+    void reconnect(Instant deadline, std::stop_token stop) override {
+        if (pause_ == Duration(0))
+            fail("reconnect", "it is none that can come back");
+        const std::optional<CaptureSettings> before = settings_;
+        const bool arm_again = armed_;
+        for (;;) {
+            try {
+                close();
+                reopen();
+                if (before) {
+                    configure(wanted_);
+                    if (const auto changed =
+                            first_difference(*before, *settings_, exposure_step_us()))
+                        fail("reconnect: " + changed->request, changed->cause);
+                }
+                if (arm_again)
+                    arm();
+                ++statistics_.reconnects;
+                return;
+            } catch (const DeviceError&) {
+                close();
+                settings_ = before;  // to be tried again
+                armed_ = arm_again;
+                if (clock_.now() >= deadline)
+                    throw;
+            }
+            if (!clock_.wait_until(std::min(deadline, clock_.now() + pause_), stop))
+                throw Interrupted();
+        }
+    }
+
     CaptureStatistics statistics() const override { return statistics_; }
     std::vector<std::string> remarks() const override { return remarks_; }
 
 protected:
-    DeviceCamera(const std::string& uri, const CameraLink& link, Clock& clock)
-        : name_("camera " + uri), link_(link), clock_(clock) {
+    // `pause` is between two attempts to open a lost device; 0: it cannot come back.
+    DeviceCamera(const std::string& uri, const CameraLink& link, Clock& clock, Duration pause = {})
+        : name_("camera " + uri), link_(link), clock_(clock), pause_(pause) {
         identity_.uri = uri;
     }
 
@@ -113,38 +145,10 @@ protected:
     virtual void reopen() {}
     virtual double exposure_step_us() const { return 0.0; }
 
-    void reconnect_every(Duration pause, Instant deadline, const std::stop_token& stop) {
-        const std::optional<CaptureSettings> before = settings_;
-        const bool arm_again = armed_;
-        for (;;) {
-            try {
-                close();
-                reopen();
-                if (before) {
-                    configure(wanted_);
-                    if (const auto changed =
-                            first_difference(*before, *settings_, exposure_step_us()))
-                        fail("reconnect: " + changed->request, changed->cause);
-                }
-                if (arm_again)
-                    arm();
-                ++statistics_.reconnects;
-                return;
-            } catch (const DeviceError&) {
-                close();
-                settings_ = before;  // to be tried again
-                armed_ = arm_again;
-                if (clock_.now() >= deadline)
-                    throw;
-            }
-            if (!clock_.wait_until(std::min(deadline, clock_.now() + pause), stop))
-                throw Interrupted();
-        }
-    }
-
     std::string name_;  // for errors
     CameraLink link_;
     Clock& clock_;
+    Duration pause_;
     CameraIdentity identity_;
     CaptureStatistics statistics_;
     std::vector<std::string> remarks_;

@@ -251,7 +251,7 @@ private:
 class GenicamCamera final : public DeviceCamera {
 public:
     GenicamCamera(const std::string& id, const CameraLink& link, Clock& clock)
-        : DeviceCamera("genicam:" + id, link, clock),
+        : DeviceCamera("genicam:" + id, link, clock, between_openings),
           id_(id),
           device_(std::make_unique<GenicamDevice>(id, link)) {
         identity_ = device_->identity();
@@ -261,10 +261,6 @@ public:
     CameraAbilities abilities() const override {
         require_alive("list abilities");
         return genicam_abilities(*device_);
-    }
-
-    void reconnect(Instant deadline, std::stop_token stop) override {
-        reconnect_every(between_openings, deadline, stop);
     }
 
     CaptureStatistics statistics() const override {

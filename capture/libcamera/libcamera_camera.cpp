@@ -20,7 +20,7 @@ class LibcameraCamera final : public DeviceCamera {
 public:
     LibcameraCamera(const std::string& id, const CameraLink& link, Clock& clock,
                     LibcameraOpener open)
-        : DeviceCamera("libcamera:" + id, link, clock),
+        : DeviceCamera("libcamera:" + id, link, clock, reopen_pause),
           id_(id),
           open_(std::move(open)),
           device_(open_(id)) {
@@ -50,10 +50,6 @@ public:
                  .choices = {}});
         }
         return abilities;
-    }
-
-    void reconnect(Instant deadline, std::stop_token stop) override {
-        reconnect_every(reopen_pause, deadline, stop);
     }
 
 private:

@@ -540,7 +540,7 @@ private:
 class V4l2Camera final : public DeviceCamera {
 public:
     V4l2Camera(V4l2System& system, const std::string& id, const CameraLink& link, Clock& clock)
-        : DeviceCamera("v4l2:" + id, link, clock), system_(system) {
+        : DeviceCamera("v4l2:" + id, link, clock, look_again), system_(system) {
         std::string node = id;
         if (id.rfind('/', 0) != 0)
             node = find_node(system_, [&](const V4l2Identity& found) { return found.bus == id; });
@@ -557,10 +557,6 @@ public:
         if (const auto frame_rate = device_->frame_rate_control())
             abilities.controls.push_back(*frame_rate);
         return abilities;
-    }
-
-    void reconnect(Instant deadline, std::stop_token stop) override {
-        reconnect_every(look_again, deadline, stop);
     }
 
 private:

@@ -125,8 +125,9 @@ Value Value::child(const YAML::Node& node, std::string path) const {
     return Value(std::make_shared<YAML::Node>(node), std::move(path), shared_);
 }
 
-// Only where somebody wants to know: files of many thousand values are read, too.
 void Value::note(ReadEvent event) const {
+    if (!shared_->trace)
+        return;
     event.path = path_;
     event.is_name = names_;
     shared_->trace->events.push_back(std::move(event));
@@ -139,16 +140,14 @@ Value Value::with_names() const {
 }
 
 Value Value::at(std::string_view key) const {
-    if (shared_->trace)
-        note({.question = ReadEvent::Question::required_key, .key = std::string(key)});
+    note({.question = ReadEvent::Question::required_key, .key = std::string(key)});
     if (auto value = look_up(key))
         return *value;
     throw ConfigError({shared_->file, line_of(*node_), join(path_, std::string(key))}, "missing");
 }
 
 std::optional<Value> Value::find(std::string_view key) const {
-    if (shared_->trace)
-        note({.question = ReadEvent::Question::optional_key, .key = std::string(key)});
+    note({.question = ReadEvent::Question::optional_key, .key = std::string(key)});
     return look_up(key);
 }
 
@@ -188,8 +187,7 @@ std::vector<std::string> Value::keys() const {
 }
 
 std::vector<Value> Value::items() const {
-    if (shared_->trace)
-        note({.question = ReadEvent::Question::items});
+    note({.question = ReadEvent::Question::items});
     if (!node_->IsSequence())
         fail("must be a list");
     std::vector<Value> items;
@@ -199,8 +197,7 @@ std::vector<Value> Value::items() const {
 }
 
 double Value::number(Range range) const {
-    if (shared_->trace)
-        note({.question = ReadEvent::Question::number, .range = range});
+    note({.question = ReadEvent::Question::number, .range = range});
     return finite_number(range);
 }
 
@@ -218,8 +215,7 @@ double Value::finite_number(Range range) const {
 
 int Value::integer(int low, int high) const {
     const Range range{static_cast<double>(low), static_cast<double>(high)};
-    if (shared_->trace)
-        note({.question = ReadEvent::Question::integer, .range = range});
+    note({.question = ReadEvent::Question::integer, .range = range});
     const double value = finite_number(range);
     if (value != std::floor(value))
         fail(fmt::format("must be a whole number, not {}", value));
@@ -227,8 +223,7 @@ int Value::integer(int low, int high) const {
 }
 
 bool Value::flag() const {
-    if (shared_->trace)
-        note({.question = ReadEvent::Question::flag});
+    note({.question = ReadEvent::Question::flag});
     const std::string word = scalar();
     if (word != "true" && word != "false")
         fail(fmt::format("must be true or false, not '{}'", word));
@@ -236,8 +231,7 @@ bool Value::flag() const {
 }
 
 std::string Value::text() const {
-    if (shared_->trace)
-        note({.question = ReadEvent::Question::text});
+    note({.question = ReadEvent::Question::text});
     return scalar();
 }
 
@@ -248,8 +242,7 @@ std::string Value::scalar() const {
 }
 
 std::string Value::one_of(std::initializer_list<std::string_view> words) const {
-    if (shared_->trace)
-        note({.question = ReadEvent::Question::words, .words = {words.begin(), words.end()}});
+    note({.question = ReadEvent::Question::words, .words = {words.begin(), words.end()}});
     const std::string word = scalar();
     std::string allowed;
     for (const std::string_view candidate : words) {

@@ -1,10 +1,10 @@
 #include "core/file/file_writing.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 
 #include <cerrno>
 
-#include "core/file/file_descriptor.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -62,6 +62,22 @@ void sync_to_disk(const std::filesystem::path& file_or_folder) {
     // A file system that cannot keep folders by themselves keeps them some other way.
     if (failure != 0 && failure != EINVAL)
         fail_writing(file_or_folder, {failure, std::generic_category()});
+}
+
+// For writing, though nothing is written: NFS grants exclusive locks only then.
+FileLock::FileLock(const std::filesystem::path& file)
+    : file_(open(file.c_str(), O_RDWR | O_CLOEXEC)) {
+    if (!file_)
+        throw ConfigError({file.string()}, errno == ENOENT
+                                               ? "no such file"
+                                               : std::generic_category().message(errno));
+    if (flock(file_.get(), LOCK_EX | LOCK_NB) == 0)
+        return;
+    if (errno == EWOULDBLOCK)
+        throw ConfigError({file.parent_path().string()},
+                          "is in use: another etalon is writing to this folder");
+    throw ConfigError({file.string()},
+                      "cannot be locked: " + std::generic_category().message(errno));
 }
 
 }  // namespace etalon

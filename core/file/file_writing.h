@@ -6,6 +6,8 @@
 #include <fstream>
 #include <string_view>
 
+#include "core/file/file_descriptor.h"
+
 namespace etalon {
 
 // Replaces a file in one step: its text goes to "FILE.part", which commit() renames. Readers see
@@ -37,5 +39,17 @@ private:
 
 // Returns when a file's content, or a folder's names, outlast a power cut: 0.5 ms to some 20 ms.
 void sync_to_disk(const std::filesystem::path& file_or_folder);
+
+// An advisory lock on a file (flock(2)) against two programs writing to one folder. The kernel
+// releases it when its holder dies.
+class FileLock {
+public:
+    // Does not wait. Throws ConfigError when there is no such file, it cannot be written, or
+    // another lock is held, here or elsewhere (naming its folder).
+    explicit FileLock(const std::filesystem::path& file);
+
+private:
+    FileDescriptor file_;
+};
 
 }  // namespace etalon

@@ -3,40 +3,15 @@
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
-#include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 
-#include <atomic>
 #include <cerrno>
 #include <cstring>
-#include <thread>
 
 namespace etalon {
 
 using namespace std::chrono_literals;
-
-// A client's connection, or the serial line.
-struct ModbusChannel {
-    struct Outgoing {
-        Bytes bytes;
-        Instant due;
-    };
-
-    FileDescriptor fd;
-    ModbusFraming framing = ModbusFraming::tcp;
-    Bytes received;
-    Instant last_received{};
-    std::vector<Outgoing> outgoing;
-    bool deaf = false;  // half open: read, but not listened to
-    bool closing = false;
-
-    // A serial line is not closed; what has been received of the next request is lost.
-    void give_up() {
-        received.clear();
-        closing = framing == ModbusFraming::tcp;
-    }
-};
 
 namespace {
 
@@ -83,209 +58,171 @@ void queue(ModbusChannel& channel, const Bytes& bytes, const ModbusReaction& rea
     }
 }
 
+// A client that does not read its replies is given up.
+void send_due(ModbusChannel& channel) {
+    const Instant now = std::chrono::steady_clock::now();
+    std::erase_if(channel.outgoing, [&](const ModbusChannel::Outgoing& outgoing) {
+        if (outgoing.due > now)
+            return false;
+        const int file = channel.fd.get();
+        const Bytes& bytes = outgoing.bytes;
+        const ssize_t sent = channel.framing == ModbusFraming::tcp
+                                 ? ::send(file, bytes.data(), bytes.size(), MSG_NOSIGNAL)
+                                 : ::write(file, bytes.data(), bytes.size());
+        if (sent != std::ssize(bytes))
+            channel.give_up();
+        return true;
+    });
+}
+
+void reply(ModbusChannel& channel, ModbusFrame frame, const Bytes& pdu,
+           const ModbusReaction& reaction) {
+    frame.pdu = pdu;
+    if (reaction.wrong_id) {
+        frame.transaction = (frame.transaction + 7) & 0xFFFF;
+        frame.unit += channel.framing == ModbusFraming::rtu ? 5 : 0;
+    }
+    Bytes bytes = to_bytes(channel.framing, frame);
+    if (reaction.garbage)
+        std::ranges::transform(bytes, bytes.begin(), [](std::uint8_t byte) {
+            return static_cast<std::uint8_t>(byte ^ 0x5A);
+        });
+    if (reaction.reply)
+        queue(channel, bytes, reaction);
+    channel.deaf = channel.deaf || (reaction.half_open && channel.framing == ModbusFraming::tcp);
+    if (reaction.close) {
+        send_due(channel);
+        channel.give_up();
+    }
+}
+
 }  // namespace
 
-class ModbusServer::Worker {
-public:
-    Worker(ModbusUnits& units, int port)
-        : units_(units), listener_(listen_on(port)), port_(bound_port(listener_)) {
-        begin();
-    }
+ModbusServer::ModbusServer(ModbusUnits& units, int port)
+    : units_(units), listener_(listen_on(port)), port_(bound_port(listener_)) {
+    begin();
+}
 
-    Worker(ModbusUnits& units, const SerialPair& line) : units_(units) {
-        channels_.push_back({.fd = FileDescriptor(dup(line.controller_end())),
-                             .framing = ModbusFraming::rtu,
-                             .received = {},
-                             .outgoing = {}});
-        begin();
-    }
+ModbusServer::ModbusServer(ModbusUnits& units, const SerialPair& line) : units_(units) {
+    channels_.push_back(
+        {.fd = FileDescriptor(dup(line.controller_end())), .framing = ModbusFraming::rtu});
+    begin();
+}
 
-    ~Worker() {
-        thread_.request_stop();
-        wake();
-    }
+ModbusServer::~ModbusServer() {
+    thread_.request_stop();
+    wake();
+}
 
-    int port() const { return port_; }
+void ModbusServer::close_connections() {
+    close_requested_ = true;
+    wake();
+}
 
-    void close_connections() {
-        close_requested_ = true;
-        wake();
-    }
+void ModbusServer::begin() {
+    wake_ = FileDescriptor(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+    if (!wake_)
+        throw DeviceError("Modbus server", "eventfd", std::strerror(errno));
+    thread_ = std::jthread([this](std::stop_token stop) { serve(stop); });
+}
 
-private:
-    void begin() {
-        wake_ = FileDescriptor(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
-        if (!wake_)
-            throw DeviceError("Modbus server", "eventfd", std::strerror(errno));
-        thread_ = std::jthread([this](std::stop_token stop) { serve(stop); });
-    }
+void ModbusServer::wake() {
+    eventfd_write(wake_.get(), 1);
+}
 
-    void wake() { eventfd_write(wake_.get(), 1); }
-
-    void serve(std::stop_token stop) {
-        while (!stop.stop_requested()) {
-            const std::vector<pollfd> ready = wait_for_events();
-            eventfd_t ignored = 0;
-            eventfd_read(wake_.get(), &ignored);
-            for (std::size_t i = 0; i < channels_.size(); ++i) {
-                if (ready[2 + i].revents != 0)
-                    receive(channels_[i]);
-                send_due(channels_[i]);
-            }
-            close_channels();
-            accept_clients();
-            units_.tick();
+void ModbusServer::serve(std::stop_token stop) {
+    while (!stop.stop_requested()) {
+        const std::vector<pollfd> ready = wait_for_events();
+        eventfd_t ignored = 0;
+        eventfd_read(wake_.get(), &ignored);
+        for (std::size_t i = 0; i < channels_.size(); ++i) {
+            if (ready[2 + i].revents != 0)
+                receive(channels_[i]);
+            send_due(channels_[i]);
         }
+        close_channels();
+        accept_clients();
+        units_.tick();
     }
+}
 
-    std::vector<pollfd> wait_for_events() {
-        std::vector<pollfd> watched = {{wake_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}};
-        for (const ModbusChannel& channel : channels_)
-            watched.push_back({channel.fd.get(), POLLIN, 0});
-        const auto wait = std::max<Duration>(next_due() - std::chrono::steady_clock::now(), 0ms);
-        const timespec limit{0, std::min<Duration>(wait, modbus_tick) / 1ns};
-        if (ppoll(watched.data(), watched.size(), &limit, nullptr) <= 0)
-            for (pollfd& entry : watched)
-                entry.revents = 0;
-        return watched;
+// Until the next reply is due, a tick at most.
+std::vector<pollfd> ModbusServer::wait_for_events() {
+    std::vector<pollfd> watched = {{wake_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}};
+    const Instant now = std::chrono::steady_clock::now();
+    Duration wait = modbus_tick;
+    for (const ModbusChannel& channel : channels_) {
+        watched.push_back({channel.fd.get(), POLLIN, 0});
+        for (const ModbusChannel::Outgoing& outgoing : channel.outgoing)
+            wait = std::min(wait, outgoing.due - now);
     }
+    const timespec limit{0, std::max<Duration>(wait, 0ms) / 1ns};
+    if (ppoll(watched.data(), watched.size(), &limit, nullptr) <= 0)
+        for (pollfd& entry : watched)
+            entry.revents = 0;
+    return watched;
+}
 
-    Instant next_due() const {
-        Instant next = std::chrono::steady_clock::now() + modbus_tick;
-        for (const ModbusChannel& channel : channels_)
-            for (const ModbusChannel::Outgoing& outgoing : channel.outgoing)
-                next = std::min(next, outgoing.due);
-        return next;
-    }
+void ModbusServer::close_channels() {
+    const bool all = close_requested_.exchange(false);
+    std::erase_if(channels_, [all](const ModbusChannel& channel) {
+        return channel.closing || (all && channel.framing == ModbusFraming::tcp);
+    });
+}
 
-    void close_channels() {
-        const bool all = close_requested_.exchange(false);
-        std::erase_if(channels_, [all](const ModbusChannel& channel) {
-            return channel.closing || (all && channel.framing == ModbusFraming::tcp);
-        });
-    }
-
-    void accept_clients() {
-        while (listener_) {
-            FileDescriptor socket(
-                accept4(listener_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-            if (!socket)
-                return;
-            const int on = 1;
-            setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-            if (channels_.size() < max_clients)
-                channels_.push_back({.fd = std::move(socket), .received = {}, .outgoing = {}});
-        }
-    }
-
-    void receive(ModbusChannel& channel) {
-        std::uint8_t chunk[1024];
-        const ssize_t count = ::read(channel.fd.get(), chunk, sizeof chunk);
-        if (count <= 0) {
-            if (count == 0 || (errno != EAGAIN && errno != EINTR))
-                channel.give_up();
+void ModbusServer::accept_clients() {
+    while (listener_) {
+        FileDescriptor socket(
+            accept4(listener_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+        if (!socket)
             return;
-        }
-        const Instant now = std::chrono::steady_clock::now();
-        if (channel.framing == ModbusFraming::rtu && now - channel.last_received > end_of_frame)
-            channel.received.clear();
-        channel.last_received = now;
-        if (!channel.deaf)
-            channel.received.insert(channel.received.end(), chunk, chunk + count);
-        while (!channel.closing && take_frame(channel)) {
-        }
+        const int on = 1;
+        setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+        if (channels_.size() < max_clients)
+            channels_.push_back({.fd = std::move(socket)});
     }
+}
 
-    // Handles one complete frame, if there is one.
-    bool take_frame(ModbusChannel& channel) {
+void ModbusServer::receive(ModbusChannel& channel) {
+    std::uint8_t chunk[1024];
+    const ssize_t count = ::read(channel.fd.get(), chunk, sizeof chunk);
+    if (count <= 0) {
+        if (count == 0 || (errno != EAGAIN && errno != EINTR))
+            channel.give_up();
+        return;
+    }
+    const Instant now = std::chrono::steady_clock::now();
+    if (channel.framing == ModbusFraming::rtu && now - channel.last_received > end_of_frame)
+        channel.received.clear();
+    channel.last_received = now;
+    if (!channel.deaf)
+        channel.received.insert(channel.received.end(), chunk, chunk + count);
+    while (!channel.closing) {
         bool out_of_step = false;
         const auto frame = take_request(channel.framing, channel.received, out_of_step);
         if (out_of_step)
             channel.give_up();
-        if (frame)
-            handle(channel, *frame);
-        return frame.has_value();
+        if (!frame)
+            return;
+        handle(channel, *frame);
     }
-
-    void handle(ModbusChannel& channel, const ModbusFrame& frame) {
-        ModbusRequest request{.unit = frame.unit, .values = {}};
-        const ModbusException fault = decode_request(frame.pdu, request);
-        if (!units_.has_unit(frame.unit)) {
-            if (channel.framing == ModbusFraming::tcp)
-                reply(channel, frame, encode_exception(request.function, target_silent), {});
-        } else if (fault != no_exception) {
-            reply(channel, frame, encode_exception(request.function, fault), {});
-        } else {
-            const ModbusAnswer answer = units_.handle(request);
-            reply(channel, frame,
-                  answer.exception == no_exception
-                      ? encode_reply(request, answer.values)
-                      : encode_exception(request.function, answer.exception),
-                  answer.reaction);
-        }
-    }
-
-    void reply(ModbusChannel& channel, const ModbusFrame& request, const Bytes& pdu,
-               const ModbusReaction& reaction) {
-        ModbusFrame frame{request.transaction, request.unit, pdu};
-        if (reaction.wrong_id) {
-            frame.transaction = (frame.transaction + 7) & 0xFFFF;
-            frame.unit += channel.framing == ModbusFraming::rtu ? 5 : 0;
-        }
-        Bytes bytes = to_bytes(channel.framing, frame);
-        if (reaction.garbage)
-            std::ranges::transform(bytes, bytes.begin(), [](std::uint8_t byte) {
-                return static_cast<std::uint8_t>(byte ^ 0x5A);
-            });
-        if (reaction.reply)
-            queue(channel, bytes, reaction);
-        channel.deaf =
-            channel.deaf || (reaction.half_open && channel.framing == ModbusFraming::tcp);
-        if (reaction.close) {
-            send_due(channel);
-            channel.give_up();
-        }
-    }
-
-    // A client that does not read its replies is given up.
-    void send_due(ModbusChannel& channel) {
-        const Instant now = std::chrono::steady_clock::now();
-        std::erase_if(channel.outgoing, [&](const ModbusChannel::Outgoing& outgoing) {
-            if (outgoing.due > now)
-                return false;
-            const int file = channel.fd.get();
-            const Bytes& bytes = outgoing.bytes;
-            const ssize_t sent = channel.framing == ModbusFraming::tcp
-                                     ? ::send(file, bytes.data(), bytes.size(), MSG_NOSIGNAL)
-                                     : ::write(file, bytes.data(), bytes.size());
-            if (sent != std::ssize(bytes))
-                channel.give_up();
-            return true;
-        });
-    }
-
-    ModbusUnits& units_;
-    FileDescriptor listener_, wake_;  // no listener on a serial line
-    int port_ = 0;
-    std::vector<ModbusChannel> channels_;  // of the server's thread
-    std::atomic<bool> close_requested_ = false;
-    std::jthread thread_;  // last, so that it ends first
-};
-
-ModbusServer::ModbusServer(ModbusUnits& units, int port)
-    : worker_(std::make_unique<Worker>(units, port)) {}
-
-ModbusServer::ModbusServer(ModbusUnits& units, const SerialPair& line)
-    : worker_(std::make_unique<Worker>(units, line)) {}
-
-ModbusServer::~ModbusServer() = default;
-
-int ModbusServer::port() const {
-    return worker_->port();
 }
 
-void ModbusServer::close_connections() {
-    worker_->close_connections();
+void ModbusServer::handle(ModbusChannel& channel, const ModbusFrame& frame) {
+    ModbusRequest request{.unit = frame.unit, .values = {}};
+    const ModbusException fault = decode_request(frame.pdu, request);
+    ModbusAnswer answer;
+    if (!units_.has_unit(frame.unit)) {
+        answer.exception = target_silent;
+        answer.reaction.reply = channel.framing == ModbusFraming::tcp;
+    } else if (fault != no_exception)
+        answer.exception = fault;
+    else
+        answer = units_.handle(request);
+    reply(channel, frame,
+          answer.exception == no_exception ? encode_reply(request, answer.values)
+                                           : encode_exception(request.function, answer.exception),
+          answer.reaction);
 }
 
 }  // namespace etalon

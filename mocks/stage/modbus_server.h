@@ -3,6 +3,11 @@
 // 1 to 6, 15 and 16; others are answered by an exception.
 #pragma once
 
+#include <poll.h>
+
+#include <atomic>
+#include <thread>
+
 #include "mocks/stage/modbus_fault.h"
 #include "mocks/stage/modbus_framing.h"
 #include "mocks/stage/serial_pair.h"
@@ -28,6 +33,28 @@ public:
     virtual void tick() {}
 };
 
+// A client's connection, or the serial line.
+struct ModbusChannel {
+    struct Outgoing {
+        Bytes bytes;
+        Instant due;
+    };
+
+    FileDescriptor fd;
+    ModbusFraming framing = ModbusFraming::tcp;
+    Bytes received = {};
+    Instant last_received{};
+    std::vector<Outgoing> outgoing = {};
+    bool deaf = false;  // half open: read, but not listened to
+    bool closing = false;
+
+    // A serial line is not closed; what has been received of the next request is lost.
+    void give_up() {
+        received.clear();
+        closing = framing == ModbusFraming::tcp;
+    }
+};
+
 class ModbusServer {
 public:
     // Listens at once; port 0 takes any free one. Throws DeviceError when the port is taken,
@@ -39,12 +66,25 @@ public:
 
     ~ModbusServer();  // closes every connection and returns within milliseconds
 
-    int port() const;          // the bound one; 0 on a serial line
-    void close_connections();  // those that are open now; a serial line has none
+    int port() const { return port_; }  // the bound one; 0 on a serial line
+    void close_connections();           // those that are open now; a serial line has none
 
 private:
-    class Worker;
-    std::unique_ptr<Worker> worker_;
+    void begin();
+    void wake();
+    void serve(std::stop_token stop);
+    std::vector<pollfd> wait_for_events();
+    void close_channels();
+    void accept_clients();
+    void receive(ModbusChannel& channel);
+    void handle(ModbusChannel& channel, const ModbusFrame& frame);
+
+    ModbusUnits& units_;
+    FileDescriptor listener_, wake_;  // no listener on a serial line
+    int port_ = 0;
+    std::vector<ModbusChannel> channels_;  // of the server's thread
+    std::atomic<bool> close_requested_ = false;
+    std::jthread thread_;  // last, so that it ends first
 };
 
 }  // namespace etalon

@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 
-#include "core/file/file_lock.h"
+#include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/errors.h"

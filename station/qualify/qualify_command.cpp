@@ -4,7 +4,7 @@
 
 #include <ctime>
 
-#include "core/file/file_lock.h"
+#include "core/file/file_writing.h"
 #include "core/process/subprocess.h"
 #include "core/program/errors.h"
 #include "station/qualify/runner.h"

@@ -6,7 +6,7 @@
 #include "capture/camera_recovery.h"
 #include "compare/make_detector.h"
 #include "compare/match/photo_findings.h"
-#include "core/file/file_lock.h"
+#include "core/file/file_writing.h"
 #include "core/program/version.h"
 #include "stage/axes/kinematics.h"
 #include "stage/link/modbus_link.h"

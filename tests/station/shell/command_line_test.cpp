@@ -1,6 +1,6 @@
 // The built program as a user meets it: exit codes, one-line errors, nothing half-written.
 
-#include "core/file/file_lock.h"
+#include "core/file/file_writing.h"
 #include "core/image/image.h"
 #include "tests/station/built_program.h"
 #include "tests/station/stations.h"

@@ -76,7 +76,8 @@ public:
 
     virtual const CameraIdentity& identity() const = 0;
 
-    // Asks an idle or configured device; empty for none. Throws DeviceError when it is gone.
+    // Asks an idle or configured camera; empty for what is no device. Throws DeviceError when it is
+    // gone.
     virtual CameraAbilities abilities() const { return {}; }
 
     // Applies the settings, reads every one back, returns what is in force. Throws DeviceError when

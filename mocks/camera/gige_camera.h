@@ -4,7 +4,7 @@
 //
 // The client can set Width, Height, OffsetX, OffsetY, PixelFormat, ExposureTime (us), Gain (dB),
 // BlackLevel and AcquisitionFrameRate. It runs freely, or is triggered by software or on Line1.
-// One a machine: GigE Vision's port is UDP 3956. A dead client's control is free after 3 s.
+// Only one can exist on a machine (UDP port 3956); a dead client's control is free after 3 s.
 #pragma once
 
 #include <functional>

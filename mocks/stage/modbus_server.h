@@ -58,7 +58,7 @@ struct ModbusChannel {
 class ModbusServer {
 public:
     // Listens at once; port 0 takes any free one. Throws DeviceError when the port is taken,
-    // ConfigError for none. The units must outlive the server. One thread for up to 16 clients.
+    // ConfigError for no port. The units must outlive the server. One thread for up to 16 clients.
     ModbusServer(ModbusUnits& units, int port);
 
     // Answers on the serial line, which must outlive the server.

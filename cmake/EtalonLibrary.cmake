@@ -16,14 +16,14 @@ function(etalon_library name)
         list(FILTER sources EXCLUDE REGEX "^${pattern}")
     endforeach()
     set(linked "")
-    if(ETALON_NUMERICS_FROM)
+    if(ETALON_RELEASE_BUILD)
         set(all ${sources})
         etalon_without_numerics(sources ${name})
         if(NOT sources STREQUAL all)
             # An archive needs what it calls behind it: its folder's other modules and the folders below.
             add_library(etalon_${name}_numerics STATIC IMPORTED GLOBAL)
             set_target_properties(etalon_${name}_numerics PROPERTIES
-                IMPORTED_LOCATION ${ETALON_NUMERICS_FROM}/${name}/libetalon_${name}.a
+                IMPORTED_LOCATION ${ETALON_RELEASE_BUILD}/${name}/libetalon_${name}.a
                 INTERFACE_LINK_LIBRARIES "etalon_${name};${ARG_PUBLIC}")
             set(linked $<BUILD_INTERFACE:etalon_${name}_numerics>)
         endif()
@@ -44,8 +44,8 @@ function(etalon_library name)
 endfunction()
 
 # etalon_without_numerics(LIST FOLDER): takes the modules that only calculate out of a list of FOLDER's
-# sources. Continuous integration links them from its release build (ETALON_NUMERICS_FROM) when it
-# runs the sanitizers. What reaches them are numbers and matrices that were checked, and all their
+# sources. Continuous integration links them from its release build (ETALON_RELEASE_BUILD) when it
+# runs the sanitizers, and the tests themselves, too (tests/CMakeLists.txt). What reaches them are numbers and matrices that were checked, and all their
 # memory is Eigen's, OpenCV's or the standard library's. With sanitizers it compiles every other
 # module: what reads files, wires, frames and the answers of programs, goes through pictures by pointers
 # to their rows, or calculates with the processor's vectors; and every new module. The one reader in the
@@ -66,7 +66,7 @@ endfunction()
 function(etalon_join_modules target)
     foreach(source IN LISTS ARGN)
         cmake_path(GET source PARENT_PATH module)
-        string(REPLACE / _ group "${target}_${module}")
+        string(REPLACE / _ group "all_${module}")
         set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
     endforeach()
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)

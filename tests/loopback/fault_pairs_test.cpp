@@ -89,7 +89,7 @@ protected:
                                          (disk / "record").string()};
         std::string program = "etalon";
         if (third == Third::full_disk) {
-            command.insert(command.begin(), {"400k", disk, copy, ETALON_BINARY_DIR "/etalon"});
+            command.insert(command.begin(), {"400k", disk, copy, built_program("etalon")});
             program = ETALON_SOURCE_DIR "/tests/loopback/on_small_disk.sh";
         }
         SteadyClock clock;

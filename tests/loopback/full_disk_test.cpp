@@ -26,7 +26,7 @@ protected:
 
     // Its exit code. Skips the test where nothing can be mounted.
     int run(const std::vector<std::string>& arguments) {
-        std::vector<std::string> command{"1m", disk_, copy_, ETALON_BINARY_DIR "/etalon"};
+        std::vector<std::string> command{"1m", disk_, copy_, built_program("etalon")};
         command.insert(command.end(), arguments.begin(), arguments.end());
         Program program(ETALON_SOURCE_DIR "/tests/loopback/on_small_disk.sh", command);
         printed_ = program.rest();

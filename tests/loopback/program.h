@@ -43,7 +43,7 @@ public:
             posix_spawn_file_actions_addclose(&actions, ends[0]);
         }
         posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
-        std::string program = (std::filesystem::path(ETALON_BINARY_DIR) / name).string();
+        std::string program = built_program(name);
         std::vector<char*> argv{program.data()};
         for (std::string& argument : arguments)
             argv.push_back(argument.data());

@@ -45,8 +45,8 @@ protected:
     std::unique_ptr<Program> begin(const std::filesystem::path& record,
                                    std::vector<std::string> environment = {}) const {
         environment.insert(environment.end(),
-                           {std::string(ETALON_BINARY_DIR "/etalon"), "qualify",
-                            (folder_ / "station.yaml").string(), "--out", record.string()});
+                           {built_program("etalon"), "qualify", (folder_ / "station.yaml").string(),
+                            "--out", record.string()});
         return start_program("/usr/bin/env", environment);
     }
     static std::unique_ptr<Program> resume(const std::filesystem::path& record) {

@@ -21,8 +21,9 @@ struct Finished {
 };
 
 inline Finished etalon_with(const TemporaryFolder& folder, const std::string& arguments) {
-    const std::string command = fmt::format("cd '{}' && '{}/etalon' {} > out.txt 2> err.txt",
-                                            (folder / "").string(), ETALON_BINARY_DIR, arguments);
+    const std::string command =
+        fmt::format("cd '{}' && '{}' {} > out.txt 2> err.txt", (folder / "").string(),
+                    built_program("etalon"), arguments);
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(folder / "out.txt"),
             read_text(folder / "err.txt")};

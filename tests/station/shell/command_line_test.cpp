@@ -122,9 +122,9 @@ TEST(CommandLine, ARecordInUseIsNeitherResumedNorReported) {
 TEST(CommandLine, AResultThatCannotBeWrittenIsExitCode4) {
     const TemporaryFolder folder;
     write_station(folder);
-    const int status = std::system(fmt::format("cd '{}' && '{}/etalon' camera show camera.yml "
+    const int status = std::system(fmt::format("cd '{}' && '{}' camera show camera.yml "
                                                ">/dev/full 2>err.txt",
-                                               (folder / "").string(), ETALON_BINARY_DIR)
+                                               (folder / "").string(), built_program("etalon"))
                                        .c_str());
     EXPECT_EQ(WEXITSTATUS(status), 4);
     EXPECT_EQ(read_text(folder / "err.txt"), "etalon: stdout: cannot be written\n");

@@ -3,13 +3,16 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <cmath>
-
 #include "compare/photo_pose.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
+
+std::string shape_text(const py::array& values) {
+    std::vector<py::ssize_t> shape(values.shape(), values.shape() + values.ndim());
+    return fmt::format("({}{})", fmt::join(shape, ", "), shape.size() == 1 ? "," : "");
+}
 
 [[noreturn]] void refuse_type(const char* name, const char* wanted, const py::array& values) {
     throw py::type_error(
@@ -87,11 +90,6 @@ py::dtype type_of(const cv::Mat& image) {
 }
 
 }  // namespace
-
-std::string shape_text(const py::array& values) {
-    std::vector<py::ssize_t> shape(values.shape(), values.shape() + values.ndim());
-    return fmt::format("({}{})", fmt::join(shape, ", "), shape.size() == 1 ? "," : "");
-}
 
 NumberArray number_rows(const py::object& values, py::ssize_t columns, const char* name) {
     NumberArray array = real_numbers(values, name);

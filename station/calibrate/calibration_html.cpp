@@ -2,10 +2,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-
 #include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
@@ -22,7 +18,7 @@ SvgPlot image_plot(const CameraModel& camera) {
 }
 
 // The longest arrow is about a twentieth of `width`. `caption` gets the enlargement.
-HtmlPage::Figure arrow_figure(SvgPlot plot, const Arrows& arrows, double width, Color color,
+HtmlPage::Figure arrow_figure(SvgPlot plot, const Series& arrows, double width, Color color,
                               const char* label, const std::string& caption) {
     const double factor = round_scale(width / 20.0 / std::max(arrows.longest(), 1e-9));
     plot.add_arrows(arrows, factor, color, label);
@@ -153,7 +149,7 @@ HtmlPage::Figure coverage_figure(const CalibrationRun& run) {
 }
 
 HtmlPage::Figure residual_figure(const CalibrationRun& run) {
-    Arrows arrows;
+    Series arrows;
     for_each_corner(run, [&](std::size_t v, std::size_t i, const Eigen::Vector2d& pixel) {
         if (!run.calibration.views[v].left_out[i])
             arrows.add(pixel, run.calibration.views[v].residuals_px[i], point_note(run, v, i));
@@ -258,7 +254,7 @@ HtmlPage::Figure height_figure(const BoardShape& board) {
 }
 
 std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
-    Arrows arrows;
+    Series arrows;
     Eigen::AlignedBox2d box;
     for (const ShapedPoint& point : board.points) {
         const Eigen::Vector3d &d = point.displacement_mm, &sd = point.deviation_mm;
@@ -277,7 +273,7 @@ std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
 
 HtmlPage::Figure halves_figure(const CameraCalibration& calibration) {
     const CrossValidation& halves = *calibration.halves;
-    Arrows arrows;
+    Series arrows;
     for (std::size_t i = 0; i < halves.pixels.size(); ++i) {
         const Eigen::Vector2d& d = halves.differences_px[i];
         arrows.add(halves.pixels[i], d,

@@ -7,8 +7,6 @@
 #include <set>
 
 #include "core/file/text.h"
-#include "core/geometry/units.h"
-#include "core/time/progress.h"
 #include "report/json_text.h"
 #include "station/devices/commands.h"
 #include "station/setup/station_lock.h"
@@ -18,7 +16,6 @@
 namespace etalon {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using Seconds = std::chrono::duration<double>;
 
 double typed_unit(const Axis& axis) {
@@ -365,7 +362,6 @@ int run_stage_stop(const StageArguments& arguments) {
     return 0;
 }
 
-// Reading only.
 int run_stage_trace(const StageArguments& arguments) {
     Session session(read_station_stage(arguments.station), false);
     session.stage().set_trace([](const std::string& line) { fmt::print("{}\n", line); });

@@ -11,7 +11,6 @@
 #include "compare/photometric/photometric_detector.h"
 #include "core/config/csv_file.h"
 #include "core/file/sha256.h"
-#include "core/geometry/units.h"
 #include "report/json_text.h"
 #include "stage/axes/kinematics.h"
 #include "station/setup/stage_terms.h"
@@ -31,8 +30,7 @@ double position_in(const CsvRow& row, std::size_t column, const Axis& axis) {
                : row.number(column, units::mm.either_sign());
 }
 
-// Of the columns `photo`, which is taken as it stands, and one for each axis, named `prefix` and
-// the axis.
+// Of the column `photo`, taken as it stands, and one for each axis: `prefix` and its name.
 std::vector<StagePhoto> read_rows(const CsvFile& file, const std::string& photo,
                                   const std::string& prefix, const std::vector<Axis>& axes) {
     const std::size_t photo_column = file.column(photo);
@@ -147,8 +145,8 @@ void register_photometric(const StationFile& station, std::vector<Sighting>& see
 
 std::filesystem::path station_of_record(const std::filesystem::path& record) {
     const std::filesystem::path file = record / "run.json";
-    const nlohmann::ordered_json run = read_json(file);
-    const auto text_at = [](const nlohmann::ordered_json& object, const char* key) {
+    const Json run = read_json(file);
+    const auto text_at = [](const Json& object, const char* key) {
         const bool is_text = object.is_object() && object.contains(key) && object[key].is_string();
         return is_text ? object[key].get<std::string>() : "";
     };

@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 
 #include "compare/qualification/judged_quantities.h"
-#include "core/geometry/units.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
 #include "report/result_table.h"
@@ -11,8 +10,6 @@
 
 namespace etalon {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 double unit_factor(const Axis& axis) {
     return axis.kind == Axis::Kind::rotary ? deg_per_rad : 1.0;
@@ -111,8 +108,8 @@ Json shown_run_json(const ShownRun& run, const RunMonitor* watch) {
     json["latest_pose"] = seen.latest_pose;
     json["visited"] = seen.visited;
     json["seen"] = seen.seen;
-    json["seconds_left"] = optional_number(watch->seconds_left());
-    json["corner_noise_px"] = optional_number(seen.corner_noise_px);
+    json["seconds_left"] = or_null(watch->seconds_left());
+    json["corner_noise_px"] = or_null(seen.corner_noise_px);
     json["rejected_frames"] = seen.rejected_frames;
     json["remarks"] = seen.remarks;
     return json;

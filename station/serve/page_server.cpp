@@ -12,7 +12,6 @@ namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
-using Json = nlohmann::ordered_json;
 
 // The page's own files and nothing else: no script in the page's text, no other server, no frame.
 constexpr const char* page_policy =

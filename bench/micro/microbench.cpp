@@ -8,22 +8,10 @@
 #include <benchmark/benchmark.h>
 #include <hwy/targets.h>
 
-#include <algorithm>
-#include <array>
-#include <chrono>
-#include <cmath>
 #include <cstring>
-#include <map>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "bench/benchmark_scenes.h"
 #include "capture/frame/frame_checks.h"
-#include "capture/frame/pixel_formats.h"
-#include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
-#include "sim/tiles/tile_kernel.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
@@ -95,9 +83,8 @@ BENCHMARK_CAPTURE(expose, canon_500, "canon-500")
     ->Unit(benchmark::kMillisecond)
     ->MeasureProcessCPUTime();
 
-// What the station does with a frame of 5 megapixels from the library's buffer to the caller's
-// image (copy, unpack, checks), beside a plain copy of the bytes that arrived: the counter
-// `x_memcpy`. Fresh memory for every frame on both sides, as for frames that are handed on.
+// A frame of 5 megapixels from the library's buffer to the caller's image (copy, unpack, checks),
+// beside a plain copy of its bytes: `x_memcpy`. Fresh memory for every frame on both sides.
 // Promised: at most 4 for Mono8, at most 8 for Mono12p.
 constexpr int width = 2592, height = 1944;
 
@@ -154,8 +141,7 @@ void add_frames() {
 
 // The kernels of methods E and C per point, on every instruction set of this machine.
 
-// A tile of the webcam scenes' kind: 4 px wide, a little turned and bent, the blur changing over
-// it.
+// A tile 4 px wide, a little turned and bent, the blur changing over it, as of the webcam scenes.
 TileGeometry tile_with_blur(float blur_px) {
     TileGeometry tile{};
     tile.dx = {0.0f, 4.0f, 1e-3f, 8e-6f, 0.1f, 2e-3f};
@@ -168,8 +154,7 @@ TileGeometry tile_with_blur(float blur_px) {
     return tile;
 }
 
-// `count` lines of each direction, `spacing_px` apart around the centre, with contrast across every
-// line and crossing.
+// `count` lines a direction, `spacing_px` apart, with contrast across every line and crossing.
 void add_lines(TileGeometry& tile, int count, float spacing_px) {
     const float angle = 0.6f, cosine = std::cos(angle), sine = std::sin(angle);
     for (int i = 0; i < count; ++i) {

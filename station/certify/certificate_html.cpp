@@ -3,7 +3,6 @@
 
 #include "compare/qualification/judged_quantities.h"
 #include "core/file/text.h"
-#include "core/geometry/units.h"
 #include "report/number_text.h"
 #include "station/certify/certificate.css.h"
 #include "station/certify/certificate.h"
@@ -13,7 +12,6 @@ namespace {
 
 using Texts = std::vector<std::string>;
 
-// As people write a unit.
 std::string unit_text(const std::string& unit) {
     return unit == "um" ? "µm" : unit;
 }
@@ -193,7 +191,6 @@ std::string item_html(const Certificate& certificate) {
          {"Quantities", "Bias of the pose that is measured with the camera, over the volume"}});
 }
 
-// Signature and record.
 std::string end_html(const Certificate& certificate) {
     const CertificateForm& form = certificate.form;
     return fmt::format(

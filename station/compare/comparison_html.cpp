@@ -11,8 +11,7 @@
 namespace etalon {
 namespace {
 
-// Size of the change from the pose under test to the photometric pose, with the standard deviation
-// of that pose in the change's direction.
+// From the pose under test to the photometric pose, with the latter's deviation in this direction.
 struct PoseChange {
     double translation_mm = 0.0, translation_deviation_mm = 0.0;
     double rotation_mrad = 0.0, rotation_deviation_mrad = 0.0;
@@ -198,9 +197,8 @@ std::string pictures_html(const ComparedPhoto& photo, std::size_t number, bool s
     return text + "</div>";
 }
 
-// The part of the report that belongs to one photograph, which is numbered from 1: what was found,
-// photograph and rendering in one place, the maps, every fitted parameter. The viewer of one card
-// starts moving, that with `starts_in_turn`.
+// One photograph, numbered from 1: findings, photograph and rendering in one place, maps, fitted
+// parameters. With `starts_in_turn` its viewer starts moving.
 std::string card_html(const Comparison& comparison, std::size_t number, bool starts_in_turn) {
     const ComparedPhoto& photo = comparison.photos[number - 1];
     std::string text = fmt::format("<article class=\"photo\" id=\"photo-{}\"><h3>{} {}</h3>",
@@ -218,7 +216,6 @@ std::string card_html(const Comparison& comparison, std::size_t number, bool sta
     return text + "</article>\n";
 }
 
-// All photographs, small, each a link to its card.
 std::string contact_sheet_html(const Comparison& comparison) {
     std::string text = "<div class=\"sheet\">";
     for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
@@ -251,7 +248,6 @@ std::string verdict_sentence(const Comparison& comparison) {
     return text;
 }
 
-// What was found, each with the photographs that it was found on.
 std::vector<std::string> found_by_name(const Comparison& comparison) {
     std::map<std::string, std::vector<std::string>> photos;
     for (const ComparedPhoto& photo : comparison.photos) {

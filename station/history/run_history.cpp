@@ -2,10 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "core/config/json_entry.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
-#include "core/time/clock.h"
 #include "station/record/run_record.h"
 
 namespace etalon {

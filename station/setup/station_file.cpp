@@ -8,7 +8,6 @@
 #include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
-#include "core/geometry/units.h"
 #include "stage/profile/profile.h"
 
 namespace etalon {
@@ -159,8 +158,7 @@ std::string read_day(const Value& value) {
     return value.text();
 }
 
-// A certificate must not leave more than the standard uncertainty that the station declares under
-// `declared_key`, in the certificate's unit.
+// It must not leave more uncertainty than `declared_key` declares, in the certificate's unit.
 struct ReferenceKind {
     std::string name;
     Unit unit;

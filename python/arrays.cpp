@@ -65,9 +65,8 @@ cv::Mat over(const py::array& values, int type, const char* name) {
         refuse_shape(name, "(height, width), one channel", values);
     if ((values.shape(1) > 1 && values.strides(1) != item) ||
         values.strides(0) < item * values.shape(1))
-        throw ConfigError({name},
-                          "pixels of a row must lie side by side: numpy.ascontiguousarray "
-                          "makes them");
+        throw ConfigError(
+            {name}, "pixels of a row must lie side by side: numpy.ascontiguousarray makes them");
     return {static_cast<int>(values.shape(0)), static_cast<int>(values.shape(1)), type,
             const_cast<void*>(values.data()), static_cast<std::size_t>(values.strides(0))};
 }

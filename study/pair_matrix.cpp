@@ -282,8 +282,7 @@ private:
         text += fmt::format(
             "<rect fill='#4292c6' x='{0}' y='36' width='12' height='12'/><text x='{1}' "
             "y='46'>inside the axis</text><rect fill='#f16913' x='{2}' y='36' width='12' "
-            "height='12'/>"
-            "<text x='{3}' y='46'>beyond it (▲ ▼ how many)</text>",
+            "height='12'/><text x='{3}' y='46'>beyond it (▲ ▼ how many)</text>",
             x, x + 17, x + 118, x + 135);
         x += 310;
         return text + fmt::format(
@@ -398,8 +397,7 @@ private:
         return fmt::format(
             "<text class='note' x='{}' y='{}'>An error's axis spans its median ± {} robust "
             "standard deviations, or less where the data end before; what lies beyond is shown in "
-            "the "
-            "panels' rims.</text>",
+            "the panels' rims.</text>",
             left, picture_height - 8, PairMatrix::robust_deviations);
     }
 
@@ -413,13 +411,11 @@ std::string pair_matrix_style(PairPicture kind) {
     const bool is_page = kind == PairPicture::in_page;
     const char* paper = is_page ? "var(--card)" : "#fff";
     return fmt::format(
-        ".pairs .title{{font-size:15px;font-weight:600}}.pairs .label{{font-weight:600}}"
-        ".pairs .note{{font-size:11px}}"
-        ".panel .paper{{fill:{}}}.panel .grid{{fill:none;stroke-width:1}}"
-        ".panel image{{image-rendering:pixelated}}"
-        ".plot "
-        ".halo{{fill:none;stroke:{};stroke-width:4;stroke-linejoin:round;stroke-linecap:round}}"
-        ".plot .mean,.plot "
+        ".pairs .title{{font-size:15px;font-weight:600}}.pairs .label{{font-weight:600}}.pairs "
+        ".note{{font-size:11px}}.panel .paper{{fill:{}}}.panel "
+        ".grid{{fill:none;stroke-width:1}}.panel image{{image-rendering:pixelated}}.plot "
+        ".halo{{fill:none;stroke:{};stroke-width:4;stroke-linejoin:round;stroke-linecap:round}}."
+        "plot .mean,.plot "
         ".spread{{fill:none;stroke:{};stroke-width:1.8;stroke-linejoin:round;stroke-linecap:round}}"
         ".plot .spread{{stroke-width:1.3;stroke-dasharray:4 3}}",
         paper, paper, is_page ? "var(--mean)" : "#d1131f");

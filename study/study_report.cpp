@@ -115,8 +115,7 @@ HtmlPage::Figures error_figures(const std::string& label,
     return {
         {median_error_plot(label, z, binned).svg(),
          "Median |Z error|, with 95 % intervals. Look where lines cross: the better detector "
-         "changes "
-         "there."},
+         "changes there."},
         {median_error_plot(label, angle, binned).svg(),
          "Median angle between the poses, with 95 % intervals. Lines whose bands overlap are not "
          "told apart."}};

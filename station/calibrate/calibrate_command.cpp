@@ -184,8 +184,7 @@ void refuse_what_does_not_go_together(const CalibrateArguments& arguments) {
                           "height, or a tilt, from its opposite");
     if (!arguments.refine.empty())
         throw ConfigError({"--refine"},
-                          "does not go with a telecentric model: it needs rays from "
-                          "one point");
+                          "does not go with a telecentric model: it needs rays from one point");
 }
 
 CalibrationRun calibrated(const CalibrateArguments& arguments) {

@@ -155,10 +155,9 @@ CalibrationTool tool_named(const std::string& name) {
     for (const CalibrationTool tool : calibration_tools())
         if (name == name_of(tool))
             return tool;
-    throw ConfigError({"--to"},
-                      "must be etalon, opencv, ros, kalibr, mrcal, matlab, boofcv or "
-                      "colmap, not '" +
-                          name + "'");
+    throw ConfigError(
+        {"--to"},
+        "must be etalon, opencv, ros, kalibr, mrcal, matlab, boofcv or colmap, not '" + name + "'");
 }
 
 }  // namespace

@@ -261,12 +261,11 @@ HtmlPage::Figure transfer_plot(const TransferEstimate& estimate) {
     plot.add_line({ends, ends}, Color::gray, "straight line");
     plot.add_points(patches, Color::blue, "patches");
     plot.add_line(curve, Color::red, "transfer curve");
-    return {
-        plot.svg(),
-        fmt::format(
-            "Transfer curve from {} patches in {} photos, seen from {:.3f} to {:.3f} of "
-            "full scale and continued beyond. Points beside the curve are patches in uneven light.",
-            estimate.patches, estimate.photos, estimate.lowest_code, estimate.highest_code)};
+    return {plot.svg(),
+            fmt::format(
+                "Transfer curve from {} patches in {} photos, seen from {:.3f} to {:.3f} of full "
+                "scale and continued beyond. Points beside the curve are patches in uneven light.",
+                estimate.patches, estimate.photos, estimate.lowest_code, estimate.highest_code)};
 }
 
 // What the curve itself hides: how far the patches are from a straight line through black.
@@ -283,12 +282,11 @@ HtmlPage::Figure nonlinearity_plot(const TransferEstimate& estimate) {
     plot.add_points(patches, Color::blue, "patches");
     plot.add_level(0.0, Color::gray, "");
     return {plot.svg(),
-            fmt::format(
-                "The patches' departure from the straight line through black that fits them "
-                "best; a bend is a tone curve. Largest of the measured curve between 5 and 95 %: "
-                "{:.3f} % ± {:.3f} % "
-                "(k = 2).",
-                100.0 * estimate.nonlinearity, 200.0 * estimate.nonlinearity_standard_uncertainty)};
+            fmt::format("The patches' departure from the straight line through black that fits "
+                        "them best; a bend is a tone curve. Largest of the measured curve between "
+                        "5 and 95 %: {:.3f} % ± {:.3f} % (k = 2).",
+                        100.0 * estimate.nonlinearity,
+                        200.0 * estimate.nonlinearity_standard_uncertainty)};
 }
 
 HtmlPage::Figure illumination_plot(const CameraModel& camera,
@@ -315,13 +313,10 @@ HtmlPage::Figure illumination_plot(const CameraModel& camera,
                     every == 1 ? "white parts" : "some of the white parts");
     plot.add_band(curve, Color::red, "U (k = 2)");
     plot.add_line(curve, Color::red, "polynomial");
-    return {
-        plot.svg(),
-        fmt::format(
-            "Relative illumination: white parts, their photo's own level and "
-            "plane divided out; they scatter by {:.2g} %. Look whether they follow the curve to "
-            "the end: beyond it nothing was seen.",
-            100.0 * estimate.residual_rms)};
+    return {plot.svg(), fmt::format("Relative illumination: white parts, their photo's own level "
+                                    "and plane divided out; they scatter by {:.2g} %. Look whether "
+                                    "they follow the curve to the end: beyond it nothing was seen.",
+                                    100.0 * estimate.residual_rms)};
 }
 
 HtmlPage::Figure illumination_map(const CameraModel& camera, const IlluminationEstimate& estimate) {
@@ -356,11 +351,10 @@ HtmlPage::Figure modulation_plot(const Characterisation& result) {
         plot.add_line(edge, inks[i % inks.size()],
                       fmt::format("({:.0f}, {:.0f})", at.centre_px.x(), at.centre_px.y()));
     }
-    return {
-        plot.svg(),
-        "Slanted-edge MTF (ISO 12233) of lens, pixel and camera together, one edge for "
-        "each part of the image (its middle in px), in linear radiance. A curve above 1 tells of "
-        "sharpening, one that lies far below the others of blur in its part."};
+    return {plot.svg(),
+            "Slanted-edge MTF (ISO 12233) of lens, pixel and camera together, one edge for each "
+            "part of the image (its middle in px), in linear radiance. A curve above 1 tells of "
+            "sharpening, one that lies far below the others of blur in its part."};
 }
 
 HtmlPage::Figure edge_spread_plot(const PointSpreadEstimate& spread) {
@@ -416,12 +410,10 @@ std::optional<HtmlPage::Figure> defocus_plot(const Characterisation& result) {
     plot.add_line(curve, Color::red, "thin lens fitted");
     plot.add_points(groups, Color::blue, "groups of edges");
     return HtmlPage::Figure{
-        plot.svg(),
-        fmt::format("Blur against depth: {} edges nearer than focus, {} farther. The groups "
-                    "are for the eye, the fit is on every edge's pixels: look whether they lie on "
-                    "it on both "
-                    "sides of focus.",
-                    defocus.edges_nearer, defocus.edges_farther)};
+        plot.svg(), fmt::format("Blur against depth: {} edges nearer than focus, {} farther. The "
+                                "groups are for the eye, the fit is on every edge's pixels: look "
+                                "whether they lie on it on both sides of focus.",
+                                defocus.edges_nearer, defocus.edges_farther)};
 }
 
 void add_curves(HtmlPage& page, const Characterisation& result) {

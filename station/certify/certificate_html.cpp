@@ -115,8 +115,7 @@ std::string decision_html(const Certificate& certificate) {
     return heading("Decision rule: " + analysis.rule.name()) +
            paragraphs({fmt::format(
                "{}. A camera with any judged quantity at its limit gets PASS in at most {}, one "
-               "with "
-               "all {} at their limits FAIL in at most {} of runs (ILAC-G8, JCGM 106).",
+               "with all {} at their limits FAIL in at most {} of runs (ILAC-G8, JCGM 106).",
                analysis.rule.sentence(), probability_text(analysis.risk.false_acceptance),
                analysis.risk.judged, probability_text(analysis.risk.false_rejection))}) +
            figures({"Quantity", "Within its limit", "Consumer's risk", "Producer's risk"}, rows, 1,

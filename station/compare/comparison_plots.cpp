@@ -227,17 +227,15 @@ std::vector<ComparisonPlot> edge_plots(const Comparison& comparison) {
                                "at the poses under test"));
     plots.push_back(field_plot(shift_field(after, image, spacing), camera, magnification,
                                "edge-shift-field-refined.svg", "at the refined poses"));
-    plots.push_back(
-        shift_plot(edges_by_radius(before, image, bins), edges_by_radius(after, image, bins),
-                   "distance from the image's centre / px", "edge-shift-by-radius.svg",
-                   "Edge shift by distance from the image's centre, noise taken out; "
-                   "bands: one standard deviation. What grows outwards and stays at the "
-                   "refined poses is distortion."));
-    plots.push_back(
-        shift_plot(edges_by_depth(before, bins), edges_by_depth(after, bins), "depth / mm",
-                   "edge-shift-by-depth.svg",
-                   "Edge shift by depth, noise taken out. What the refined poses take away "
-                   "was the poses' error."));
+    plots.push_back(shift_plot(
+        edges_by_radius(before, image, bins), edges_by_radius(after, image, bins),
+        "distance from the image's centre / px", "edge-shift-by-radius.svg",
+        "Edge shift by distance from the image's centre, noise taken out; bands: one standard "
+        "deviation. What grows outwards and stays at the refined poses is distortion."));
+    plots.push_back(shift_plot(edges_by_depth(before, bins), edges_by_depth(after, bins),
+                               "depth / mm", "edge-shift-by-depth.svg",
+                               "Edge shift by depth, noise taken out. What the refined poses take "
+                               "away was the poses' error."));
     if (camera.lens)
         plots.push_back(width_plot(comparison));
     return plots;

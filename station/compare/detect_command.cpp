@@ -297,9 +297,8 @@ void declare_detect(Command& program) {
                    "calibration, for poses; without it corners are printed", "FILE");
     command.option(
         "--detector", asked->detector,
-        "apriltag, aruco, topotag, chessboard, charuco, stag,\naprilgrid, circles, "
-        "squares; auto: the marker's\nown; or photometric: the pose from all pixels,\nfor "
-        "any marker or board",
+        "apriltag, aruco, topotag, chessboard, charuco, stag,\naprilgrid, circles, squares; auto: "
+        "the marker's\nown; or photometric: the pose from all pixels,\nfor any marker or board",
         "NAME");
     command.option("--poses", asked->poses,
                    "where the marker is about (photometric only):\na pose for each photo, the "

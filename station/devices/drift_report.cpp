@@ -244,8 +244,7 @@ std::string drift_html(const DriftResult& result, const std::string& target) {
         figures.push_back({rate_plot(result.monitor),
                            "Drift at that corner of the image where it is largest, and what it is "
                            "below: of the last 5, 10 or 20 minutes, whichever says most. It is "
-                           "stable where the band "
-                           "stays under the limit."});
+                           "stable where the band stays under the limit."});
     page.add_figures(figures);
     add_jumps(page, result.monitor);
     add_limits_of_the_method(page);

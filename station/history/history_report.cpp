@@ -244,10 +244,8 @@ void write_history_report(std::span<const HistoricRun> runs,
         write_text(folder / fmt::format("chart-{}.svg", ++count),
                    value_plot(columns_of(runs, history), history).svg(/*stand_alone=*/true));
     }
-    page.add_notes(
-        {method_text() +
-         " A new calibration begins a new baseline, of which the first two runs only tell "
-         "the mean and the spread."});
+    page.add_notes({method_text() + " A new calibration begins a new baseline, of which the first "
+                                    "two runs only tell the mean and the spread."});
     write_text(folder / "report.html", page.finish());
     write_text(folder / "history.json", history_json(runs, charts, fleet));
 }

@@ -262,10 +262,8 @@ std::string fleet_text(std::span<const CameraState> fleet) {
 std::string trend_method_text() {
     return fmt::format(
         "Trend of the runs since the latest calibration by Mann and Kendall's test; a camera "
-        "without "
-        "a trend shows one in any of its quantities with {:.0f} % probability each time it is "
-        "looked "
-        "at.",
+        "without a trend shows one in any of its quantities with {:.0f} % probability each time it "
+        "is looked at.",
         100.0 * trend_false_alarm);
 }
 

@@ -99,11 +99,10 @@ void add_plots(HtmlPage& page, const Expectation& expectation) {
     HtmlPage::Figures figures;
     for (const std::size_t component : {std::size_t{0}, std::size_t{4}})
         for (const Abscissa& along : abscissae)
-            figures.push_back(
-                {component_plot(expectation, noise_ordinate, component, along),
-                 fmt::format("Noise {}: standard deviation of a single frame. Where the "
-                             "line rises, average frames or stay nearer.",
-                             error_components[component].name)});
+            figures.push_back({component_plot(expectation, noise_ordinate, component, along),
+                               fmt::format("Noise {}: standard deviation of a single frame. Where "
+                                           "the line rises, average frames or stay nearer.",
+                                           error_components[component].name)});
     page.add_figures(figures);
 }
 

@@ -216,11 +216,9 @@ void add_judged(HtmlPage& page, const Qualification& analysis) {
     page.add_notes(notes);
     page.add_facts(
         {{"B1, reported",
-          "Bias of the detector: the pose found in a render less the pose that was "
-          "rendered."},
+          "Bias of the detector: the pose found in a render less the pose that was rendered."},
          {"B2, reported",
-          "The pose found in the photograph less the one that stage and "
-          "registration give."},
+          "The pose found in the photograph less the one that stage and registration give."},
          {"B3, judged",
           "The pose found in the photograph less the one found in its render: the "
           "detector's own bias drops out, camera model and stage are left."},
@@ -563,8 +561,7 @@ HtmlPage::Figure pose_figure(const QualifyResult& result, const AnalysedPose& po
                              const std::string& label) {
     constexpr double gain = 4.0;
     const std::string caption = fmt::format(
-        "Pose {} ({}): photograph, render, and their difference enlarged {:.0f} times "
-        "(red: the "
+        "Pose {} ({}): photograph, render, and their difference enlarged {:.0f} times (red: the "
         "photograph is brighter, cyan: the render is). A coloured rim is an edge out of place.",
         pose.index, label, gain);
     try {

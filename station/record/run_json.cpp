@@ -148,8 +148,8 @@ void add_axis_columns(PoseColumns& columns, const std::vector<Axis>& axes, const
     for (std::size_t i = 0; i < axes.size(); ++i) {
         constexpr bool is_position = std::is_same_v<Number, double>;
         const double unit = is_position ? unit_of(axes[i]) : 1.0;
-        const char* suffix = axes[i].kind == Axis::Kind::rotary ? "_deg" : "_mm";
-        columns.push_back({prefix + axes[i].name + (is_position ? suffix : ""),
+        const std::string& name = axes[i].name;
+        columns.push_back({prefix + (is_position ? AxisUnits(axes[i].kind).mm_key(name) : name),
                            [i, unit, numbers](const AnalysedPose& pose) -> TableCell {
                                if constexpr (is_position)
                                    return unit * (pose.*numbers)[i];

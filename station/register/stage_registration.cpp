@@ -20,28 +20,21 @@ namespace {
 
 constexpr double detector_error_px = 0.5;  // of a photometric pose's start
 
-std::string column_name(const Axis& axis) {
-    return axis.name + (axis.kind == Axis::Kind::rotary ? "_deg" : "_mm");
-}
-
-double position_in(const CsvRow& row, std::size_t column, const Axis& axis) {
-    return axis.kind == Axis::Kind::rotary
-               ? row.number(column, units::deg.either_sign()) * rad_per_deg
-               : row.number(column, units::mm.either_sign());
-}
-
 // Of the column `photo`, taken as it stands, and one for each axis: `prefix` and its name.
 std::vector<StagePhoto> read_rows(const CsvFile& file, const std::string& photo,
                                   const std::string& prefix, const std::vector<Axis>& axes) {
     const std::size_t photo_column = file.column(photo);
     std::vector<std::size_t> columns;
     for (const Axis& axis : axes)
-        columns.push_back(file.column(prefix + column_name(axis)));
+        columns.push_back(file.column(prefix + AxisUnits(axis.kind).mm_key(axis.name)));
     std::vector<StagePhoto> photos;
     for (const CsvRow& row : file.rows) {
         photos.push_back({row.cells[photo_column], {}});
-        for (std::size_t i = 0; i < axes.size(); ++i)
-            photos.back().positions.push_back(position_in(row, columns[i], axes[i]));
+        for (std::size_t i = 0; i < axes.size(); ++i) {
+            const AxisUnits units(axes[i].kind);
+            photos.back().positions.push_back(row.number(columns[i], units.large().either_sign()) *
+                                              units.per_large());
+        }
     }
     if (photos.empty())
         throw ConfigError(file.place, "no photograph is listed");

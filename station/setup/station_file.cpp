@@ -103,11 +103,11 @@ Rigid read_mount(const Value& mount) {
 }
 
 PlanRequest::Interval read_interval(const Value& value, const Axis& axis) {
-    const bool rotary = axis.kind == Axis::Kind::rotary;
-    const auto bounds = value.numbers(2, (rotary ? units::deg : units::mm).either_sign());
+    const AxisUnits units(axis.kind);
+    const auto bounds = value.numbers(2, units.large().either_sign());
     if (bounds[0] > bounds[1])
         value.fail(fmt::format("must be [low, high], not [{}, {}]", bounds[0], bounds[1]));
-    const double unit = rotary ? rad_per_deg : 1.0;
+    const double unit = units.per_large();
     const double low = bounds[0] * unit, high = bounds[1] * unit;
     if (low < axis.low || high > axis.high)
         value.fail(fmt::format("[{}, {}] leaves the soft limits [{}, {}] of axis {}", bounds[0],

@@ -47,17 +47,16 @@ Json list_at(const Json& json, const char* key) {
 
 // The cause that is more probable than not, and what to do about it.
 Json named_cause(const Json& run) {
-    const Json ranked = value_at(value_at(run, "causes"), "ranked");
-    if (!ranked.is_array() || ranked.empty())
+    const Json ranked = list_at(value_at(run, "causes"), "ranked");
+    if (ranked.empty())
         return {};
     const Json probability = value_at(ranked[0], "probability");
     if (!probability.is_number() || !(probability.get<double>() > 0.5))
         return {};
     Json remedies = Json::array();
-    if (const Json errors = value_at(ranked[0], "errors"); errors.is_array())
-        for (const Json& error : errors)
-            if (const Json list = value_at(error, "remedies"); list.is_array() && !list.empty())
-                remedies.push_back(list[0]);
+    for (const Json& error : list_at(ranked[0], "errors"))
+        if (const Json list = list_at(error, "remedies"); !list.empty())
+            remedies.push_back(list[0]);
     return {{"text", value_at(ranked[0], "text")},
             {"probability", probability},
             {"remedies", remedies}};

@@ -28,15 +28,11 @@ double quantile_95(std::vector<double> values) {
 
 constexpr std::uint64_t bootstrap_seed = 1;
 
-struct NamedEstimate {
-    const char* name;
-    const Estimate ErrorStatistics::*value;
-};
-constexpr std::array<NamedEstimate, 4> estimates = {
-    {{"mean", &ErrorStatistics::mean},
-     {"mean |error|", &ErrorStatistics::mean_absolute},
-     {"median", &ErrorStatistics::median},
-     {"median |error|", &ErrorStatistics::median_absolute}}};
+constexpr std::pair<const char*, Estimate ErrorStatistics::*> estimates[] = {
+    {"mean", &ErrorStatistics::mean},
+    {"mean |error|", &ErrorStatistics::mean_absolute},
+    {"median", &ErrorStatistics::median},
+    {"median |error|", &ErrorStatistics::median_absolute}};
 
 Json json_of(const std::optional<Proportion>& share) {
     if (!share)
@@ -61,8 +57,8 @@ Json json_of(const MeasureStatistics& measures) {
     Json json = Json::object();
     for (std::size_t k = 0; k < measures.size(); ++k) {
         Json entry{{"unit", error_measures[k].unit}};
-        for (const NamedEstimate& one : estimates)
-            entry[one.name] = json_of(measures[k].*one.value);
+        for (const auto& [name, value] : estimates)
+            entry[name] = json_of(measures[k].*value);
         if (measures[k].standard_deviation)
             entry["std"] = json_of(*measures[k].standard_deviation);
         json[error_measures[k].name] = entry;
@@ -83,10 +79,9 @@ Json json_of(const PoseStatistics& statistics) {
 
 Json json_of(const SizeClass& one) {
     Json json{{"from_px", one.from_px},
-              {"to_px", nullptr},
+              {"to_px", or_null(one.to_px)},
               {"poses", one.poses},
               {"detected", json_of(one.detected)}};
-    add_present(json, "to_px", one.to_px);
     if (one.median_corner_px)
         json["median_corner_rms_px"] = json_of(*one.median_corner_px);
     add_present(json, "quantile95_corner_rms_px", one.corner_quantile_px);

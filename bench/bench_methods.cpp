@@ -8,16 +8,12 @@
 #include <tbb/task_arena.h>
 
 #include <atomic>
-#include <cmath>
 #include <tuple>
-#include <vector>
 
 #include "bench/published_method.h"
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
-#include "core/time/clock.h"
 #include "sim/scene/pose_volume.h"
-#include "sim/sensor/sensor_model.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
@@ -44,7 +40,6 @@ using Undistortion = PublishedMethod::Undistortion;
 constexpr std::uint64_t cloud_seed = 20;
 constexpr std::uint64_t quasi_monte_carlo_seed = 99;  // not the reference's
 
-// Measures one scene row by row.
 class SceneBench {
 public:
     SceneBench(const BenchmarkScene& scene, const BenchPlan& plan)
@@ -78,7 +73,6 @@ public:
     }
 
 private:
-    // The whole frame, again and again.
     template <class Render>
     double time_and_add(const std::string& method, const std::string& setting,
                         const Render& render) {

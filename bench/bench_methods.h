@@ -1,12 +1,6 @@
-// Error against run time: every method and setting on a scene, timed on one thread and compared
-// with the reference integrator.
+// Error against run time: every method and setting on a scene, on one thread.
 #pragma once
 
-#include <functional>
-#include <string>
-#include <vector>
-
-#include "bench/benchmark_scenes.h"
 #include "bench/render_comparison.h"
 
 namespace etalon {
@@ -15,9 +9,8 @@ namespace etalon {
 // back to the kernel: 1.5 of the published method's 6 ms, and none of the default plan's.
 void keep_freed_memory();
 
-// Median CPU time of `work` in the calling thread: limit TBB to one. `work` runs once before, then
-// seven times, or for 150 ms if that is more (at most 140 times); where the first run takes more
-// than a second, it is the only one.
+// Median CPU time of `work` in the calling thread: limit TBB to one. After a warm run seven runs,
+// or as many as take 150 ms (at most 140); only the first where it takes more than a second.
 double median_cpu_ms(const std::function<void()>& work);
 
 // How much is measured, unless quick.
@@ -64,9 +57,8 @@ inline constexpr const char* published_setting = "n256";
 
 BenchScene measure_scene(const BenchmarkScene& scene, const BenchPlan& plan);
 
-// The scene's camera and marker at many poses: the default plan and the published method at 256
-// rays. Times are means over the poses; errors are over all of them. `progress` gets the number of
-// poses that are done.
+// The scene at many poses: the default plan and the published method at 256 rays. Times are means,
+// errors are over all poses. `progress` gets the number of poses that are done.
 BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan& plan,
                          const std::function<void(int)>& progress);
 
@@ -85,9 +77,8 @@ struct Throughput {
     double ratio() const { return by_default.frames_per_s / by_published.frames_per_s; }
 };
 
-// The scene's camera and marker at the poses; each frame is rendered on one thread, exposed by the
-// sensor model (no noise) and thrown away. The published method gets every n-th pose, a twentieth
-// of them but at least 20.
+// The scene at the poses: rendered on one thread each, exposed without noise, thrown away. The
+// published method gets every n-th pose, a twentieth of them but at least 20.
 Throughput measure_throughput(const BenchmarkScene& scene, const std::vector<Rigid>& poses);
 
 }  // namespace etalon

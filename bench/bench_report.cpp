@@ -4,8 +4,6 @@
 #include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
-#include <cmath>
 #include <fstream>
 #include <thread>
 
@@ -13,13 +11,13 @@
 #include "core/file/text.h"
 #include "report/json_text.h"
 #include "report/result_table.h"
-#include "report/software_versions.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
-namespace {
 
-using nlohmann::ordered_json;
+ETALON_MEMBERS_TO_JSON(BenchCheck, what, figure, reached)
+
+namespace {
 
 constexpr const char* bench_kind = "bench/1";
 
@@ -159,7 +157,7 @@ SvgPlot panel(const BenchScene& scene) {
     return plot;
 }
 
-ordered_json throughput_json(const Throughput& t) {
+Json throughput_json(const Throughput& t) {
     return {{"frames", t.by_default.frames},
             {"frames_per_s", t.by_default.frames_per_s},
             {"cores_used", t.by_default.cores_used},
@@ -274,27 +272,22 @@ std::string bench_plot(const std::vector<BenchScene>& scenes) {
 }
 
 std::string bench_json(const BenchResult& result) {
-    ordered_json json = {{"etalon", bench_kind},
-                         {"machine", machine_name()},
-                         {"compiler", compiler_with_flags()},
-                         {"rows", json_rows(rows_table(result))}};
+    Json json = {{"etalon", bench_kind},
+                 {"machine", machine_name()},
+                 {"compiler", compiler_with_flags()},
+                 {"rows", json_rows(rows_table(result))}};
     for (const BenchScene& scene : result.scenes)
-        json["scenes"].push_back(
-            {{"scene", scene.name},
-             {"default_cpu_ms", scene.default_row().cpu_ms},
-             {"ratio", optional_number(scene.ratio_to_published(scene.default_row()))},
-             {"ratio_error", scene.ratio_error},
-             {"cache_ms", scene.cache_ms},
-             {"refined_pixels", scene.refined_pixels},
-             {"baseline_ns_per_ray", scene.ns_per_ray},
-             {"left_out", scene.left_out}});
-    if (result.throughput)
-        json["throughput"] = throughput_json(*result.throughput);
-    if (result.wide_throughput)
-        json["wide_throughput"] = throughput_json(*result.wide_throughput);
-    for (const BenchCheck& check : bench_checks(result))
-        json["checks"].push_back(
-            {{"what", check.what}, {"figure", check.figure}, {"reached", check.reached}});
+        json["scenes"].push_back({{"scene", scene.name},
+                                  {"default_cpu_ms", scene.default_row().cpu_ms},
+                                  {"ratio", or_null(scene.ratio_to_published(scene.default_row()))},
+                                  {"ratio_error", scene.ratio_error},
+                                  {"cache_ms", scene.cache_ms},
+                                  {"refined_pixels", scene.refined_pixels},
+                                  {"baseline_ns_per_ray", scene.ns_per_ray},
+                                  {"left_out", scene.left_out}});
+    add_present(json, "throughput", result.throughput, throughput_json);
+    add_present(json, "wide_throughput", result.wide_throughput, throughput_json);
+    json["checks"] = bench_checks(result);
     return text_of(json);
 }
 

@@ -1,11 +1,5 @@
-// What `etalon bench` says about its measurements: tables, plot, the Pareto front in words, and
-// whether the figures that Etalon promises were reached.
+// What `etalon bench` says: tables, plot, the Pareto front in words, the promised figures.
 #pragma once
-
-#include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "bench/bench_methods.h"
 
@@ -26,8 +20,7 @@ struct BenchCheck {
 };
 std::vector<BenchCheck> bench_checks(const BenchResult& result);
 
-// Files: one row per measurement, numbers unrounded; the table of docs/performance.md; one panel
-// per scene, error RMS against CPU time, both logarithmic.
+// One row a measurement; the table of docs/performance.md; per scene RMS against CPU time, log-log.
 std::string bench_csv(const BenchResult& result);
 std::string bench_markdown(const BenchResult& result);
 std::string bench_plot(const std::vector<BenchScene>& scenes);

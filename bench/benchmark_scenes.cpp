@@ -5,7 +5,6 @@
 #include "calib/camera/projector.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

@@ -7,10 +7,6 @@
 // given pixel, or before a wide lens lies in a given direction, which its tilt is to.
 #pragma once
 
-#include <string>
-#include <vector>
-
-#include "calib/camera/camera_model.h"
 #include "sim/render/renderer.h"
 
 namespace etalon {

@@ -7,7 +7,6 @@
 
 #include <Eigen/LU>
 #include <bit>
-#include <numbers>
 
 #include "bench/published_method.h"
 #include "core/program/errors.h"
@@ -244,8 +243,7 @@ Camera kernel_camera(const CameraModel& camera) {
     return result;
 }
 
-// From camera-frame points of the marker's plane to grid coordinates; nothing where the lens does
-// not look at the marker's front.
+// Camera frame to grid coordinates; nothing where the lens does not look at the front.
 std::optional<Eigen::Matrix3d> grid_from_camera(const PlacedMarker& marker) {
     const Eigen::Matrix3d rotation = marker.camera_from_marker.rotation.toRotationMatrix();
     const Eigen::Vector3d corner = marker.camera_from_marker * marker.grid.point_mm(0, 0);

@@ -17,10 +17,7 @@
 // nearer to the truth than the plain one) and the kernel's weights.
 #pragma once
 
-#include <vector>
-
 #include "calib/camera/camera_model.h"
-#include "core/image/image.h"
 #include "sim/scene/scene.h"
 
 namespace etalon {
@@ -50,12 +47,10 @@ struct PublishedImage {
     int edge_pixels = 0;  // each cost n rays; those just outside the image included
 };
 
-// One per camera and number of rays. render() works in the caller's thread alone; any number of
-// threads may call it at once.
+// One per camera and number of rays. Any number of threads may call render(), which starts none.
 class PublishedMethod {
 public:
-    // How the rays of an edge pixel are undistorted: each by the five steps, or all by the
-    // derivative of the undistortion at the pixel's centre.
+    // Undistorts each ray by the five steps, or all by the derivative at the pixel's centre.
     enum class Undistortion { per_ray, linearised };
 
     // Throws NumericalError for a camera without an image, a tilted sensor (tau_x, tau_y), a number

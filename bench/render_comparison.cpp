@@ -30,8 +30,7 @@ public:
 
     Eigen::Vector2d size() const { return {marker_.grid.columns(), marker_.grid.rows()}; }
 
-    // A window around a grid point; where it does not lie inside the image, nearer to the grid's
-    // centre.
+    // Around a grid point; nearer to the grid's centre where it leaves the image.
     cv::Rect window(const Eigen::Vector2d& place, const cv::Size& extent) const {
         const Eigen::Vector2d centre = 0.5 * size();
         for (double part = 1.0; part > 1e-3; part *= 0.9)

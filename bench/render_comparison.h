@@ -8,9 +8,6 @@
 // profile; times the cosine between profile and normal, it is that of the edge, px.
 #pragma once
 
-#include <span>
-#include <vector>
-
 #include "bench/benchmark_scenes.h"
 #include "sim/render/reference_integrator.h"
 

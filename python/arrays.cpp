@@ -3,13 +3,16 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <cmath>
-
 #include "compare/photo_pose.h"
 #include "core/program/errors.h"
 
 namespace etalon {
 namespace {
+
+std::string shape_text(const py::array& values) {
+    std::vector<py::ssize_t> shape(values.shape(), values.shape() + values.ndim());
+    return fmt::format("({}{})", fmt::join(shape, ", "), shape.size() == 1 ? "," : "");
+}
 
 [[noreturn]] void refuse_type(const char* name, const char* wanted, const py::array& values) {
     throw py::type_error(
@@ -62,9 +65,8 @@ cv::Mat over(const py::array& values, int type, const char* name) {
         refuse_shape(name, "(height, width), one channel", values);
     if ((values.shape(1) > 1 && values.strides(1) != item) ||
         values.strides(0) < item * values.shape(1))
-        throw ConfigError({name},
-                          "pixels of a row must lie side by side: numpy.ascontiguousarray "
-                          "makes them");
+        throw ConfigError(
+            {name}, "pixels of a row must lie side by side: numpy.ascontiguousarray makes them");
     return {static_cast<int>(values.shape(0)), static_cast<int>(values.shape(1)), type,
             const_cast<void*>(values.data()), static_cast<std::size_t>(values.strides(0))};
 }
@@ -87,11 +89,6 @@ py::dtype type_of(const cv::Mat& image) {
 }
 
 }  // namespace
-
-std::string shape_text(const py::array& values) {
-    std::vector<py::ssize_t> shape(values.shape(), values.shape() + values.ndim());
-    return fmt::format("({}{})", fmt::join(shape, ", "), shape.size() == 1 ? "," : "");
-}
 
 NumberArray number_rows(const py::object& values, py::ssize_t columns, const char* name) {
     NumberArray array = real_numbers(values, name);

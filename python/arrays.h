@@ -49,8 +49,7 @@ public:
 
 using NumberArray = py::array_t<double, py::array::c_style>;
 
-// Real numbers of the shape (..., columns), rows in a line of memory; whole and single-precision
-// numbers are converted.
+// Real numbers (..., columns) in a line of memory, converted to double.
 NumberArray number_rows(const py::object& values, py::ssize_t columns, const char* name);
 // `shape` with its last dimensions replaced: (..., 3) -> (..., 2).
 std::vector<py::ssize_t> shape_like(const NumberArray& rows, std::vector<py::ssize_t> last);
@@ -80,8 +79,7 @@ template <class Object, class Member>
 auto as_array(Member Object::*member) {
     return [member](const Object& object) { return array_of(object.*member); };
 }
-// uint8 or uint16, (height, width), pixels of a row side by side; `bits` 0: 8 or 16 as the type
-// has. It shares the array's memory, which must outlive it.
+// uint8 or uint16, (height, width); `bits` 0: as the type. Shares memory, which must outlive it.
 CodeImage code_image(const py::array& values, const char* name, int bits = 0);
 // The same as a photograph of this camera, of its size and bits.
 CodeImage photo_of(const py::array& values, const CameraModel& camera, const char* name);
@@ -90,9 +88,6 @@ Radiance radiance_of(const py::array& values, const char* name);
 
 // uint8, uint16 or float32, (height, width), over the image's own memory.
 py::array shared_array(const cv::Mat& image, bool is_writable = true);
-
-// "(3, 2)"
-std::string shape_text(const py::array& values);
 
 // What each file of this folder adds to the module `etalon`: etalon/__init__.pyi, docs/python.md.
 void bind_transforms(py::module_& module);

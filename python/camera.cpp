@@ -4,9 +4,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/LU>
-#include <limits>
 
-#include "calib/camera/camera_model.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/calibration_model.h"
@@ -124,8 +122,6 @@ py::object unproject(const Projector& camera, const py::object& pixels, bool jac
                                      *derivative = ray_by_pixel(back->jacobian, is_flat);
                              });
 }
-
-// ---- what the file says
 
 py::dict parameters(const Projector& camera) {
     const CameraModel& model = camera.camera();

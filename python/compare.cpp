@@ -1,9 +1,7 @@
 // etalon.compare: a photograph against its rendering.
-#include "calib/camera/projector.h"
 #include "compare/make_detector.h"
 #include "compare/match/photo_findings.h"
 #include "compare/photo_pose.h"
-#include "compare/photometric/photo_match.h"
 #include "core/program/errors.h"
 #include "python/arrays.h"
 #include "python/interruptible.h"

@@ -1,7 +1,5 @@
 // etalon.detect, estimate_pose, PhotometricDetector: where a marker is, from a photograph of it.
-#include <mutex>
 
-#include "calib/camera/projector.h"
 #include "compare/make_detector.h"
 #include "compare/photo_pose.h"
 #include "compare/photometric/photometric_detector.h"

@@ -1,5 +1,4 @@
-// etalon.CameraDevice, Stage, devices(): what takes photographs and moves, within a station's
-// rules.
+// etalon.CameraDevice, Stage, devices(): cameras and stages within a station's rules.
 #include "python/devices.h"
 
 #include "capture/camera_recovery.h"

@@ -1,6 +1,5 @@
-// Devices as Python has them: several of its threads may hold one, and it can be closed while it is
-// held. One thread at a time has the device. Everything here needs the GIL, and gives it free while
-// it waits.
+// Devices that several of Python's threads may hold and close. One thread at a time has the device.
+// Needs the GIL, and gives it free while it waits.
 #pragma once
 
 #include "python/interruptible.h"

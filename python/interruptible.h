@@ -1,6 +1,5 @@
-// Long calls from Python: the work is done without the GIL, on a thread of its own, so that Ctrl-C
-// reaches it as a request to stop. Axes are then stopped and files closed before the
-// KeyboardInterrupt goes on.
+// Long calls from Python, on a thread of their own without the GIL. Ctrl-C requests a stop: axes
+// are stopped and files closed before the KeyboardInterrupt goes on.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -26,8 +25,7 @@ auto interruptible(Work&& work) {
     return std::move(*result);
 }
 
-// For work that takes less than a tenth of a second or cannot be stopped: without the GIL, on the
-// caller's thread.
+// For work of less than 0.1 s, or that cannot be stopped: without the GIL, on this thread.
 template <class Work>
 auto without_gil(Work&& work) {
     const pybind11::gil_scoped_release released;

@@ -1,5 +1,4 @@
-// The compiled part of the package `etalon`, and the errors of core/program/errors.h as the
-// exceptions of etalon/errors.py.
+// The compiled part of the package `etalon`; errors become the exceptions of etalon/errors.py.
 #include "core/program/errors.h"
 
 #include "core/program/version.h"

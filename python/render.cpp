@@ -7,12 +7,9 @@
 #include "python/interruptible.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
 
 namespace etalon {
 namespace {
-
-// ---- markers
 
 Marker marker_named(const std::string& spec) {
     return without_gil([&] { return parse_marker(spec, "spec"); });
@@ -21,8 +18,6 @@ Marker marker_named(const std::string& spec) {
 std::pair<double, double> pair_of(const Eigen::Vector2d& vector) {
     return {vector.x(), vector.y()};
 }
-
-// ---- rendering
 
 // A list of (Marker, camera_from_marker (4, 4)).
 Scene scene_of(const py::object& markers, double background) {
@@ -57,8 +52,6 @@ RenderedImage render(const Renderer& renderer, const py::object& markers, double
     options.tolerance_gray = tolerance_gray;
     return without_gil([&] { return renderer.render(scene, options); });
 }
-
-// ---- the sensor
 
 py::array expose(const SensorModel& sensor, const py::array& radiance,
                  const std::optional<std::uint64_t>& seed, std::uint32_t frame) {

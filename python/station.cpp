@@ -1,15 +1,11 @@
-// etalon.Station: what a station.yaml says, its devices, and the main job; records analysed again.
-// etalon.run_study: detectors compared.
-#include "calib/camera/projector.h"
+// etalon.Station: a station.yaml, its devices, the main job, records; etalon.run_study.
 #include "core/file/file_writing.h"
 #include "python/arrays.h"
 #include "python/devices.h"
-#include "python/interruptible.h"
 #include "report/number_text.h"
 #include "stage/axes/kinematics.h"
 #include "station/qualify/runner.h"
 #include "station/register/stage_registration.h"
-#include "station/setup/plan.h"
 #include "station/setup/station_lock.h"
 #include "study/study_report.h"
 #include "study/study_run.h"
@@ -56,8 +52,6 @@ py::object analyse(const std::filesystem::path& record, bool progress) {
     });
     return read_back(record);
 }
-
-// ---- registration
 
 StageRegistration registered(const StationFile& station, const std::vector<StagePhoto>& photos,
                              const std::string& detector) {
@@ -134,8 +128,6 @@ detector: "" takes the station's; "photometric" weighs each pose by its covarian
 ConfigError, and NumericalError for poses that do not tell.)");
 }
 
-// ---- the station
-
 py::dict plan(const StationFile& station) {
     const Plan plan = without_gil([&] { return plan_of(station); });
     const auto axes = static_cast<py::ssize_t>(station.stage.axes.size());
@@ -165,8 +157,6 @@ NumberArray carriage_at(const StationFile& station, const py::object& positions)
 StationFile read_file(const std::filesystem::path& path) {
     return without_gil([&] { return read_station(path); });
 }
-
-// ---- etalon.run_study: detectors compared on rendered poses
 
 py::object study_to(const std::filesystem::path& file, const std::filesystem::path& out,
                     const std::vector<std::string>& ablate, bool progress) {

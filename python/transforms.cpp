@@ -1,7 +1,5 @@
 // Poses as six numbers, and images as files.
-#include "core/image/image.h"
 
-#include "core/geometry/rigid.h"
 #include "python/arrays.h"
 #include "python/interruptible.h"
 #include "report/number_text.h"

@@ -47,8 +47,7 @@ public:
     // The versions of what made the page or its record.
     void add_software(const std::vector<SoftwareVersion>& software);
 
-    // Figures in full rows: three, two or one beside each other, as many as there are and room is.
-    // Each is an <svg> or <img> element.
+    // <svg> or <img> elements in full rows: three, two or one beside each other.
     struct Figure {
         std::string html;
         std::string caption;  // also what to look at
@@ -70,9 +69,8 @@ private:
 std::string table_html(const std::vector<std::string>& header, const TableRows& rows);
 std::string figure_html(const std::string& html, const std::string& caption_html);
 
-// An <img> with the picture inside it, as PNG (lossless) or as JPEG of the given quality; `alt`
-// says what is seen. The picture is decoded when it comes into view, and shown without smoothing
-// when it is enlarged.
+// An <img> with the picture inside, as PNG or as JPEG of this quality; `alt` says what is seen.
+// Decoded when it comes into view, shown without smoothing when it is enlarged.
 std::string embedded_png(const cv::Mat& picture, const std::string& alt);
 std::string embedded_jpeg(const cv::Mat& picture, int quality, const std::string& alt);
 

@@ -30,8 +30,7 @@ int decimals_of(double uncertainty);
 // "1 photograph", "7 photographs"; "2 quantities" where the plural is said.
 std::string counted(std::size_t count, const std::string& noun, const std::string& plural = "");
 
-// Poses and covariances as the numbers of files and tables: rotation vector in rad, then
-// translation in mm.
+// Poses and covariances in files and tables: rotation vector in rad, then translation in mm.
 
 std::vector<double> pose_numbers(const Rigid& transform);
 std::vector<std::vector<double>> row_numbers(const Matrix6d& matrix);

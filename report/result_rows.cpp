@@ -23,16 +23,13 @@ Shard parse_shard(const std::string& text) {
 
 namespace {
 
-using nlohmann::ordered_json;
-
 constexpr const char* results_file = "results.csv";
 
 [[noreturn]] void refuse(const std::filesystem::path& folder, const std::string& why) {
     throw ConfigError({"--out"}, fmt::format("'{}' {}", folder.string(), why));
 }
 
-// Whether a folder without a description holds nothing but what a program leaves that was killed
-// before it had written that.
+// Whether a folder without a description holds only what a program killed before it leaves.
 bool is_only_begun(const std::filesystem::path& folder, const RowsDescription& description) {
     const std::string& header = description.header;
     std::error_code error;
@@ -48,10 +45,10 @@ bool is_only_begun(const std::filesystem::path& folder, const RowsDescription& d
 
 void require_same(const std::filesystem::path& folder, const RowsDescription& description) {
     const ShardedWork& work = description.work;
-    const ordered_json there = read_json(folder / work.description);
+    const Json there = read_json(folder / work.description);
     if (!there.is_object())
         refuse(folder, fmt::format("holds a {} that cannot be read", work.description));
-    const std::string different = first_difference(there, ordered_json::parse(description.json));
+    const std::string different = first_difference(there, Json::parse(description.json));
     if (!different.empty())
         refuse(folder, fmt::format("belongs to another {}: its '{}' differs (see {})", work.what,
                                    different, work.description));
@@ -106,12 +103,10 @@ void RowRecord::add(const std::string& rows) {
     ++units_done_;
 }
 
-// --------------------------------------------------------------------------------------- merging
-
 namespace {
 
-Shard shard_in(const ordered_json& description, const std::string& place) {
-    const ordered_json pair = description.value("shard", ordered_json());
+Shard shard_in(const Json& description, const std::string& place) {
+    const Json pair = description.value("shard", Json());
     const bool is_pair = pair.is_array() && pair.size() == 2 && pair[0].is_number_unsigned() &&
                          pair[1].is_number_unsigned();
     const Shard shard = is_pair ? Shard{pair[0], pair[1]} : Shard{0, 0};
@@ -128,12 +123,12 @@ std::vector<std::filesystem::path> shards_in_order(
     const auto place_of = [&](const std::filesystem::path& folder) {
         return (folder / work.description).string();
     };
-    const ordered_json first = ordered_json::parse(descriptions.at(0));
+    const Json first = Json::parse(descriptions.at(0));
     const Shard first_shard = shard_in(first, place_of(folders[0]));
     std::vector<std::filesystem::path> ordered(first_shard.count);
     for (std::size_t i = 0; i < folders.size(); ++i) {
         const std::string place = place_of(folders[i]);
-        ordered_json one = ordered_json::parse(descriptions.at(i));
+        Json one = Json::parse(descriptions.at(i));
         const Shard shard = shard_in(one, place);
         std::filesystem::path& there = ordered.at(std::min(shard.index, ordered.size()) - 1);
         if (shard.count == first_shard.count && !there.empty())

@@ -57,8 +57,7 @@ public:
     const std::filesystem::path& folder() const { return folder_; }
     std::size_t units_done() const { return units_done_; }  // of the shard
 
-    // All rows of the next unit, each with its line end. They are in the file when this returns;
-    // throws as fail_writing() when they cannot be written.
+    // All rows of the next unit, with line ends; in the file on return. Throws as fail_writing().
     void add(const std::string& rows);
 
 private:
@@ -70,9 +69,8 @@ private:
     std::optional<AppendFile> results_;
 };
 
-// The folders by their shards' index. Each is described by JSON with "shard", in that order. Throws
-// ConfigError for shards that are missing, doubled or of different works: which and in what, is
-// said.
+// The folders by their shards' index; `descriptions` are theirs, JSON with "shard". Throws
+// ConfigError that says which are missing, doubled or of different works.
 std::vector<std::filesystem::path> shards_in_order(
     const ShardedWork& work, const std::vector<std::filesystem::path>& folders,
     const std::vector<std::string>& descriptions);
@@ -80,8 +78,7 @@ std::vector<std::filesystem::path> shards_in_order(
 // Reads the rows of all shards, unit by unit in the order of the work in one piece.
 class ShardRows {
 public:
-    // `in_order`: as shards_in_order() gives them. Throws ConfigError for a results.csv that is
-    // none of this work. As many files are open as there are shards.
+    // `in_order`: of shards_in_order(). Throws ConfigError for a results.csv of other work.
     ShardRows(const std::vector<std::filesystem::path>& in_order, const RowsDescription& whole);
 
     // The next unit's rows, without line ends. Throws ConfigError where they are missing.
@@ -97,8 +94,7 @@ private:
     std::vector<std::string> rows_;
 };
 
-// Writes the folder of the whole from all of its shards. Throws ConfigError as above and when
-// `out` holds something else.
+// Writes the whole from all shards. Throws ConfigError as above, or when `out` holds other things.
 void merge_rows(const std::vector<std::filesystem::path>& in_order, const RowsDescription& whole,
                 const std::filesystem::path& out);
 

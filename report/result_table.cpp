@@ -13,8 +13,6 @@
 namespace etalon {
 namespace {
 
-using nlohmann::ordered_json;
-
 template <class... Functions>
 struct Overloaded : Functions... {
     using Functions::operator()...;
@@ -35,9 +33,8 @@ std::string text_of_cell(const TableCell& cell, const char* missing, const char*
                       cell.value);
 }
 
-ordered_json row_json(const ResultTable& table, const std::vector<TableCell>& row,
-                      MissingFigure missing) {
-    ordered_json json = ordered_json::object();
+Json row_json(const ResultTable& table, const std::vector<TableCell>& row, MissingFigure missing) {
+    Json json = Json::object();
     for (std::size_t i = 0; i < row.size(); ++i) {
         const std::string& key = table.columns[i].key;
         if (key.empty())
@@ -167,14 +164,14 @@ std::string text_of_csv(std::string_view field) {
     return text;
 }
 
-ordered_json json_rows(const ResultTable& table, MissingFigure missing) {
-    ordered_json rows = ordered_json::array();
+Json json_rows(const ResultTable& table, MissingFigure missing) {
+    Json rows = Json::array();
     for (const std::vector<TableCell>& row : table.rows)
         rows.push_back(row_json(table, row, missing));
     return rows;
 }
 
-ordered_json json_object(const ResultTable& table, MissingFigure missing) {
+Json json_object(const ResultTable& table, MissingFigure missing) {
     return row_json(table, table.rows.at(0), missing);
 }
 

@@ -14,7 +14,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -23,6 +22,7 @@
 #include <vector>
 
 #include "core/geometry/rigid.h"
+#include "report/json_text.h"
 
 namespace etalon {
 
@@ -119,8 +119,7 @@ ResultTable table_of_one(const ColumnsOf<Row>& columns, const Row& row) {
 
 // ---- files: the columns with a key ----------------------------------------------------------
 
-// Header and rows. Nothing is an empty cell, yes and no are 1 and 0. Numbers are unrounded unless a
-// format says otherwise.
+// Nothing is an empty cell, yes and no are 1 and 0. Numbers are unrounded without a format.
 std::string csv_of(const ResultTable& table, const std::string& number_format = "");
 
 // Text with commas, quotes or line ends is quoted (RFC 4180, section 2).
@@ -130,14 +129,12 @@ std::string text_of_csv(std::string_view field);
 
 // What is missing is null, or has no key.
 enum class MissingFigure { null, left_out };
-nlohmann::ordered_json json_rows(const ResultTable& table,
-                                 MissingFigure missing = MissingFigure::null);
+Json json_rows(const ResultTable& table, MissingFigure missing = MissingFigure::null);
 // Of the first row.
-nlohmann::ordered_json json_object(const ResultTable& table,
-                                   MissingFigure missing = MissingFigure::null);
-template <class Row, class Json = nlohmann::ordered_json>
-Json json_object(const ColumnsOf<Row>& columns, const Row& row,
-                 MissingFigure missing = MissingFigure::null) {
+Json json_object(const ResultTable& table, MissingFigure missing = MissingFigure::null);
+template <class Row, class Object = Json>
+Object json_object(const ColumnsOf<Row>& columns, const Row& row,
+                   MissingFigure missing = MissingFigure::null) {
     return json_object(table_of_one(columns, row), missing);
 }
 
@@ -150,9 +147,8 @@ std::string cell_text(const TableCell& cell, const ColumnHead& column);
 std::vector<std::string> headings_of(const ResultTable& table);
 std::vector<std::vector<std::string>> texts_of(const ResultTable& table);
 
-// For a terminal: headings, units below them, rows. Columns of numbers are aligned right. The
-// widest text is cut where lines would be longer than 80 columns. `without`: headings that are for
-// pages only.
+// For a terminal: headings, units, rows; numbers aligned right. The widest text is cut to 80
+// columns a line. `without`: headings that are for pages only.
 std::string text_table(const ResultTable& table, const std::vector<std::string>& without = {});
 
 }  // namespace etalon

@@ -1,5 +1,4 @@
-// The versions of this program and of what it was built with, for records, pages and
-// `etalon --version`.
+// The versions of this program and its libraries, for records, pages and `etalon --version`.
 #pragma once
 
 #include <string>

@@ -18,8 +18,7 @@ constexpr double left = 62, right = 14, bottom = 44;  // margins, px; the upper 
 
 using Kind = PlotLayer::Kind;
 
-// By color: the class of the page's style sheet (report/html.cpp), and the colour of a file without
-// a page.
+// By color: class of the page's style sheet (report/html.cpp), and colour in a file of its own.
 constexpr std::pair<const char*, const char*> color_styles[] = {
     {"blue", "#0072b2"},   {"orange", "#e69f00"}, {"green", "#009e73"}, {"red", "#d55e00"},
     {"purple", "#aa4f8b"}, {"sky", "#3f9fd8"},    {"gray", "#8a949b"}};
@@ -56,7 +55,6 @@ std::vector<double> log_ticks(double low, double high, int most) {
     return values;
 }
 
-// Places on the axis with their labels.
 std::vector<std::pair<double, std::string>> labelled_ticks(const std::pair<double, double>& range,
                                                            int most, bool is_log) {
     const auto [low, high] = range;
@@ -79,7 +77,6 @@ std::vector<std::size_t> finite_marks(const PlotLayer& layer) {
     return finite;
 }
 
-// The range of the data along an axis.
 struct Extent {
     double low = std::numeric_limits<double>::infinity();
     double high = -std::numeric_limits<double>::infinity();
@@ -111,11 +108,11 @@ void widen(std::pair<double, double>& range, double size) {
 
 void include(const PlotLayer& layer, Extent& x, Extent& y) {
     for (std::size_t i = 0; i < layer.ys.size(); ++i) {
-        y.include(layer.ys[i]);
+        y.include(layer.kind == Kind::band ? layer.us[i] : layer.ys[i]);
         if (i < layer.xs.size())
             x.include(layer.xs[i]);
         if (layer.kind == Kind::band)
-            y.include(layer.us[i]);
+            y.include(layer.vs[i]);
         if (layer.kind == Kind::arrows) {
             x.include(layer.xs[i] + layer.us[i]);
             y.include(layer.ys[i] + layer.vs[i]);
@@ -166,24 +163,16 @@ void Series::add(double x, double y, std::string note) {
     notes.push_back(std::move(note));
 }
 
-void Series::add(double x, double y, double low, double high, std::string note) {
+void Series::add(double x, double y, double u, double v, std::string note) {
     add(x, y, std::move(note));
-    lows.push_back(low);
-    highs.push_back(high);
+    us.push_back(u);
+    vs.push_back(v);
 }
 
-void Arrows::add(const Eigen::Vector2d& at, const Eigen::Vector2d& along, std::string note) {
-    xs.push_back(at.x());
-    ys.push_back(at.y());
-    dxs.push_back(along.x());
-    dys.push_back(along.y());
-    notes.push_back(std::move(note));
-}
-
-double Arrows::longest() const {
+double Series::longest() const {
     double longest = 0.0;
-    for (std::size_t i = 0; i < dxs.size(); ++i)
-        longest = std::max(longest, std::hypot(dxs[i], dys[i]));
+    for (std::size_t i = 0; i < us.size(); ++i)
+        longest = std::max(longest, std::hypot(us[i], vs[i]));
     return longest;
 }
 
@@ -220,23 +209,22 @@ void SvgPlot::add(PlotLayer layer) {
     };
     if (is_log_x_)
         take_logarithms(layer.xs);
-    if (is_log_y_) {
-        take_logarithms(layer.ys);
-        take_logarithms(layer.us);
-    }
+    if (is_log_y_)
+        for (std::vector<double>* values : {&layer.ys, &layer.us, &layer.vs})
+            take_logarithms(*values);
     layers_.push_back(std::move(layer));
 }
 
 void SvgPlot::add_points(const Series& series, Color color, const std::string& name) {
-    add({Kind::points, color, name, series.xs, series.ys, {}, {}, series.notes});
+    add({series, Kind::points, color, name});
 }
 
 void SvgPlot::add_line(const Series& series, Color color, const std::string& name) {
-    add({Kind::line, color, name, series.xs, series.ys});
+    add({series, Kind::line, color, name});
 }
 
 void SvgPlot::add_band(const Series& series, Color color, const std::string& name) {
-    add({Kind::band, color, name, series.xs, series.lows, series.highs});
+    add({series, Kind::band, color, name});
 }
 
 void SvgPlot::add_curve(const Series& series, Color color, const std::string& name) {
@@ -249,13 +237,12 @@ void SvgPlot::add_bars(const std::vector<std::string>& categories,
     categories_ = categories;
     std::vector<double> places(values.size());
     std::iota(places.begin(), places.end(), 0.0);
-    layers_.push_back({Kind::bars, color, "", places, values, {}, {}, categories});
+    layers_.push_back({{places, values, {}, {}, categories}, Kind::bars, color, ""});
 }
 
-void SvgPlot::add_arrows(const Arrows& arrows, double magnification, Color color,
+void SvgPlot::add_arrows(const Series& arrows, double magnification, Color color,
                          const std::string& name) {
-    PlotLayer layer{Kind::arrows, color,      name,       arrows.xs,
-                    arrows.ys,    arrows.dxs, arrows.dys, arrows.notes};
+    PlotLayer layer{arrows, Kind::arrows, color, name};
     for (std::vector<double>* components : {&layer.us, &layer.vs})
         for (double& component : *components)
             component *= magnification;
@@ -271,7 +258,7 @@ void SvgPlot::show_image(int width, int height) {
 }
 
 void SvgPlot::add_level(double y, Color color, const std::string& label) {
-    add({Kind::level, color, label, {}, {y}});
+    add({{{}, {y}}, Kind::level, color, label});
 }
 
 SvgPlot::Frame SvgPlot::frame(double top) const {
@@ -377,12 +364,13 @@ std::string SvgPlot::Frame::path(const PlotLayer& layer) const {
             path +=
                 fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", px(x_value), py(y_value));
     };
+    const bool is_line = layer.kind == Kind::line;
     for (std::size_t i = 0; i < layer.xs.size(); ++i)
-        append(layer.xs[i], layer.ys[i]);
-    if (layer.kind == Kind::line)
+        append(layer.xs[i], is_line ? layer.ys[i] : layer.us[i]);
+    if (is_line)
         return "<path class='stroke' stroke-width='1.8' d='" + path + "'/>";
     for (std::size_t i = layer.xs.size(); i-- > 0;)
-        append(layer.xs[i], layer.us[i]);
+        append(layer.xs[i], layer.vs[i]);
     return "<path class='area' d='" + path + "Z'/>";
 }
 

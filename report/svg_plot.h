@@ -1,7 +1,6 @@
-// Plots for reports as SVG text, which open offline and print: scatter, lines, bands, arrows, with
-// ticks at 1-2-5 steps. Colours come from the page's style sheet (report/html.h), also those of its
-// dark mode. A plot in a file of its own has its style in it. Every point shows its values when
-// pointed at.
+// Plots for reports as SVG text: scatter, lines, bands, arrows, with ticks at 1-2-5 steps. Colours
+// come from the page's style sheet (report/html.h), also in dark mode. A plot in a file of its own
+// has its style in it. Every point shows its values when pointed at.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,8 +14,7 @@ namespace etalon {
 // The colours of the style sheet, safe for colour-blind readers (Okabe and Ito 2008).
 enum class Color { blue, orange, green, red, purple, sky, gray };
 
-// Round numbers within [low, high], low < high: at steps of 1, 2 or 5 times a power of ten, at most
-// `most` + 1 of them.
+// Round numbers in [low, high], low < high: at most `most` + 1, at steps of 1, 2 or 5 times 10^n.
 std::vector<double> axis_ticks(double low, double high, int most);
 
 // 1, 2 or 5 times a power of ten, not above `value` > 0: a magnification to draw something at.
@@ -24,30 +22,24 @@ double round_scale(double value);
 
 // What a layer of a plot shows, collected point by point; notes are shown when pointed at.
 struct Series {
-    std::vector<double> xs, ys, lows, highs;  // lows, highs: of a band
+    std::vector<double> xs, ys;
+    std::vector<double> us, vs;  // low and high end of a band; an arrow's components, plot units
     std::vector<std::string> notes;
 
     void add(double x, double y, std::string note = "");
-    void add(double x, double y, double low, double high, std::string note = "");
+    void add(double x, double y, double u, double v, std::string note = "");
+    void add(const Eigen::Vector2d& at, const Eigen::Vector2d& along, std::string note = "") {
+        add(at.x(), at.y(), along.x(), along.y(), std::move(note));
+    }
     bool empty() const { return xs.empty(); }
+    double longest() const;  // of the arrows
 };
 
-// Arrows, and what they stand on, in plot units.
-struct Arrows {
-    std::vector<double> xs, ys, dxs, dys;
-    std::vector<std::string> notes;
-
-    void add(const Eigen::Vector2d& at, const Eigen::Vector2d& along, std::string note = "");
-    double longest() const;
-};
-
-// What SvgPlot draws one above the other. us, vs: arrow components, or us a band's upper end.
-struct PlotLayer {
+// What SvgPlot draws one above the other.
+struct PlotLayer : Series {
     enum class Kind { points, line, band, bars, arrows, level } kind;
     Color color;
     std::string name;
-    std::vector<double> xs, ys, us, vs;
-    std::vector<std::string> notes;
 };
 
 class SvgPlot {
@@ -64,9 +56,8 @@ public:
     // Fixed ends of the axis; otherwise they follow the data.
     void set_y_range(double low, double high) { y_range_ = {low, high}; }
 
-    // Coordinates that are not finite are left out. Of more than 400 points (or arrows) of a layer
-    // one is drawn in each square of 6 px, the first (of arrows in 16 px, the longest), and the
-    // plot says so.
+    // Coordinates that are not finite are left out. Of more than 400 points (arrows) one a square
+    // of 6 px (16 px) is drawn, the first (the longest), and the plot says so.
     void add_points(const Series& series, Color color, const std::string& name);
     void add_line(const Series& series, Color color, const std::string& name);
     // Filled between low and high.
@@ -77,7 +68,7 @@ public:
     void add_bars(const std::vector<std::string>& categories, const std::vector<double>& values,
                   Color color);
     // Each as long as `magnification` times its own length.
-    void add_arrows(const Arrows& arrows, double magnification, Color color,
+    void add_arrows(const Series& arrows, double magnification, Color color,
                     const std::string& name);
     // Image axes, and the border of an image of this size, so that the plot shows all of it.
     void show_image(int width, int height);
@@ -110,9 +101,8 @@ std::string stand_alone_svg(std::string svg);
 // Plots of this size side by side as one file, row by row.
 std::string svg_panels(std::span<SvgPlot> plots, int columns, int width, int height);
 
-// A map of a positive quantity over a camera's image: coloured cells, a scale beside them, and the
-// value under the pointer. The colours are "viridis" (Smith and van der Walt): even in lightness
-// and safe for colour-blind readers.
+// A map of a positive quantity over an image: coloured cells, a scale, the value under the pointer.
+// Colours: "viridis" (Smith and van der Walt), safe for colour-blind readers.
 struct HeatMap {
     // Centres of the cells in image coordinates, their size, and the image they lie in, all in px.
     std::vector<Eigen::Vector2d> centres;

@@ -2,13 +2,10 @@
 #include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
-
 #include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "compare/make_detector.h"
 #include "report/json_text.h"
-#include "sim/marker/marker.h"
 #include "sim/marker/stag_pattern.h"
 #include "sim/marker/tag_pattern.h"
 #include "sim/marker/topotag_pattern.h"
@@ -24,8 +21,6 @@ namespace etalon {
 namespace {
 
 using Words = std::vector<std::string>;
-
-// ---- words of values, from the program's tables
 
 const Words* families_of(const std::string& kind) {
     if (kind == "apriltag" || kind == "aprilgrid")
@@ -90,8 +85,6 @@ const NamedValue named_values[] = {
     {"--detector", photometric_too}, {"--model", model_words},     {"--to", tool_words},
     {"PROFILE", profile_words},      {"--profile", profile_words}, {"--ablate", study_switch_names},
     {"STATION", yaml_files},         {"--station", yaml_files},    {"STUDY", yaml_files}};
-
-// ---- where in the command line the last word stands
 
 const DescribedOption* find_option(const DescribedCommand& command, const std::string& word) {
     const auto found = std::ranges::find_if(command.options, [&](const DescribedOption& option) {
@@ -223,7 +216,7 @@ std::vector<std::string> lines_of(const CompletionArguments& arguments) {
 int run_completion(const CompletionArguments& arguments) {
     const std::vector<std::string> lines = lines_of(arguments);
     if (arguments.json)
-        fmt::print("{}\n", text_of(nlohmann::ordered_json(lines)));
+        fmt::print("{}\n", text_of(Json(lines)));
     else
         fmt::print("{}\n", fmt::join(lines, "\n"));
     return 0;

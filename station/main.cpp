@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "capture/frame/camera.h"
-#include "core/program/errors.h"
 #include "core/program/version.h"
 #include "report/software_versions.h"
 #include "station/commands.h"
@@ -28,9 +27,8 @@ std::string version_text() {
     return text;
 }
 
-// Pictures of many megapixels come and go: memory that a command has got it keeps, for new pages
-// cost more than many a step of the work on them. Not the server's, which lives for months: it
-// would keep its peak (docs/performance.md).
+// Keeps freed memory: new pages for pictures of many megapixels cost more than the work on them.
+// Not the server's, which lives for months (docs/performance.md).
 void keep_memory() {
     mallopt(M_MMAP_MAX, 0);
     mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());

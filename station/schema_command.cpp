@@ -2,14 +2,11 @@
 #include <fmt/format.h>
 
 #include "calib/files/camera_file.h"
-#include "compare/qualification/limits_file.h"
 #include "core/config/file_schema.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "stage/profile/profile.h"
 #include "station/certify/certificate.h"
 #include "station/commands.h"
-#include "station/setup/station_file.h"
 #include "study/study_file.h"
 
 namespace etalon {

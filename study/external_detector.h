@@ -1,7 +1,6 @@
-// A detector that is a program of its own: docs/study.md, "Programs of your own". A crash, an
-// answer that is none, or silence for longer than the time-out counts as no detection, with the
-// reason in words. The program is then ended, with all that it started, and started anew for the
-// next image.
+// A detector that is a program: docs/study.md, "Programs of your own". A crash, a wrong answer or
+// silence beyond the time-out counts as no detection, with the reason in words. The program and all
+// that it started are then ended, and it is started anew for the next image.
 #pragma once
 
 #include <filesystem>
@@ -23,8 +22,7 @@ std::optional<ExternalAnswer> external_answer(const std::string& line);
 // Not thread-safe: one per thread.
 class ExternalDetector {
 public:
-    // The program (looked for as a shell does) and its arguments. Throws ConfigError at `place`
-    // when it cannot be started.
+    // The program (found as a shell does) and its arguments. Throws ConfigError at `place`.
     ExternalDetector(std::vector<std::string> command, std::chrono::milliseconds time_out,
                      const std::string& place);
     ~ExternalDetector();

@@ -5,7 +5,6 @@
 #include <cstring>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/svg_plot.h"
 #include "study/pair_matrix.css.h"
 #include "study/pair_matrix.js.h"
@@ -14,12 +13,12 @@ namespace etalon {
 namespace {
 
 // Never empty, and a little larger than [low, high].
-PairAxis padded(double low, double high, double share) {
+Interval padded(double low, double high, double share) {
     const double room = high > low ? share * (high - low) : std::max(0.5, 0.1 * std::abs(low));
     return {low - room, high + room};
 }
 
-PairAxis bulk(const std::vector<double>& values) {
+Interval bulk(const std::vector<double>& values) {
     const auto [low, high] = std::minmax_element(values.begin(), values.end());
     const double middle = median(values);
     const double reach = PairMatrix::robust_deviations * median_deviation(values);
@@ -29,13 +28,13 @@ PairAxis bulk(const std::vector<double>& values) {
     return padded(std::max(*low, middle - reach), std::min(*high, middle + reach), 0.04);
 }
 
-std::size_t cell(const PairAxis& axis, double value, std::size_t cells) {
+std::size_t cell(const Interval& axis, double value, std::size_t cells) {
     const double place = (value - axis.low) / (axis.high - axis.low) * static_cast<double>(cells);
     return static_cast<std::size_t>(std::clamp(place, 0.0, static_cast<double>(cells) - 1.0));
 }
 
 // Row 0 above the axis, 1 to PairMatrix::rows inside it, the next below.
-std::size_t row(const PairAxis& axis, double error) {
+std::size_t row(const Interval& axis, double error) {
     if (error > axis.high)
         return 0;
     if (error < axis.low)
@@ -44,7 +43,7 @@ std::size_t row(const PairAxis& axis, double error) {
 }
 
 // One end of a bin along a degree of freedom.
-double bin_low(const PairAxis& freedom, std::size_t bin) {
+double bin_low(const Interval& freedom, std::size_t bin) {
     const double width = (freedom.high - freedom.low) / PairMatrix::bins;
     return freedom.low + width * static_cast<double>(bin);
 }
@@ -73,7 +72,7 @@ void add(PairMatrix& matrix, const PoseComponents& truth, const DetectedError& d
         matrix.below[e] += is_below;
         for (std::size_t f = 0; f < pose_component_count; ++f) {
             PairPanel& panel = matrix.panels[e][f];
-            const PairAxis& freedom = matrix.freedoms[f];
+            const Interval& freedom = matrix.freedoms[f];
             const std::size_t column = cell(freedom, truth[f], PairMatrix::columns);
             ++panel.counts[r * PairMatrix::columns + column];
             PairBin& bin = panel.bins[cell(freedom, truth[f], PairMatrix::bins)];
@@ -114,11 +113,10 @@ double panel_y(std::size_t error) {
     return top + static_cast<double>(error) * (panel_height + gap);
 }
 
-// Within a panel.
-double across(const PairAxis& axis, double value) {
+double across(const Interval& axis, double value) {
     return panel_width * (value - axis.low) / (axis.high - axis.low);
 }
-double down(const PairAxis& axis, double value) {
+double down(const Interval& axis, double value) {
     return panel_rim +
            (panel_height - 2.0 * panel_rim) * (axis.high - value) / (axis.high - axis.low);
 }
@@ -135,7 +133,7 @@ std::vector<double> every_second(const std::vector<double>& values) {
 
 // At least three of them where round numbers allow; angles over a wide range at parts of a turn.
 // A tick a hundredth beyond the axis is one at its end: sampled poses come no nearer.
-std::vector<double> ticks(const PairAxis& axis, std::size_t component) {
+std::vector<double> ticks(const Interval& axis, std::size_t component) {
     const double span = axis.high - axis.low, low = axis.low - 0.01 * span,
                  high = axis.high + 0.01 * span;
     if (component < 3 || span < 60.0) {
@@ -203,7 +201,7 @@ cv::Mat density(const PairPanel& panel, std::uint32_t highest) {
 
 // Through the bins' middles at mean + deviations * standard deviation; broken where a bin has none,
 // and a dot (a line of no length with round ends) where its neighbours have none.
-std::string bin_path(const PairPanel& panel, const PairAxis& freedom, const PairAxis& error,
+std::string bin_path(const PairPanel& panel, const Interval& freedom, const Interval& error,
                      double deviations) {
     std::string path;
     bool pen_down = false;
@@ -284,8 +282,7 @@ private:
         text += fmt::format(
             "<rect fill='#4292c6' x='{0}' y='36' width='12' height='12'/><text x='{1}' "
             "y='46'>inside the axis</text><rect fill='#f16913' x='{2}' y='36' width='12' "
-            "height='12'/>"
-            "<text x='{3}' y='46'>beyond it (▲ ▼ how many)</text>",
+            "height='12'/><text x='{3}' y='46'>beyond it (▲ ▼ how many)</text>",
             x, x + 17, x + 118, x + 135);
         x += 310;
         return text + fmt::format(
@@ -339,8 +336,8 @@ private:
     }
 
     std::string panel(std::size_t e, std::size_t f) const {
-        const PairAxis& freedom = matrix_.freedoms[f];
-        const PairAxis& error = matrix_.errors[e];
+        const Interval& freedom = matrix_.freedoms[f];
+        const Interval& error = matrix_.errors[e];
         const PairPanel& data = matrix_.panels[e][f];
         std::string text = fmt::format("<g class='panel' transform='translate({} {})'{}>",
                                        panel_x(f), panel_y(e), in_page() ? page_data(e, f) : "");
@@ -365,7 +362,7 @@ private:
     }
 
     std::string page_data(std::size_t e, std::size_t f) const {
-        const PairAxis &freedom = matrix_.freedoms[f], &error = matrix_.errors[e];
+        const Interval &freedom = matrix_.freedoms[f], &error = matrix_.errors[e];
         return fmt::format(
             " tabindex='0' role='button' aria-label='enlarge' data-name='{}' data-x='{}|{:.6g}|"
             "{:.6g}' data-y='{}|{:.6g}|{:.6g}'",
@@ -386,7 +383,7 @@ private:
     std::string bins(std::size_t e, std::size_t f) const {
         std::string text;
         const double width = panel_width / PairMatrix::bins;
-        const PairAxis& freedom = matrix_.freedoms[f];
+        const Interval& freedom = matrix_.freedoms[f];
         for (std::size_t i = 0; i < PairMatrix::bins; ++i)
             text += fmt::format(
                 "<rect class='bin' x='{}' width='{}' height='{}'><title>{}</title></rect>",
@@ -400,8 +397,7 @@ private:
         return fmt::format(
             "<text class='note' x='{}' y='{}'>An error's axis spans its median ± {} robust "
             "standard deviations, or less where the data end before; what lies beyond is shown in "
-            "the "
-            "panels' rims.</text>",
+            "the panels' rims.</text>",
             left, picture_height - 8, PairMatrix::robust_deviations);
     }
 
@@ -415,13 +411,11 @@ std::string pair_matrix_style(PairPicture kind) {
     const bool is_page = kind == PairPicture::in_page;
     const char* paper = is_page ? "var(--card)" : "#fff";
     return fmt::format(
-        ".pairs .title{{font-size:15px;font-weight:600}}.pairs .label{{font-weight:600}}"
-        ".pairs .note{{font-size:11px}}"
-        ".panel .paper{{fill:{}}}.panel .grid{{fill:none;stroke-width:1}}"
-        ".panel image{{image-rendering:pixelated}}"
-        ".plot "
-        ".halo{{fill:none;stroke:{};stroke-width:4;stroke-linejoin:round;stroke-linecap:round}}"
-        ".plot .mean,.plot "
+        ".pairs .title{{font-size:15px;font-weight:600}}.pairs .label{{font-weight:600}}.pairs "
+        ".note{{font-size:11px}}.panel .paper{{fill:{}}}.panel "
+        ".grid{{fill:none;stroke-width:1}}.panel image{{image-rendering:pixelated}}.plot "
+        ".halo{{fill:none;stroke:{};stroke-width:4;stroke-linejoin:round;stroke-linecap:round}}."
+        "plot .mean,.plot "
         ".spread{{fill:none;stroke:{};stroke-width:1.8;stroke-linejoin:round;stroke-linecap:round}}"
         ".plot .spread{{stroke-width:1.3;stroke-dasharray:4 3}}",
         paper, paper, is_page ? "var(--mean)" : "#d1131f");

@@ -9,12 +9,9 @@
 
 #include "compare/expect/pose_statistics.h"
 #include "report/html.h"
+#include "sim/scene/pose_volume.h"
 
 namespace etalon {
-
-struct PairAxis {
-    double low = 0.0, high = 0.0;  // low < high
-};
 
 // The errors of the poses in a slice of the degree of freedom.
 struct PairBin {
@@ -34,7 +31,7 @@ struct PairMatrix {
 
     std::string detector;
     std::size_t poses = 0, detected = 0;
-    std::array<PairAxis, pose_component_count> freedoms, errors;
+    std::array<Interval, pose_component_count> freedoms, errors;
     std::array<std::size_t, pose_component_count> above{}, below{};  // beyond an error's axis
     // By error, then by degree of freedom; empty when nothing was detected.
     std::array<std::array<PairPanel, pose_component_count>, pose_component_count> panels;
@@ -49,8 +46,7 @@ PairMatrix pair_matrix(const std::string& detector, std::span<const PoseComponen
 // A file of its own, for papers. Some 0.3 MB at any number of poses.
 std::string pair_matrix_svg(const PairMatrix& matrix);
 
-// All detectors' matrices, one at a time behind tabs; printed, all. Some 0.5 MB per detector. Once
-// per page.
+// All matrices, one at a time behind tabs; printed, all. 0.5 MB a detector. Once per page.
 void add_pair_matrices(HtmlPage& page, std::span<const PairMatrix> matrices);
 
 }  // namespace etalon

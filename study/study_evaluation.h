@@ -7,7 +7,6 @@
 
 #include "compare/expect/pose_statistics.h"
 #include "compare/photometric/photometric_detector.h"
-#include "study/external_detector.h"
 #include "study/study_file.h"
 
 namespace etalon {
@@ -18,8 +17,7 @@ struct StudyVariant {
     StudySwitches switches;
 };
 
-// The study itself and a variant for each ablation. Throws ConfigError at --ablate for one that
-// the camera does not allow or that is named twice.
+// With a variant for each ablation. Throws ConfigError at --ablate for impossible or doubled ones.
 std::vector<StudyVariant> study_variants(const StudyFile& study,
                                          const std::vector<std::string>& ablations);
 
@@ -49,8 +47,7 @@ struct StudyTimes {
     void add(const StudyTimes& other);
 };
 
-// Everything that threads share. Immutable; safe from every thread. Some ms, and 30 bytes a pixel
-// for each focus distance.
+// What threads share. Immutable. Costs some ms, and 30 bytes a pixel for each focus distance.
 class StudyOptics {
 public:
     // Throws ConfigError as study_variants does, and what Renderer and PhotometricDetector throw.
@@ -96,40 +93,6 @@ private:
     std::vector<Projector> projectors_;
     Projector true_projector_;
     std::vector<std::unique_ptr<const PhotometricDetector>> photometric_;
-};
-
-// One thread's detectors. Not thread-safe.
-class StudyWorker {
-public:
-    // External programs get their images as files in `scratch`, a folder of this worker's own.
-    // Throws ConfigError when one cannot be started. `optics` must outlive it.
-    StudyWorker(const StudyOptics& optics, const std::filesystem::path& scratch);
-
-    // By variant, then by detector. A pure function of the pose, however it is called (as far as
-    // external programs are). A render that is refused is a failure in words of all that needed it.
-    std::vector<StudyFinding> evaluate(const StudyPose& pose);
-
-    const StudyTimes& times() const { return times_; }
-
-private:
-    void evaluate_marker(const std::vector<std::size_t>& detectors, const StudyPose& pose,
-                         std::vector<StudyFinding>& findings);
-    void judge_image(const CodeImage& image, const StudyOptics::Imaging& imaging,
-                     std::size_t detector, const StudyPose& pose,
-                     std::vector<StudyFinding>& findings);
-    StudyFinding judge_corners(const Detection& sighting, std::size_t variant, std::size_t detector,
-                               const Rigid& truth);
-    StudyFinding judge_photometric(const CodeImage& image, const Detection& sighting,
-                                   std::size_t variant, std::size_t detector, const Rigid& truth);
-    StudyFinding judge_external(const CodeImage& image, std::size_t variant, std::size_t detector,
-                                const Rigid& truth);
-
-    const StudyOptics& optics_;
-    std::filesystem::path scratch_;
-    std::vector<std::unique_ptr<Detector>> finders_;            // null of external ones
-    std::vector<std::unique_ptr<ExternalDetector>> externals_;  // null of others
-    std::vector<std::vector<std::size_t>> by_marker_;           // detectors that share a marker
-    StudyTimes times_;
 };
 
 }  // namespace etalon

@@ -6,7 +6,6 @@
 #include "calib/files/camera_file.h"
 #include "compare/detect/detector_adaptors.h"
 #include "compare/make_detector.h"
-#include "core/config/strict_reader.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "sim/scene/pose_file.h"
@@ -32,21 +31,26 @@ StudySwitch parse_study_switch(const std::string& name, const SourcePlace& place
     return static_cast<StudySwitch>(at - names.begin());
 }
 
+void toggle(StudySwitches& switches, StudySwitch one) {
+    if (switches.erase(one) == 0)
+        switches.insert(one);
+}
+
 CameraModel imaging_camera(const CameraModel& camera, const StudySwitches& switches,
                            const SourcePlace& place) {
     CameraModel result = camera;
-    if (switches.has(StudySwitch::tone)) {
+    if (switches.contains(StudySwitch::tone)) {
         if (!result.sensor)
             result.sensor = Sensor{.pixel_pitch_um = 1.0};
         const bool is_linear = result.sensor->transfer.kind == Transfer::Kind::linear;
         result.sensor->transfer = {is_linear ? Transfer::Kind::rec709 : Transfer::Kind::linear, {}};
     }
-    if (switches.has(StudySwitch::noise)) {
+    if (switches.contains(StudySwitch::noise)) {
         if (!result.sensor || result.sensor->gain_e_per_dn <= 0.0)
             throw ConfigError(place, "noise cannot be switched: the camera states none");
         result.sensor->gain_e_per_dn = result.sensor->read_noise_e = 0.0;
     }
-    if (switches.has(StudySwitch::blur)) {
+    if (switches.contains(StudySwitch::blur)) {
         if (!result.lens)
             throw ConfigError(place, "blur cannot be switched: the camera states no lens");
         result.lens.reset();
@@ -56,7 +60,7 @@ CameraModel imaging_camera(const CameraModel& camera, const StudySwitches& switc
 
 CameraModel estimation_camera(const CameraModel& camera, const StudySwitches& switches) {
     CameraModel result = camera;
-    if (switches.has(StudySwitch::undistortion))
+    if (switches.contains(StudySwitch::undistortion))
         result.distortion = {};
     return result;
 }
@@ -185,6 +189,12 @@ Marker read_marker(const Value& value) {
     }
 }
 
+const std::vector<std::string>& studied_detector_names() {
+    static const std::vector<std::string> names = {"aruco", "apriltag", "charuco",     "chessboard",
+                                                   "stag",  "topotag",  "photometric", "external"};
+    return names;
+}
+
 StudiedDetector read_detector(const Value& entry) {
     StudiedDetector studied{.marker = read_marker(entry.at("marker"))};
     studied.detector = entry.at("detector").text();
@@ -249,12 +259,6 @@ double read_radiance(const Value& root, const char* key) {
 
 }  // namespace
 
-const std::vector<std::string>& studied_detector_names() {
-    static const std::vector<std::string> names = {"aruco", "apriltag", "charuco",     "chessboard",
-                                                   "stag",  "topotag",  "photometric", "external"};
-    return names;
-}
-
 StudyFile read_study(const std::filesystem::path& path) {
     const StrictFile file(path, "study/1");
     const Value root = file.root();
@@ -272,7 +276,7 @@ StudyFile read_study(const std::filesystem::path& path) {
         read_disturbances(*disturbances, study);
     if (const auto switched = root.find("switched"))
         for (const Value& name : switched->items())
-            study.switched.toggle(parse_study_switch(name.text(), name.place()));
+            toggle(study.switched, parse_study_switch(name.text(), name.place()));
     file.finish();
     imaging_camera(study.camera, study.switched, root.place());
     return study;

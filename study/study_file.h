@@ -2,6 +2,8 @@
 // through what disturbances, and who is to find them. Layout of the file: docs/study.md.
 #pragma once
 
+#include <set>
+
 #include "compare/detect/detector.h"
 #include "core/program/errors.h"
 #include "sim/scene/pose_volume.h"
@@ -12,17 +14,8 @@ namespace etalon {
 // What a study can switch to tell where an error comes from: docs/study.md, Explaining an error.
 enum class StudySwitch { tone, half_pixel, noise, blur, undistortion };
 
-// Which are switched; by default none.
-class StudySwitches {
-public:
-    bool has(StudySwitch one) const { return (bits_ & bit(one)) != 0; }
-    void toggle(StudySwitch one) { bits_ ^= bit(one); }
-    friend bool operator==(const StudySwitches&, const StudySwitches&) = default;
-
-private:
-    static unsigned bit(StudySwitch one) { return 1u << static_cast<unsigned>(one); }
-    unsigned bits_ = 0;
-};
+using StudySwitches = std::set<StudySwitch>;  // those that are switched
+void toggle(StudySwitches& switches, StudySwitch one);
 
 const std::vector<std::string>& study_switch_names();
 std::string name_of(StudySwitch one);
@@ -30,8 +23,7 @@ std::string name_of(StudySwitch one);
 // Throws ConfigError at `place` for another name.
 StudySwitch parse_study_switch(const std::string& name, const SourcePlace& place);
 
-// The camera that takes the images. Throws ConfigError at `place` for noise and blur that the
-// camera does not state: nothing is invented to be switched on.
+// The camera that takes the images. Throws ConfigError at `place` for noise or blur not stated.
 CameraModel imaging_camera(const CameraModel& camera, const StudySwitches& switches,
                            const SourcePlace& place);
 
@@ -43,8 +35,7 @@ struct StudiedDetector {
     std::string name;      // in tables; unique in the study
     std::string detector;  // "aruco", "apriltag", ..., "photometric", "external"
     Marker marker;
-    // Of a detector from compare/make_detector.h, with its options; of the photometric one, what
-    // finds its start.
+    // Of compare/make_detector.h, with its options; of the photometric one, for its start.
     std::function<std::unique_ptr<Detector>()> make_finder;
     // Of an external one.
     std::vector<std::string> command;
@@ -80,12 +71,8 @@ struct StudyFile {
     StudySwitches switched;  // in the study itself, before any ablation
 };
 
-// Throws ConfigError with file, line and key for whatever is not as docs/study.md says, for a
-// detector that cannot see its marker, and for a telecentric camera (a distance is not in its
-// images).
+// Throws ConfigError with file, line and key for what is not as docs/study.md says, a detector that
+// cannot see its marker, and a telecentric camera (a distance is not in its images).
 StudyFile read_study(const std::filesystem::path& path);
-
-// The names that `detector:` may have: "aruco", "apriltag", "charuco", ...
-const std::vector<std::string>& studied_detector_names();
 
 }  // namespace etalon

@@ -4,7 +4,6 @@
 
 #include "core/file/text.h"
 #include "core/program/version.h"
-#include "report/html.h"
 #include "report/number_text.h"
 #include "study/pair_matrix.h"
 
@@ -116,8 +115,7 @@ HtmlPage::Figures error_figures(const std::string& label,
     return {
         {median_error_plot(label, z, binned).svg(),
          "Median |Z error|, with 95 % intervals. Look where lines cross: the better detector "
-         "changes "
-         "there."},
+         "changes there."},
         {median_error_plot(label, angle, binned).svg(),
          "Median angle between the poses, with 95 % intervals. Lines whose bands overlap are not "
          "told apart."}};
@@ -170,7 +168,6 @@ std::vector<PairMatrix> matrices_of(const StudyResults& results) {
     return matrices;
 }
 
-// Who detect most, and who is least off.
 std::string best_sentence(const StudyResults& results,
                           const std::vector<DetectorSummary>& detectors) {
     double most = 0.0, least_mm = std::numeric_limits<double>::infinity();
@@ -220,7 +217,6 @@ std::string html_of(const StudyResults& results, const StudySummary& summary,
     return page.finish();
 }
 
-// A name as part of a file's name.
 std::string file_word(const std::string& name) {
     std::string word = name;
     for (char& c : word)

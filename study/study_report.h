@@ -9,8 +9,7 @@ namespace etalon {
 
 std::string study_html(const StudyResults& results, const StudySummary& summary);
 
-// All of the files. Throws ConfigError when one cannot be written. About 0.3 s for 10 000 poses of
-// four detectors.
+// All files. Throws ConfigError. About 0.3 s for 10 000 poses of four detectors.
 void write_study_report(const StudyResults& results, const StudySummary& summary,
                         const std::filesystem::path& folder);
 

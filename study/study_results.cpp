@@ -12,33 +12,29 @@
 #include "report/result_table.h"
 
 namespace etalon {
-namespace {
 
-using nlohmann::ordered_json;
+ETALON_MEMBERS_TO_JSON(StudyAxis, name, unit)
+ETALON_MEMBERS_TO_JSON(StudyDescription::DetectorEntry, name, detector, marker)
+
+namespace {
 
 constexpr const char* kind = "study-record/1";
 constexpr ShardedWork study_work{"study", "pose", "study merge", "study.json"};
 
-ordered_json json_of(const StudyDescription& description) {
-    const auto detector_json = [](const StudyDescription::DetectorEntry& one) -> ordered_json {
-        return {{"name", one.name}, {"detector", one.detector}, {"marker", one.marker}};
-    };
-    const auto axis_json = [](const StudyAxis& axis) -> ordered_json {
-        return {{"name", axis.name}, {"unit", axis.unit}};
-    };
+Json json_of(const StudyDescription& description) {
     return {{"etalon", kind},
             {"id", description.id},
             {"camera", description.camera},
             {"poses", description.poses},
             {"volume", description.volume},
-            {"detectors", json_list(description.detectors, detector_json)},
+            {"detectors", description.detectors},
             {"variants", description.variants},
-            {"axes", json_list(description.axes, axis_json)},
-            {"made_from", ordered_json::parse(description.made_from)},
+            {"axes", description.axes},
+            {"made_from", Json::parse(description.made_from)},
             {"shard", {description.shard.index, description.shard.count}}};
 }
 
-StudyDescription description_of(const ordered_json& json) {
+StudyDescription description_of(const Json& json) {
     StudyDescription description;
     description.id = json.at("id");
     description.camera = json.at("camera");
@@ -127,7 +123,6 @@ std::string results_header(const StudyDescription& description) {
            "distance_mm,angle_deg,failure\n";
 }
 
-// The rows of a study with this description.
 RowsDescription rows_of(const StudyDescription& description) {
     return {study_work, text_of(json_of(description)), results_header(description),
             description.poses, description.rows_per_pose()};
@@ -265,9 +260,9 @@ StudyDescription describe(const StudyFile& study, const std::filesystem::path& f
         description.axes.push_back({one.axis->name, one.axis->unit});
     if (!study.focus_mm.empty())
         description.axes.push_back({"focus-mm", "mm"});
-    ordered_json made_from{{"version", version},
-                           {"study_sha256", sha256_of_file(file)},
-                           {"camera_sha256", camera_sha256(study.camera_file, study.camera)}};
+    Json made_from{{"version", version},
+                   {"study_sha256", sha256_of_file(file)},
+                   {"camera_sha256", camera_sha256(study.camera_file, study.camera)}};
     if (!study.poses.file.empty())
         made_from["poses_sha256"] = sha256_of_file(study.poses.file);
     for (const StudiedDetector& one : study.detectors)
@@ -279,12 +274,12 @@ StudyDescription describe(const StudyFile& study, const std::filesystem::path& f
 
 StudyDescription read_description(const std::filesystem::path& folder) {
     const std::filesystem::path path = folder / study_work.description;
-    const ordered_json json = read_json(path);
-    if (!json.is_object() || json.value("etalon", ordered_json()) != kind)
+    const Json json = read_json(path);
+    if (!json.is_object() || json.value("etalon", Json()) != kind)
         throw ConfigError({path.string()}, std::string("is not of ") + kind);
     try {
         return description_of(json);
-    } catch (const ordered_json::exception& error) {
+    } catch (const Json::exception& error) {
         throw ConfigError({path.string()}, error.what());
     }
 }

@@ -1,5 +1,4 @@
-// The results of a study as files, study.json and results.csv (docs/study.md), and read back: what
-// its statistics and its report are made from.
+// A study's results as study.json and results.csv (docs/study.md), written and read back.
 #pragma once
 
 #include "report/result_rows.h"
@@ -48,8 +47,7 @@ public:
     const std::filesystem::path& folder() const { return rows_.folder(); }
     std::size_t poses_done() const { return rows_.units_done(); }  // of the shard
 
-    // Poses must come in order. Lines are in the file when this returns; throws ConfigError when
-    // they cannot be written.
+    // Poses come in order. Lines are in the file when this returns; throws ConfigError.
     void add(const StudyPose& pose, const std::vector<double>& axis_values,
              const std::vector<StudyFinding>& findings);
 
@@ -77,8 +75,7 @@ struct StudyResults {
     std::size_t refused = 0;  // poses that could not be rendered
 };
 
-// Throws ConfigError with file and line for results that are not whole or not as they were written.
-// 0.5 us a line and number; 120 bytes a line.
+// Throws ConfigError with file and line for others. 0.5 us a line and number; 120 bytes a line.
 StudyResults read_results(const std::filesystem::path& folder);
 
 }  // namespace etalon

@@ -14,8 +14,9 @@ struct StudyRun {
 };
 
 // A stop request lets the poses in work be finished. Results depend neither on threads nor on
-// order; as many images are in memory as there are threads. Throws what StudyWorker and
-// StudyRecord::add throw, and NumericalError for a volume into which the markers hardly fit.
+// order; as many images are in memory as there are threads. Throws what StudyRecord::add throws,
+// ConfigError for an external detector that cannot be started, and NumericalError for a volume into
+// which the markers hardly fit.
 StudyRun run_study(const StudyOptics& optics, const Shard& shard, StudyRecord& record,
                    std::stop_token stop, Progress& progress);
 

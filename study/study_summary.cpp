@@ -26,23 +26,15 @@ double quantile_95(std::vector<double> values) {
     return *at;
 }
 
-using nlohmann::ordered_json;
-
 constexpr std::uint64_t bootstrap_seed = 1;
 
-struct NamedEstimate {
-    const char* name;
-    const Estimate ErrorStatistics::*value;
-};
-constexpr std::array<NamedEstimate, 4> estimates = {
-    {{"mean", &ErrorStatistics::mean},
-     {"mean |error|", &ErrorStatistics::mean_absolute},
-     {"median", &ErrorStatistics::median},
-     {"median |error|", &ErrorStatistics::median_absolute}}};
+constexpr std::pair<const char*, Estimate ErrorStatistics::*> estimates[] = {
+    {"mean", &ErrorStatistics::mean},
+    {"mean |error|", &ErrorStatistics::mean_absolute},
+    {"median", &ErrorStatistics::median},
+    {"median |error|", &ErrorStatistics::median_absolute}};
 
-// ------------------------------------------------------------------------------------------- JSON
-
-ordered_json json_of(const std::optional<Proportion>& share) {
+Json json_of(const std::optional<Proportion>& share) {
     if (!share)
         return nullptr;
     return {{"count", share->count},
@@ -52,8 +44,8 @@ ordered_json json_of(const std::optional<Proportion>& share) {
             {"high", share->high}};
 }
 
-ordered_json json_of(const Estimate& estimate) {
-    ordered_json json{{"value", estimate.value}};
+Json json_of(const Estimate& estimate) {
+    Json json{{"value", estimate.value}};
     if (estimate.interval) {
         json["low"] = estimate.interval->low;
         json["high"] = estimate.interval->high;
@@ -61,12 +53,12 @@ ordered_json json_of(const Estimate& estimate) {
     return json;
 }
 
-ordered_json json_of(const MeasureStatistics& measures) {
-    ordered_json json = ordered_json::object();
+Json json_of(const MeasureStatistics& measures) {
+    Json json = Json::object();
     for (std::size_t k = 0; k < measures.size(); ++k) {
-        ordered_json entry{{"unit", error_measures[k].unit}};
-        for (const NamedEstimate& one : estimates)
-            entry[one.name] = json_of(measures[k].*one.value);
+        Json entry{{"unit", error_measures[k].unit}};
+        for (const auto& [name, value] : estimates)
+            entry[name] = json_of(measures[k].*value);
         if (measures[k].standard_deviation)
             entry["std"] = json_of(*measures[k].standard_deviation);
         json[error_measures[k].name] = entry;
@@ -74,10 +66,10 @@ ordered_json json_of(const MeasureStatistics& measures) {
     return json;
 }
 
-ordered_json json_of(const PoseStatistics& statistics) {
-    ordered_json json{{"poses", statistics.poses},
-                      {"detected", json_of(statistics.detected)},
-                      {"flips", json_of(statistics.flips)}};
+Json json_of(const PoseStatistics& statistics) {
+    Json json{{"poses", statistics.poses},
+              {"detected", json_of(statistics.detected)},
+              {"flips", json_of(statistics.flips)}};
     if (statistics.all)
         json["errors"] = json_of(*statistics.all);
     if (statistics.without_flips)
@@ -85,21 +77,16 @@ ordered_json json_of(const PoseStatistics& statistics) {
     return json;
 }
 
-ordered_json json_of(const SizeClass& one) {
-    ordered_json json{{"from_px", one.from_px},
-                      {"to_px", nullptr},
-                      {"poses", one.poses},
-                      {"detected", json_of(one.detected)}};
-    if (one.to_px)
-        json["to_px"] = *one.to_px;
+Json json_of(const SizeClass& one) {
+    Json json{{"from_px", one.from_px},
+              {"to_px", or_null(one.to_px)},
+              {"poses", one.poses},
+              {"detected", json_of(one.detected)}};
     if (one.median_corner_px)
         json["median_corner_rms_px"] = json_of(*one.median_corner_px);
-    if (one.corner_quantile_px)
-        json["quantile95_corner_rms_px"] = *one.corner_quantile_px;
+    add_present(json, "quantile95_corner_rms_px", one.corner_quantile_px);
     return json;
 }
-
-// ------------------------------------------------------------------------------ tables and CSV
 
 // "0.0213 (0.0190 to 0.0240)"; a narrow table breaks it before the bracket only.
 std::optional<std::string> with_interval(const std::optional<Estimate>& estimate) {
@@ -354,16 +341,16 @@ std::string summary_csv(const StudyDescription& description, const StudySummary&
 
 std::string summary_json(const StudyResults& results, const StudySummary& summary) {
     const StudyDescription& description = results.description;
-    ordered_json variants = ordered_json::array();
+    Json variants = Json::array();
     for (std::size_t v = 0; v < description.variants.size(); ++v) {
-        ordered_json detectors = ordered_json::array();
+        Json detectors = Json::array();
         for (std::size_t i = 0; i < description.detectors.size(); ++i) {
             const DetectorSummary& one = summary.detectors[v][i];
-            ordered_json entry{{"name", description.detectors[i].name},
-                               {"detector", description.detectors[i].detector},
-                               {"marker", description.detectors[i].marker},
-                               {"own", json_of(one.own)},
-                               {"common", json_of(one.common)}};
+            Json entry{{"name", description.detectors[i].name},
+                       {"detector", description.detectors[i].detector},
+                       {"marker", description.detectors[i].marker},
+                       {"own", json_of(one.own)},
+                       {"common", json_of(one.common)}};
             if (one.median_corner_px())
                 entry["median_corner_rms_px"] = one.median_corner_px()->value;
             for (const SizeClass& size : one.sizes)
@@ -374,10 +361,10 @@ std::string summary_json(const StudyResults& results, const StudySummary& summar
                             {"common_poses", summary.common[v]},
                             {"detectors", detectors}});
     }
-    const ordered_json json{
+    const Json json{
         {"etalon", "study-summary/1"}, {"version", version},
         {"id", description.id},        {"poses", description.poses},
-        {"refused", results.refused},  {"made_from", ordered_json::parse(description.made_from)},
+        {"refused", results.refused},  {"made_from", Json::parse(description.made_from)},
         {"variants", variants}};
     return text_of(json) + "\n";
 }

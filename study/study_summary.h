@@ -7,8 +7,7 @@
 
 namespace etalon {
 
-// The poses at which the marker has from_px <= size < to_px: the root of the area that its points
-// span in the image.
+// Poses with from_px <= size < to_px: the root of the area of the marker's points in the image.
 struct SizeClass {
     double from_px = 0.0;
     std::optional<double> to_px;  // nothing: no upper end

@@ -8,22 +8,10 @@
 #include <benchmark/benchmark.h>
 #include <hwy/targets.h>
 
-#include <algorithm>
-#include <array>
-#include <chrono>
-#include <cmath>
 #include <cstring>
-#include <map>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "bench/benchmark_scenes.h"
 #include "capture/frame/frame_checks.h"
-#include "capture/frame/pixel_formats.h"
-#include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
-#include "sim/tiles/tile_kernel.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
@@ -95,9 +83,8 @@ BENCHMARK_CAPTURE(expose, canon_500, "canon-500")
     ->Unit(benchmark::kMillisecond)
     ->MeasureProcessCPUTime();
 
-// What the station does with a frame of 5 megapixels from the library's buffer to the caller's
-// image (copy, unpack, checks), beside a plain copy of the bytes that arrived: the counter
-// `x_memcpy`. Fresh memory for every frame on both sides, as for frames that are handed on.
+// A frame of 5 megapixels from the library's buffer to the caller's image (copy, unpack, checks),
+// beside a plain copy of its bytes: `x_memcpy`. Fresh memory for every frame on both sides.
 // Promised: at most 4 for Mono8, at most 8 for Mono12p.
 constexpr int width = 2592, height = 1944;
 
@@ -153,43 +140,65 @@ void add_frames() {
 }
 
 // The kernels of methods E and C per point, on every instruction set of this machine.
+struct KernelCase {
+    const char* name;
+    float blur_px;
+    int lines;  // a direction
+    float spacing_px;
+    int lens_points = 0;  // none: method E
+};
 
-// A tile of the webcam scenes' kind: 4 px wide, a little turned and bent, the blur changing over
-// it.
-TileGeometry tile_with_blur(float blur_px) {
+// Cells of 5.4 px, as in webcam-500, and of 2.2 px: there the apertures meet all of the lines.
+constexpr KernelCase kernel_cases[] = {{"E/blur_2_px/1x1_lines/", 2.0f, 1, 5.4f},
+                                       {"E/blur_2_px/2x2_lines/", 2.0f, 2, 5.4f},
+                                       {"E/blur_2_px/2x2_close_lines/", 2.0f, 2, 2.2f},
+                                       {"E/blur_8_px/4x4_close_lines/", 8.0f, 4, 2.2f},
+                                       {"E/blur_0.4_px/2x2_close_lines/", 0.4f, 2, 2.2f},
+                                       {"C/sharp/1_lens_point/", 0.0f, 2, 2.2f, 1},
+                                       {"C/blur_0.1_px/12_lens_points/", 0.1f, 2, 2.2f, 12}};
+
+// A tile 4 px wide, a little turned and bent, the blur changing over it, as of the webcam scenes.
+// There is contrast across every line and crossing.
+TileGeometry tile_with_lines(const KernelCase& kernel) {
     TileGeometry tile{};
     tile.dx = {0.0f, 4.0f, 1e-3f, 8e-6f, 0.1f, 2e-3f};
     tile.dy = {0.0f, -0.05f, 0.0f, 0.0f, 3.9f, 0.0f, 0.0f, 0.0f, 1e-3f};
-    tile.blur = blur_px;
+    tile.blur = kernel.blur_px;
     tile.blur_slope_x = 0.003f;
     tile.blur_slope_y = -0.002f;
     tile.turn_x = 0.002f;
     tile.turn_y = 0.001f;
-    return tile;
-}
-
-// `count` lines of each direction, `spacing_px` apart around the centre, with contrast across every
-// line and crossing.
-void add_lines(TileGeometry& tile, int count, float spacing_px) {
     const float angle = 0.6f, cosine = std::cos(angle), sine = std::sin(angle);
+    const int count = kernel.lines;
     for (int i = 0; i < count; ++i) {
-        const float offset = spacing_px * (0.5f * static_cast<float>(count - 1 - 2 * i));
+        const float offset = kernel.spacing_px * (0.5f * static_cast<float>(count - 1 - 2 * i));
         tile.columns.push_back({offset + 0.3f, cosine, sine});
         tile.rows.push_back({offset - 0.2f, -sine, cosine});
     }
     for (int j = 0; j <= count; ++j)
         for (int i = 0; i <= count; ++i)
             tile.cells.push_back(0.1 + 0.8 * i - 0.5 * j + 0.4 * i * j);
+    return tile;
 }
 
-// `kernel` gets n x n positions and where their values go.
-template <class Kernel>
-void time_kernel(benchmark::State& state, std::int64_t target, int n, const Kernel& kernel) {
+void time_kernel(benchmark::State& state, std::int64_t target, const KernelCase& kernel) {
     hwy::SetSupportedTargetsForTest(target);
+    const TileGeometry tile = tile_with_lines(kernel);
+    std::vector<UnitLensPoint> points;
+    for (int i = 0; i < kernel.lens_points; ++i) {
+        const float radius = kernel.lens_points == 1 ? 0.0f : 0.7f;
+        const float angle = 0.5f * static_cast<float>(i);
+        points.push_back({radius * std::cos(angle), radius * std::sin(angle),
+                          1.0f / static_cast<float>(kernel.lens_points)});
+    }
+    const int n = points.empty() ? 16 : 36;  // k = 4 and 9
     const TilePositions positions(n);
     std::vector<float> values(n * n);
     for (auto _ : state) {
-        kernel(positions, values.data());
+        if (points.empty())
+            exact_lens_samples(tile, positions, values.data());
+        else
+            exact_area_samples(tile, positions, points, values.data());
         benchmark::DoNotOptimize(values.data());
         benchmark::ClobberMemory();
     }
@@ -199,52 +208,13 @@ void time_kernel(benchmark::State& state, std::int64_t target, int n, const Kern
     hwy::SetSupportedTargetsForTest(0);
 }
 
-void lens_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile) {
-    time_kernel(state, target, 16, [&](const TilePositions& positions, float* values) {  // k = 4
-        exact_lens_samples(tile, positions, values);
-    });
-}
-
-void area_samples(benchmark::State& state, std::int64_t target, const TileGeometry& tile,
-                  int lens_points) {
-    std::vector<UnitLensPoint> points;
-    for (int i = 0; i < lens_points; ++i) {
-        const float radius = lens_points == 1 ? 0.0f : 0.7f, angle = 0.5f * static_cast<float>(i);
-        points.push_back({radius * std::cos(angle), radius * std::sin(angle),
-                          1.0f / static_cast<float>(lens_points)});
-    }
-    time_kernel(state, target, 36, [&](const TilePositions& positions, float* values) {  // k = 9
-        exact_area_samples(tile, positions, points, values);
-    });
-}
-
-void add_benchmarks(std::int64_t target) {
-    const std::string end = std::string("/") + hwy::TargetName(target);
-    const auto add_lens = [&](const std::string& name, float blur_px, int lines, float spacing) {
-        TileGeometry tile = tile_with_blur(blur_px);
-        add_lines(tile, lines, spacing);
-        benchmark::RegisterBenchmark(("E/" + name + end).c_str(), lens_samples, target, tile);
-    };
-    const auto add_area = [&](const std::string& name, float blur_px, int lens_points) {
-        TileGeometry tile = tile_with_blur(blur_px);
-        add_lines(tile, 2, 2.2f);
-        benchmark::RegisterBenchmark(("C/" + name + end).c_str(), area_samples, target, tile,
-                                     lens_points);
-    };
-    // Cells of 5.4 px, as in webcam-500, and of 2.2 px: there the apertures meet all of the lines.
-    add_lens("blur_2_px/1x1_lines", 2.0f, 1, 5.4f);
-    add_lens("blur_2_px/2x2_lines", 2.0f, 2, 5.4f);
-    add_lens("blur_2_px/2x2_close_lines", 2.0f, 2, 2.2f);
-    add_lens("blur_8_px/4x4_close_lines", 8.0f, 4, 2.2f);
-    add_lens("blur_0.4_px/2x2_close_lines", 0.4f, 2, 2.2f);
-    add_area("sharp/1_lens_point", 0.0f, 1);
-    add_area("blur_0.1_px/12_lens_points", 0.1f, 12);
-}
-
 const bool added = [] {
     add_frames();
     for (const std::int64_t target : hwy::SupportedAndGeneratedTargets())
-        add_benchmarks(target);
+        for (const KernelCase& kernel : kernel_cases)
+            benchmark::RegisterBenchmark(
+                (std::string(kernel.name) + hwy::TargetName(target)).c_str(), time_kernel, target,
+                kernel);
     return true;
 }();
 

@@ -7,7 +7,6 @@
 #include <numeric>
 
 #include "bench/stability/stability_case.h"
-#include "calib/camera/pixel_model.h"
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/camera_fit.h"
 #include "core/program/errors.h"
@@ -99,9 +98,8 @@ Views views_of(const Problem& problem) {
     return all;
 }
 
-// The reference: Gauss-Newton from the truth by normal equations, in long double. The fit goes by
-// QR of each view and never forms these. Their condition is its square, 1e12 at most here, of long
-// double's 1e19.
+// The reference: Gauss-Newton from the truth by normal equations, which the fit never forms, in
+// long double. Their condition is 1e12 at most here, of long double's 1e19.
 
 using Real = long double;
 using RealVector = Eigen::Matrix<Real, 3, 1>;

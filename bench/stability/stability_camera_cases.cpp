@@ -1,9 +1,7 @@
-// Extreme cameras: distortion that bulges, folds and has poles, all f-numbers and focal lengths,
-// one pixel and a hundred million.
+// Extreme cameras: distortion, f-numbers, focal lengths, one pixel and a hundred million.
 #include <fmt/format.h>
 
 #include "bench/stability/stability_case.h"
-#include "core/time/clock.h"
 
 namespace etalon {
 namespace {
@@ -120,8 +118,7 @@ void add_tilts(Cases& cases) {
 }
 
 void add_focus(Cases& cases) {
-    // f = 2.67 mm at 4 mm: nearer than the focal length of the same lens focused at infinity (8
-    // mm).
+    // f = 2.67 mm at 4 mm: nearer than 8 mm, the focal length of the lens focused at infinity.
     cases.placed("focus plane through marker", short_camera(1.4, 400.0),
                  {.side_px = 120.0, .tilt_deg = 60.0});
     cases.placed("focus plane through, wide lens", short_camera(0.95, 100.0),

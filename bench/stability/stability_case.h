@@ -5,15 +5,8 @@
 // The cases get the renderer as a function, so that a test can hand them a wrong one.
 #pragma once
 
-#include <cstdint>
-#include <functional>
-#include <limits>
-#include <string>
-#include <vector>
-
 #include "bench/benchmark_scenes.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/render/renderer.h"
 
 namespace etalon {
 

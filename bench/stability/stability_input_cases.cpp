@@ -3,7 +3,6 @@
 
 #include "bench/stability/stability_case.h"
 #include "core/program/errors.h"
-#include "sim/sensor/sensor_model.h"
 
 namespace etalon {
 namespace {

@@ -20,9 +20,8 @@ Radiance rendered(const RenderFunction& render, const CameraModel& camera, const
     return render(camera, scene, {}).radiance;
 }
 
-// Light of a small marker over all pixels, against its area. All of the tail is asked for; 2e-4 of
-// it falls outside the image. The tolerance of 0.1 gray allows the few pixels that the marker
-// touches 0.2 gray together.
+// Light of a small marker over all pixels, against its area; 2e-4 of its tail is outside. The
+// tolerance of 0.1 gray allows the few pixels that it touches 0.2 gray together.
 StabilityCase keeps_energy(double side_px) {
     return {fmt::format("tiny marker's energy, {} px", side_px), "area, relative",
             [=](const RenderFunction& render) {
@@ -72,8 +71,7 @@ StabilityOutcome mirror(const RenderFunction& render) {
     return differ_by(rendered(render, camera, scene), back);
 }
 
-// About the axis, clockwise in the image: (x, y) -> (-y, x). The tangential pair (p2, p1) turns as
-// a vector does.
+// Clockwise in the image, (x, y) -> (-y, x). The tangential pair (p2, p1) turns as a vector.
 StabilityOutcome quarter_turn(const RenderFunction& render) {
     const CameraModel camera = general_camera();
     const Scene scene = marker_scene(camera, {});

@@ -1,12 +1,8 @@
-// Projection and undistortion: there and back over the whole image, and of lenses that see more
-// than a plane where their formulas are stiff: on the axis, at and beyond 90 degrees, at their
-// fold, near and far, opposite the axis.
+// Projection and undistortion, there and back; of wide lenses where their formulas are stiff: on
+// the axis, at and beyond 90 degrees, at their fold, near and far, opposite the axis.
 #include <fmt/format.h>
 
-#include <numbers>
-
 #include "bench/stability/stability_case.h"
-#include "calib/camera/lens_projection.h"
 #include "calib/camera/projector.h"
 
 namespace etalon {

@@ -3,15 +3,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <cmath>
-#include <limits>
-
 #include "bench/stability/stability_case.h"
-#include "calib/registration/registration.h"
 #include "calib/registration/stage_motion.h"
 #include "compare/diagnosis/error_signatures.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 
 namespace etalon {
@@ -177,7 +172,6 @@ StabilityOutcome confounded(const CameraModel& camera, const Rigid& x, const Rig
             fmt::format("{} is confounded with: {}", one, fmt::join(a.confounded_with, ", "))};
 }
 
-// Numbers without a meaning.
 StabilityOutcome refuses(double number) {
     const Projector projector(wide_camera());
     const std::vector<RegistrationPose> good = seen(projector, stage_poses(xyz, 8));

@@ -1,10 +1,7 @@
-// The twin's servo with time constants 1 : 1 000 000 apart, advanced in a single step however long
-// or short, against its closed form.
+// The twin's servo with time constants 1 : 1 000 000 apart, in one step, against its closed form.
 #include <fmt/format.h>
 
-#include <array>
 #include <complex>
-#include <numbers>
 
 #include "bench/stability/stability_case.h"
 #include "sim/twin/servo.h"
@@ -59,8 +56,7 @@ StabilityOutcome in_one_step(const ServoParameters& parameters) {
         fmt::format("steps of {} s to {} s, the worst {:.2g} s", min_s, max_s, worst_at));
 }
 
-// A whole move with limited jerk and the ringing after it: by how many steps does not matter, and
-// it ends at its target.
+// A move with limited jerk and its ringing: the number of steps does not matter, nor the end.
 StabilityOutcome in_many_steps(const ServoParameters& parameters) {
     constexpr double rings_s = 4.0, rests_s = 300.0;
     const Servo servo(parameters);

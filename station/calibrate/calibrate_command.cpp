@@ -1,18 +1,13 @@
-// `etalon calibrate`: intrinsics from photographs of a target, with what the
-// calibration can and cannot predict.
+// `etalon calibrate`: intrinsics from photographs of a target, and what they can predict.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <cstdio>
-
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
-#include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/camera_consistency.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "station/calibrate/calibrate_help.txt.h"
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"
@@ -103,8 +98,6 @@ Observations observe_all(const CalibrationTarget& target, const std::string& spe
             group = groups.insert(group, Observations{.image_size = image.pixels.size()});
         add_photo(target, spec, photo.string(), image, group->run);
     }
-    if (groups.empty())
-        throw ConfigError({"PHOTOS"}, "no photograph given");
     Observations observations = of_one_size(std::move(groups));
     if (observations.run.views.size() < 3)
         throw ConfigError(
@@ -136,8 +129,7 @@ std::string in_words(const CameraGroup& group, const CameraGroup& most,
         focal(most), one ? "it" : "them");
 }
 
-// Photos of another zoom, focus or camera are taken out and named; where it is not clear which of
-// them are the camera's, nothing is calibrated.
+// Takes out photos of another zoom, focus or camera; throws where the camera's are not clear.
 void keep_one_camera(CalibrationRun& run, const cv::Size& image_size, bool is_telecentric) {
     const auto groups = camera_groups(run.views, image_size, is_telecentric);
     if (groups.size() == 1)
@@ -192,8 +184,7 @@ void refuse_what_does_not_go_together(const CalibrateArguments& arguments) {
                           "height, or a tilt, from its opposite");
     if (!arguments.refine.empty())
         throw ConfigError({"--refine"},
-                          "does not go with a telecentric model: it needs rays from "
-                          "one point");
+                          "does not go with a telecentric model: it needs rays from one point");
 }
 
 CalibrationRun calibrated(const CalibrateArguments& arguments) {

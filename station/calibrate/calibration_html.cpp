@@ -2,10 +2,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-
 #include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
@@ -22,7 +18,7 @@ SvgPlot image_plot(const CameraModel& camera) {
 }
 
 // The longest arrow is about a twentieth of `width`. `caption` gets the enlargement.
-HtmlPage::Figure arrow_figure(SvgPlot plot, const Arrows& arrows, double width, Color color,
+HtmlPage::Figure arrow_figure(SvgPlot plot, const Series& arrows, double width, Color color,
                               const char* label, const std::string& caption) {
     const double factor = round_scale(width / 20.0 / std::max(arrows.longest(), 1e-9));
     plot.add_arrows(arrows, factor, color, label);
@@ -153,7 +149,7 @@ HtmlPage::Figure coverage_figure(const CalibrationRun& run) {
 }
 
 HtmlPage::Figure residual_figure(const CalibrationRun& run) {
-    Arrows arrows;
+    Series arrows;
     for_each_corner(run, [&](std::size_t v, std::size_t i, const Eigen::Vector2d& pixel) {
         if (!run.calibration.views[v].left_out[i])
             arrows.add(pixel, run.calibration.views[v].residuals_px[i], point_note(run, v, i));
@@ -248,17 +244,15 @@ HtmlPage::Figure height_figure(const BoardShape& board) {
                                Eigen::Vector2d::Constant(0.5 * cell));
         heat.values.push_back(point.displacement_mm.z() - lowest);
     }
-    return {
-        heat_map_svg(heat),
-        fmt::format(
-            "How far each point lies along z = x cross y beyond the one that lies "
-            "least far: {:.3f} mm at most. The board as drawn, x to the right, y down. A bow or a "
-            "twist is paper or a plate that bends.",
-            highest - lowest)};
+    return {heat_map_svg(heat),
+            fmt::format("How far each point lies along z = x cross y beyond the one that lies "
+                        "least far: {:.3f} mm at most. The board as drawn, x to the right, y down. "
+                        "A bow or a twist is paper or a plate that bends.",
+                        highest - lowest)};
 }
 
 std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
-    Arrows arrows;
+    Series arrows;
     Eigen::AlignedBox2d box;
     for (const ShapedPoint& point : board.points) {
         const Eigen::Vector3d &d = point.displacement_mm, &sd = point.deviation_mm;
@@ -277,7 +271,7 @@ std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
 
 HtmlPage::Figure halves_figure(const CameraCalibration& calibration) {
     const CrossValidation& halves = *calibration.halves;
-    Arrows arrows;
+    Series arrows;
     for (std::size_t i = 0; i < halves.pixels.size(); ++i) {
         const Eigen::Vector2d& d = halves.differences_px[i];
         arrows.add(halves.pixels[i], d,
@@ -356,12 +350,11 @@ void add_models(HtmlPage& page, const CalibrationRun& run) {
     page.add_paragraph(
         "Left out: every photo in turn is taken away, the camera calibrated from the others, and "
         "of the photo only its pose fitted. Advised is the simplest model within one standard "
-        "error "
-        "of the best, paired by photo, and not more than a quarter worse. A richer one that "
+        "error of the best, paired by photo, and not more than a quarter worse. A richer one that "
         "predicts worse overfits. Certain to: the largest standard deviation of a ray's image "
         "among the corners. Halves: how far two calibrations of every second photo project apart. "
-        "A model is not advised where the first is twice, or the second three times, what the "
-        "best model and the left-out error leave.");
+        "A model is not advised where the first is twice, or the second three times, what the best "
+        "model and the left-out error leave.");
 }
 
 void add_uncertainty(HtmlPage& page, const CameraCalibration& calibration) {
@@ -382,8 +375,7 @@ void add_halves(HtmlPage& page, const CameraCalibration& calibration) {
     page.add_paragraph(fmt::format(
         "Calibrated from every second photo ({} and {}), the two cameras project {:.3f} px apart "
         "(RMS over the part of the image that corners reach; worst {:.3f} px). Their formal "
-        "covariances lead to expect {:.3f} px, "
-        "the cluster-robust ones {:.3f} px.",
+        "covariances lead to expect {:.3f} px, the cluster-robust ones {:.3f} px.",
         halves.views[0], halves.views[1], halves.rms_px, halves.worst_px, halves.expected_formal_px,
         halves.expected_robust_px));
     page.add_figures({halves_figure(calibration)});

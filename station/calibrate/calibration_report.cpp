@@ -11,15 +11,21 @@
 #include "report/number_text.h"
 
 namespace etalon {
-namespace {
 
-using nlohmann::ordered_json;
+ETALON_MEMBERS_TO_JSON(RefinedPhoto, corners_rms_gray, refined_rms_gray)
+
+namespace {
 
 std::size_t count_left_out(const CalibratedView& view) {
     return static_cast<std::size_t>(std::count(view.left_out.begin(), view.left_out.end(), true));
 }
 
 // ---- remarks --------------------------------------------------------------------------------
+
+const ModelScore* advised_score(const CameraCalibration& calibration) {
+    const ModelAdvice& advice = calibration.advice;
+    return advice.advised ? &advice.models[*advice.advised] : nullptr;
+}
 
 void remark_on_outliers(const CalibrationRun& run, std::vector<std::string>& remarks) {
     const CameraCalibration& calibration = run.calibration;
@@ -180,8 +186,7 @@ void remark_on_image(const CalibrationRun& run, std::vector<std::string>& remark
 
 // ---- photos, models and parameters, on the page and on a terminal ----------------------------
 
-// Angle between the board's normal and the optical axis; a telecentric camera does not tell to
-// which side.
+// Of the board's normal to the optical axis; a telecentric camera does not tell to which side.
 std::string tilt_text(const Rigid& camera_from_target, bool is_telecentric) {
     const double cosine = std::abs((camera_from_target.rotation * Eigen::Vector3d::UnitZ()).z());
     return (is_telecentric ? "\u00b1" : "") +
@@ -220,12 +225,12 @@ std::string difference(const ModelScore& score, const ModelAdvice& advice) {
 
 // ---- JSON -----------------------------------------------------------------------------------
 
-ordered_json parameters_json(const CameraCalibration& calibration) {
+Json parameters_json(const CameraCalibration& calibration) {
     const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
-    ordered_json json;
+    Json json;
     for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
         const ParameterDeviation& each = calibration.deviations[i];
-        ordered_json& entry = json[each.name];
+        Json& entry = json[each.name];
         entry["value"] = values[static_cast<Eigen::Index>(i)];
         entry["standard_deviation"] = {{"used", each.stated},
                                        {"formal", each.formal},
@@ -240,8 +245,8 @@ ordered_json parameters_json(const CameraCalibration& calibration) {
     return json;
 }
 
-ordered_json uncertainty_json(const ProjectionUncertainty& uncertainty) {
-    const auto figures = [&](double PixelUncertainty::*value) -> ordered_json {
+Json uncertainty_json(const ProjectionUncertainty& uncertainty) {
+    const auto figures = [&](double PixelUncertainty::*value) -> Json {
         return {{"mean_px", uncertainty.mean(value)},
                 {"worst_px", uncertainty.worst(value)},
                 {"worst_among_corners_px", uncertainty.worst_among_points(value)}};
@@ -252,7 +257,7 @@ ordered_json uncertainty_json(const ProjectionUncertainty& uncertainty) {
             {"image_without_ray", uncertainty.share_without_ray}};
 }
 
-ordered_json halves_json(const CrossValidation& halves) {
+Json halves_json(const CrossValidation& halves) {
     return {{"photos", halves.views},
             {"difference_rms_px", halves.rms_px},
             {"difference_worst_px", halves.worst_px},
@@ -260,11 +265,7 @@ ordered_json halves_json(const CrossValidation& halves) {
             {"expected_cluster_robust_px", halves.expected_robust_px}};
 }
 
-std::array<double, 3> numbers(const Eigen::Vector3d& v) {
-    return {v.x(), v.y(), v.z()};
-}
-
-ordered_json flatness_json(const BoardFlatness& flatness) {
+Json flatness_json(const BoardFlatness& flatness) {
     return {{"distorted", flatness.is_distorted()},
             {"chance", flatness.chance},
             {"share_of_variance", flatness.share},
@@ -273,62 +274,58 @@ ordered_json flatness_json(const BoardFlatness& flatness) {
             {"displacement_worst_mm", flatness.worst_mm}};
 }
 
-ordered_json board_json(const BoardShape& board) {
+Json board_json(const BoardShape& board) {
     return {{"displacement_rms_mm", board.rms_mm},
             {"displacement_rms_standard_deviation_mm", board.rms_deviation_mm},
             {"displacement_worst_mm", board.worst_mm},
-            {"curvature_xx_xy_yy_per_mm", numbers(board.curvature_per_mm)},
-            {"curvature_standard_deviation_per_mm", numbers(board.curvature_deviation_per_mm)},
+            {"curvature_xx_xy_yy_per_mm", numbers_of(board.curvature_per_mm)},
+            {"curvature_standard_deviation_per_mm", numbers_of(board.curvature_deviation_per_mm)},
             {"prior_in_plane_mm", board.prior.in_plane_mm},
             {"prior_out_of_plane_mm", board.prior.out_of_plane_mm},
             {"parameters", board.parameters},
             {"converged", board.converged},
             {"points", json_list(board.points, [](const ShapedPoint& point) {
-                 return ordered_json{{"id", point.id},
-                                     {"drawn_mm", numbers(point.drawn_mm)},
-                                     {"displacement_mm", numbers(point.displacement_mm)},
-                                     {"standard_deviation_mm", numbers(point.deviation_mm)}};
+                 return Json{{"id", point.id},
+                             {"drawn_mm", numbers_of(point.drawn_mm)},
+                             {"displacement_mm", numbers_of(point.displacement_mm)},
+                             {"standard_deviation_mm", numbers_of(point.deviation_mm)}};
              })}};
 }
 
-ordered_json photos_json(const CalibrationRun& run) {
-    ordered_json json = ordered_json::array();
+Json photos_json(const CalibrationRun& run) {
+    Json json = Json::array();
     for (std::size_t i = 0; i < run.photos.size(); ++i) {
         const CalibratedView& view = run.calibration.views[i];
-        ordered_json entry = {{"photo", run.photos[i]},
-                              {"used", view.used()},
-                              {"corners", view.left_out.size()},
-                              {"corners_left_out", count_left_out(view)}};
+        Json entry = {{"photo", run.photos[i]},
+                      {"used", view.used()},
+                      {"corners", view.left_out.size()},
+                      {"corners_left_out", count_left_out(view)}};
         if (view.camera_from_target) {
             entry["rms_px"] = view.rms_px;
             entry["camera_from_target"] = pose_numbers(*view.camera_from_target);
         }
-        if (view.left_out_rms_px)
-            entry["left_out_rms_px"] = *view.left_out_rms_px;
+        add_present(entry, "left_out_rms_px", view.left_out_rms_px);
         json.push_back(entry);
     }
     return json;
 }
 
 // In the order of the used photos.
-ordered_json refinement_json(const PhotometricRefinement& refinement) {
-    ordered_json json = {{"accepted", refinement.accepted},
-                         {"corners_rms_gray", refinement.corners_rms_gray},
-                         {"refined_rms_gray", refinement.refined_rms_gray},
-                         {"gain_gray", refinement.gain_gray},
-                         {"gain_standard_error_gray", refinement.gain_error_gray},
-                         {"least_gain_gray", refinement.least_gain_gray},
-                         {"folds", refinement.folds}};
+Json refinement_json(const PhotometricRefinement& refinement) {
+    Json json = {{"accepted", refinement.accepted},
+                 {"corners_rms_gray", refinement.corners_rms_gray},
+                 {"refined_rms_gray", refinement.refined_rms_gray},
+                 {"gain_gray", refinement.gain_gray},
+                 {"gain_standard_error_gray", refinement.gain_error_gray},
+                 {"least_gain_gray", refinement.least_gain_gray},
+                 {"folds", refinement.folds}};
     const CameraParameters values = all_parameters(refinement.camera);
     for (const ParameterDeviation& deviation : refinement.deviations)
         json["parameters"][deviation.name] = {
             {"value", values[parameter_index(deviation.name)]},
             {"standard_deviation",
              {{"formal", deviation.formal}, {"cluster_robust", deviation.cluster_robust}}}};
-    json["photos"] = json_list(refinement.photos, [](const RefinedPhoto& photo) {
-        return ordered_json{{"corners_rms_gray", photo.corners_rms_gray},
-                            {"refined_rms_gray", photo.refined_rms_gray}};
-    });
+    json["photos"] = refinement.photos;
     return json;
 }
 
@@ -347,11 +344,6 @@ const ModelScore& chosen_score(const CameraCalibration& calibration) {
     return *std::find_if(models.begin(), models.end(), [&](const ModelScore& score) {
         return score.model == calibration.model.name;
     });
-}
-
-const ModelScore* advised_score(const CameraCalibration& calibration) {
-    const ModelAdvice& advice = calibration.advice;
-    return advice.advised ? &advice.models[*advice.advised] : nullptr;
 }
 
 std::size_t photos_used(const CameraCalibration& calibration) {
@@ -485,7 +477,7 @@ std::string calibration_tables(const CalibrationRun& run) {
 
 std::string calibration_json(const CalibrationRun& run) {
     const CameraCalibration& calibration = run.calibration;
-    ordered_json json = {
+    Json json = {
         {"etalon", "calibration/1"},
         {"target", run.target},
         {"image", {{"width", calibration.camera.width}, {"height", calibration.camera.height}}},
@@ -493,8 +485,7 @@ std::string calibration_json(const CalibrationRun& run) {
     if (const ModelScore* advised = advised_score(calibration))
         json["advised_model"] = advised->model;
     json["rms_px"] = calibration.rms_px;
-    if (calibration.leave_one_out_rms_px)
-        json["leave_one_out_rms_px"] = *calibration.leave_one_out_rms_px;
+    add_present(json, "leave_one_out_rms_px", calibration.leave_one_out_rms_px);
     json["condition_number"] = calibration.condition_number;
     json["corners"] = calibration.points();
     json["corners_left_out"] = calibration.points_left_out();
@@ -502,14 +493,10 @@ std::string calibration_json(const CalibrationRun& run) {
     json["parameters"] = parameters_json(calibration);
     json["models"] = json_rows(model_table(run), MissingFigure::left_out);
     json["projection_uncertainty"] = uncertainty_json(calibration.uncertainty);
-    if (calibration.halves)
-        json["halves"] = halves_json(*calibration.halves);
-    if (calibration.flatness)
-        json["board_flatness"] = flatness_json(*calibration.flatness);
-    if (calibration.board)
-        json["board"] = board_json(*calibration.board);
-    if (run.refinement)
-        json["photometric_refinement"] = refinement_json(*run.refinement);
+    add_present(json, "halves", calibration.halves, halves_json);
+    add_present(json, "board_flatness", calibration.flatness, flatness_json);
+    add_present(json, "board", calibration.board, board_json);
+    add_present(json, "photometric_refinement", run.refinement, refinement_json);
     json["photos"] = photos_json(run);
     json["photos_without_target"] = run.without_target;
     json["photos_of_other_cameras"] = run.others.photos;

@@ -1,5 +1,4 @@
-// What `etalon calibrate` found, in every form it is told: remarks and tables for the terminal,
-// calibration.json, corners.csv and report.html.
+// What `etalon calibrate` found: remarks, tables, calibration.json, corners.csv, report.html.
 #pragma once
 
 #include "calib/intrinsics/calibrate.h"
@@ -36,9 +35,7 @@ std::string short_name(const std::string& photo);
 // A value with two digits of its standard deviation: "532.83" for 0.62.
 std::string with_uncertainty(double value, double deviation);
 
-// The row of the chosen model, and of the advised one where views were left out.
 const ModelScore& chosen_score(const CameraCalibration& calibration);
-const ModelScore* advised_score(const CameraCalibration& calibration);
 
 std::size_t photos_used(const CameraCalibration& calibration);
 
@@ -46,8 +43,7 @@ std::size_t photos_used(const CameraCalibration& calibration);
 std::vector<std::pair<const char*, double>> held_parameters(const CameraCalibration& calibration);
 inline constexpr const char* reason_held = "has no effect without distortion";
 
-// The motion of the camera that a measurement takes back by itself: "rotation", or of a telecentric
-// camera what a rotation and a shift do.
+// What a measurement takes back by itself: "rotation"; telecentric: what that and a shift do.
 const char* best_motion(const CameraModel& camera);
 
 // What a reader should know before trusting the result, a sentence each; empty: nothing.

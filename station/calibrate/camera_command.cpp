@@ -2,14 +2,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/camera_check.h"
 #include "core/config/strict_reader.h"
-#include "core/program/errors.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
 
@@ -157,10 +155,9 @@ CalibrationTool tool_named(const std::string& name) {
     for (const CalibrationTool tool : calibration_tools())
         if (name == name_of(tool))
             return tool;
-    throw ConfigError({"--to"},
-                      "must be etalon, opencv, ros, kalibr, mrcal, matlab, boofcv or "
-                      "colmap, not '" +
-                          name + "'");
+    throw ConfigError(
+        {"--to"},
+        "must be etalon, opencv, ros, kalibr, mrcal, matlab, boofcv or colmap, not '" + name + "'");
 }
 
 }  // namespace

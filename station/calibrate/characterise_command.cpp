@@ -2,14 +2,12 @@
 // into its camera file. The measuring is in compare/characterise/characterisation.cpp.
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
 #include "compare/photo_pose.h"
 #include "core/config/csv_file.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/html.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
@@ -23,7 +21,6 @@
 namespace etalon {
 namespace {
 
-using nlohmann::ordered_json;
 using Paths = std::vector<std::filesystem::path>;
 
 CharacteriseInput read_input(const CharacteriseArguments& arguments) {
@@ -86,8 +83,8 @@ void print_words(const Characterisation& result) {
                    missing.quantity, missing.reason);
 }
 
-ordered_json values_json(const Characterisation& result) {
-    ordered_json json = ordered_json::object();
+Json values_json(const Characterisation& result) {
+    Json json = Json::object();
     for (const MeasuredValue& value : result.values)
         json[value.key] = {{"value", value.value},
                            {"standard_uncertainty", value.standard_uncertainty},
@@ -99,38 +96,38 @@ ordered_json values_json(const Characterisation& result) {
     return json;
 }
 
-ordered_json json_of(const TransferCandidate& candidate) {
+Json json_of(const TransferCandidate& candidate) {
     return {{"kind", word(candidate.kind)},
             {"chi_square", candidate.chi_square},
             {"degrees_of_freedom", candidate.degrees_of_freedom},
             {"bic", candidate.information_criterion}};
 }
 
-ordered_json json_of(const NoiseLevel& level) {
+Json json_of(const NoiseLevel& level) {
     return {{"signal_dn", level.signal_dn},
             {"variance_dn2", level.variance_dn2},
             {"standard_uncertainty_dn2", level.standard_uncertainty_dn2},
             {"used", level.is_used}};
 }
 
-ordered_json json_of(const NotMeasured& missing) {
+Json json_of(const NotMeasured& missing) {
     return {{"quantity", missing.quantity},
             {"reason", missing.reason},
             {"refused", missing.was_refused}};
 }
 
-ordered_json json_of(const ModulationRow& row) {
+Json json_of(const ModulationRow& row) {
     return {row.cycles_per_px, row.modulation, row.standard_uncertainty};
 }
 
-ordered_json json_of(const std::optional<BlurWidth>& zone) {
-    return zone ? ordered_json{{"sigma_px", zone->sigma_px},
-                               {"standard_uncertainty", zone->standard_uncertainty_px},
-                               {"edges", zone->edges}}
-                : ordered_json(nullptr);
+Json json_of(const std::optional<BlurWidth>& zone) {
+    return zone ? Json{{"sigma_px", zone->sigma_px},
+                       {"standard_uncertainty", zone->standard_uncertainty_px},
+                       {"edges", zone->edges}}
+                : Json(nullptr);
 }
 
-ordered_json json_of(const EdgeModulation& at) {
+Json json_of(const EdgeModulation& at) {
     return {{"photo", at.photo},
             {"centre_px", {at.centre_px.x(), at.centre_px.y()}},
             {"angle_deg", at.edge.angle_deg},
@@ -141,22 +138,21 @@ ordered_json json_of(const EdgeModulation& at) {
 }
 
 template <class List>
-ordered_json list_of(const List& list) {
+Json list_of(const List& list) {
     return json_list(list, [](const auto& each) { return json_of(each); });
 }
 
-ordered_json transfer_json(const TransferEstimate& estimate) {
-    ordered_json json = {{"kind", word(estimate.transfer.kind)},
-                         {"candidates", list_of(estimate.candidates)},
-                         {"lowest_code", estimate.lowest_code},
-                         {"highest_code", estimate.highest_code},
-                         {"saturation_code", estimate.saturation_code}};
-    if (estimate.light_drift)
-        json["light_drift"] = *estimate.light_drift;
+Json transfer_json(const TransferEstimate& estimate) {
+    Json json = {{"kind", word(estimate.transfer.kind)},
+                 {"candidates", list_of(estimate.candidates)},
+                 {"lowest_code", estimate.lowest_code},
+                 {"highest_code", estimate.highest_code},
+                 {"saturation_code", estimate.saturation_code}};
+    add_present(json, "light_drift", estimate.light_drift);
     return json;
 }
 
-ordered_json photon_transfer_json(const PhotonTransfer& photon) {
+Json photon_transfer_json(const PhotonTransfer& photon) {
     return {{"reduced_chi_square", photon.reduced_chi_square},
             {"degrees_of_freedom", photon.degrees_of_freedom},
             {"covariance_gain_read_noise", photon.covariance(0, 1)},
@@ -167,9 +163,9 @@ ordered_json photon_transfer_json(const PhotonTransfer& photon) {
             {"levels", list_of(photon.levels)}};
 }
 
-ordered_json illumination_json(const Characterisation& result) {
+Json illumination_json(const Characterisation& result) {
     const IlluminationEstimate& estimate = *result.illumination;
-    ordered_json covariance = ordered_json::array();
+    Json covariance = Json::array();
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j <= i; ++j)
             covariance.push_back(estimate.covariance(i, j));
@@ -183,15 +179,13 @@ ordered_json illumination_json(const Characterisation& result) {
 }
 
 void print_json(const CharacteriseArguments& arguments, const Characterisation& result) {
-    ordered_json json = {
+    Json json = {
         {"etalon", "characterisation/1"}, {"camera", arguments.out.string()},
         {"target", arguments.target},     {"photos_with_target", result.photos_with_target},
         {"values", values_json(result)},  {"not_measured", list_of(result.not_measured)},
         {"remarks", result.remarks}};
-    if (result.transfer)
-        json["transfer"] = transfer_json(*result.transfer);
-    if (result.photon_transfer)
-        json["photon_transfer"] = photon_transfer_json(*result.photon_transfer);
+    add_present(json, "transfer", result.transfer, transfer_json);
+    add_present(json, "photon_transfer", result.photon_transfer, photon_transfer_json);
     if (result.illumination)
         json["illumination"] = illumination_json(result);
     if (result.point_spread)
@@ -267,12 +261,11 @@ HtmlPage::Figure transfer_plot(const TransferEstimate& estimate) {
     plot.add_line({ends, ends}, Color::gray, "straight line");
     plot.add_points(patches, Color::blue, "patches");
     plot.add_line(curve, Color::red, "transfer curve");
-    return {
-        plot.svg(),
-        fmt::format(
-            "Transfer curve from {} patches in {} photos, seen from {:.3f} to {:.3f} of "
-            "full scale and continued beyond. Points beside the curve are patches in uneven light.",
-            estimate.patches, estimate.photos, estimate.lowest_code, estimate.highest_code)};
+    return {plot.svg(),
+            fmt::format(
+                "Transfer curve from {} patches in {} photos, seen from {:.3f} to {:.3f} of full "
+                "scale and continued beyond. Points beside the curve are patches in uneven light.",
+                estimate.patches, estimate.photos, estimate.lowest_code, estimate.highest_code)};
 }
 
 // What the curve itself hides: how far the patches are from a straight line through black.
@@ -289,12 +282,11 @@ HtmlPage::Figure nonlinearity_plot(const TransferEstimate& estimate) {
     plot.add_points(patches, Color::blue, "patches");
     plot.add_level(0.0, Color::gray, "");
     return {plot.svg(),
-            fmt::format(
-                "The patches' departure from the straight line through black that fits them "
-                "best; a bend is a tone curve. Largest of the measured curve between 5 and 95 %: "
-                "{:.3f} % ± {:.3f} % "
-                "(k = 2).",
-                100.0 * estimate.nonlinearity, 200.0 * estimate.nonlinearity_standard_uncertainty)};
+            fmt::format("The patches' departure from the straight line through black that fits "
+                        "them best; a bend is a tone curve. Largest of the measured curve between "
+                        "5 and 95 %: {:.3f} % ± {:.3f} % (k = 2).",
+                        100.0 * estimate.nonlinearity,
+                        200.0 * estimate.nonlinearity_standard_uncertainty)};
 }
 
 HtmlPage::Figure illumination_plot(const CameraModel& camera,
@@ -321,13 +313,10 @@ HtmlPage::Figure illumination_plot(const CameraModel& camera,
                     every == 1 ? "white parts" : "some of the white parts");
     plot.add_band(curve, Color::red, "U (k = 2)");
     plot.add_line(curve, Color::red, "polynomial");
-    return {
-        plot.svg(),
-        fmt::format(
-            "Relative illumination: white parts, their photo's own level and "
-            "plane divided out; they scatter by {:.2g} %. Look whether they follow the curve to "
-            "the end: beyond it nothing was seen.",
-            100.0 * estimate.residual_rms)};
+    return {plot.svg(), fmt::format("Relative illumination: white parts, their photo's own level "
+                                    "and plane divided out; they scatter by {:.2g} %. Look whether "
+                                    "they follow the curve to the end: beyond it nothing was seen.",
+                                    100.0 * estimate.residual_rms)};
 }
 
 HtmlPage::Figure illumination_map(const CameraModel& camera, const IlluminationEstimate& estimate) {
@@ -362,11 +351,10 @@ HtmlPage::Figure modulation_plot(const Characterisation& result) {
         plot.add_line(edge, inks[i % inks.size()],
                       fmt::format("({:.0f}, {:.0f})", at.centre_px.x(), at.centre_px.y()));
     }
-    return {
-        plot.svg(),
-        "Slanted-edge MTF (ISO 12233) of lens, pixel and camera together, one edge for "
-        "each part of the image (its middle in px), in linear radiance. A curve above 1 tells of "
-        "sharpening, one that lies far below the others of blur in its part."};
+    return {plot.svg(),
+            "Slanted-edge MTF (ISO 12233) of lens, pixel and camera together, one edge for each "
+            "part of the image (its middle in px), in linear radiance. A curve above 1 tells of "
+            "sharpening, one that lies far below the others of blur in its part."};
 }
 
 HtmlPage::Figure edge_spread_plot(const PointSpreadEstimate& spread) {
@@ -404,8 +392,7 @@ void add_zones(HtmlPage& page, const PointSpreadEstimate& spread) {
     page.add_table({"", "left", "centre", "right"}, rows);
 }
 
-// Of a disk of radius R the standard deviation along a line is R/2, so that a Gaussian beside it
-// makes sqrt(sigma^2 + R^2/4).
+// A disk of radius R has sigma R/2 along a line: beside a Gaussian sqrt(sigma^2 + R^2/4).
 std::optional<HtmlPage::Figure> defocus_plot(const Characterisation& result) {
     if (!result.defocus || result.blur_by_depth.empty())
         return std::nullopt;
@@ -423,12 +410,10 @@ std::optional<HtmlPage::Figure> defocus_plot(const Characterisation& result) {
     plot.add_line(curve, Color::red, "thin lens fitted");
     plot.add_points(groups, Color::blue, "groups of edges");
     return HtmlPage::Figure{
-        plot.svg(),
-        fmt::format("Blur against depth: {} edges nearer than focus, {} farther. The groups "
-                    "are for the eye, the fit is on every edge's pixels: look whether they lie on "
-                    "it on both "
-                    "sides of focus.",
-                    defocus.edges_nearer, defocus.edges_farther)};
+        plot.svg(), fmt::format("Blur against depth: {} edges nearer than focus, {} farther. The "
+                                "groups are for the eye, the fit is on every edge's pixels: look "
+                                "whether they lie on it on both sides of focus.",
+                                defocus.edges_nearer, defocus.edges_farther)};
 }
 
 void add_curves(HtmlPage& page, const Characterisation& result) {

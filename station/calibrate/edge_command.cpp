@@ -1,25 +1,20 @@
 // `etalon characterise --edge`: the modulation transfer along slanted edges of any photograph.
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
 #include "compare/photo_pose.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/html.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
-#include "report/result_table.h"
 #include "report/svg_plot.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
 
 namespace etalon {
 namespace {
-
-using nlohmann::ordered_json;
 
 struct PhotoEdge {
     std::filesystem::path photo;
@@ -90,7 +85,7 @@ std::string place_of(const PhotoEdge& one) {
     return fmt::format("{},{},{}x{}", r.x, r.y, r.width, r.height);
 }
 
-ordered_json edge_json(const PhotoEdge& one) {
+Json edge_json(const PhotoEdge& one) {
     const SlantedEdge& edge = one.edge;
     return {{"photo", one.photo.string()},
             {"region_px", {one.region.x, one.region.y, one.region.width, one.region.height}},
@@ -100,7 +95,7 @@ ordered_json edge_json(const PhotoEdge& one) {
             {"at_nyquist", edge.at_nyquist},
             {"at_nyquist_standard_uncertainty", edge.at_nyquist_standard_uncertainty},
             {"rows", json_list(edge.modulation, [](const ModulationRow& row) {
-                 return ordered_json{row.cycles_per_px, row.modulation, row.standard_uncertainty};
+                 return Json{row.cycles_per_px, row.modulation, row.standard_uncertainty};
              })}};
 }
 

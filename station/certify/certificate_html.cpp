@@ -3,7 +3,6 @@
 
 #include "compare/qualification/judged_quantities.h"
 #include "core/file/text.h"
-#include "core/geometry/units.h"
 #include "report/number_text.h"
 #include "station/certify/certificate.css.h"
 #include "station/certify/certificate.h"
@@ -13,7 +12,6 @@ namespace {
 
 using Texts = std::vector<std::string>;
 
-// As people write a unit.
 std::string unit_text(const std::string& unit) {
     return unit == "um" ? "µm" : unit;
 }
@@ -117,8 +115,7 @@ std::string decision_html(const Certificate& certificate) {
     return heading("Decision rule: " + analysis.rule.name()) +
            paragraphs({fmt::format(
                "{}. A camera with any judged quantity at its limit gets PASS in at most {}, one "
-               "with "
-               "all {} at their limits FAIL in at most {} of runs (ILAC-G8, JCGM 106).",
+               "with all {} at their limits FAIL in at most {} of runs (ILAC-G8, JCGM 106).",
                analysis.rule.sentence(), probability_text(analysis.risk.false_acceptance),
                analysis.risk.judged, probability_text(analysis.risk.false_rejection))}) +
            figures({"Quantity", "Within its limit", "Consumer's risk", "Producer's risk"}, rows, 1,
@@ -193,7 +190,6 @@ std::string item_html(const Certificate& certificate) {
          {"Quantities", "Bias of the pose that is measured with the camera, over the volume"}});
 }
 
-// Signature and record.
 std::string end_html(const Certificate& certificate) {
     const CertificateForm& form = certificate.form;
     return fmt::format(

@@ -3,7 +3,6 @@
 #include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "station/certify/certificate.h"
 #include "station/qualify/recorded_run.h"
 #include "station/record/record_json.h"

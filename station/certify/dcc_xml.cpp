@@ -46,8 +46,6 @@ std::string element(const std::string& name, const std::string& elements,
     return text + "</" + name + ">\n";
 }
 
-// ---- parts that come more than once
-
 std::string contents(const std::string& name, const std::vector<std::string>& texts) {
     std::string all;
     for (const std::string& text : texts)
@@ -76,8 +74,6 @@ std::string contact(const std::string& name, const PostalContact& contact) {
 std::string software() {
     return element("dcc:software", content("dcc:name", "etalon") + leaf("dcc:release", version));
 }
-
-// ---- quantities
 
 // A unit of ours in the notation of D-SI; what the SI does not have is a number, with a word on it.
 struct DsiUnit {
@@ -115,8 +111,6 @@ std::string expanded(double uncertainty, double coverage_factor, double coverage
                        leaf("si:coverageFactor", exact(coverage_factor)) +
                        leaf("si:coverageProbability", exact(coverage_probability)));
 }
-
-// ---- administrative data
 
 std::string core_data(const Certificate& certificate) {
     const RunDays days = days_of(certificate.run);
@@ -197,8 +191,6 @@ std::string administrative_data(const Certificate& certificate) {
                         person(operators_of(certificate.run), "operator")) +
             contact("dcc:customer", form.customer) + statements(certificate));
 }
-
-// ---- results
 
 std::string method(const Certificate& certificate) {
     return element(

@@ -12,8 +12,6 @@
 namespace etalon {
 namespace {
 
-// ---- reading --------------------------------------------------------------------------------
-
 // Beyond these no figure of a photograph lies, and differences and squares stay finite.
 constexpr Range believable{0.0, 1e9};
 constexpr Range believable_pose{-1e9, 1e9};
@@ -52,8 +50,6 @@ PhotoSummary read_photo_summary(const Value& entry) {
     return photo;
 }
 
-// ---- pairing --------------------------------------------------------------------------------
-
 std::map<std::string, int> occurrences(const ComparisonSummary& comparison) {
     std::map<std::string, int> counts;
     for (const PhotoSummary& photo : comparison.photos)
@@ -78,8 +74,6 @@ void pair_photos(const ComparisonSummary& earlier, const ComparisonSummary& now,
             if (same.name == photo.name && after.at(photo.name) == 1 && before.at(photo.name) == 1)
                 change.pairs.push_back({same, photo});
 }
-
-// ---- differences ----------------------------------------------------------------------------
 
 // What is compared of a pair of photographs: then and now; nothing where one of them has none.
 struct Quantity {

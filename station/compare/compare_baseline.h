@@ -32,12 +32,10 @@ struct ComparisonSummary {
     std::vector<PhotoSummary> photos;
 };
 
-// DIR/comparison.json of an earlier run. Throws ConfigError with file, line and key for whatever is
-// missing, of another type, not finite, or out of range.
+// DIR/comparison.json of an earlier run. Throws ConfigError with file, line and key.
 ComparisonSummary read_comparison(const std::filesystem::path& folder);
 
-// Throws ConfigError (at --baseline) that names both values when serial number (where both are
-// known), image size or marker differ.
+// Throws ConfigError (at --baseline) for another known serial number, image size or marker.
 void require_same_camera(const ComparisonSummary& earlier, const ComparisonSummary& now);
 
 // One quantity over all pairs that have it: present minus earlier.

@@ -6,7 +6,6 @@
 
 #include "compare/make_detector.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/svg_plot.h"
 #include "station/compare/commands.h"
 #include "station/compare/comparison.h"
@@ -100,8 +99,7 @@ struct FoundPoses {
     std::string shown_as;  // the board's name where they show another that is drawn otherwise
 };
 
-// First pass: every photograph is read and its pose found, so that an input error in the last one
-// shows before anything is written.
+// First pass: finds every pose, so that input errors show before anything is written.
 FoundPoses find_poses(const CompareArguments& arguments, const Job& job,
                       const Projector& projector) {
     FoundPoses all;
@@ -238,7 +236,6 @@ void match(const CodeImage& image, const Job& job,
                                      first.reason()));
 }
 
-// What is said of each photograph while the command works.
 void print_progress(const std::string& place, const ComparedPhoto& photo) {
     const std::string file = place + ": " + photo.photo.string();
     if (!photo.has_figures()) {

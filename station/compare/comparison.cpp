@@ -15,7 +15,6 @@ double mean_over(const Comparison& comparison, Function value) {
     return sum / static_cast<double>(std::max<std::size_t>(comparison.compared(), 1));
 }
 
-// Pose, residual and edge shift of a fit, if there is one.
 void summarise_fit(const std::optional<ComparedFit>& fit, std::optional<Rigid>& pose,
                    std::optional<double>& residual_gray, std::optional<double>& edge_shift_px) {
     if (!fit)

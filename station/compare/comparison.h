@@ -23,8 +23,7 @@ struct ComparedFit : PhotoFit {
     }
 };
 
-// The pictures of one photograph: whole images as files of the report's folder, the part around the
-// marker as <img> elements.
+// Whole images as files of the report's folder, the part around the marker as <img> elements.
 struct PhotoPictures {
     std::string overlay_file, residual_file, significance_file, rendering_file, edges_file;
     std::string thumbnail, photo, rendering, refined_rendering;
@@ -88,8 +87,7 @@ struct Comparison {
 
     std::size_t compared() const;  // photographs with figures
     std::size_t matched() const;   // of them those without findings
-    // Means over the compared photographs. Of the scored half, at the poses under test and at the
-    // photometric ones.
+    // Means over the compared photographs, scored half, at the poses under test and photometric.
     double mean_rms_gray() const, refined_mean_rms_gray() const;
     double mean_psf_sigma_px() const;  // fitted, at the poses under test
     // Of all compared photographs: of the scored half, or of both.
@@ -112,8 +110,7 @@ inline constexpr double overlay_gain = 2.0;              // of the red/cyan over
 inline constexpr double residual_map_scale_gray = 30.0;  // full colour of the residual maps
 inline constexpr double significance_map_scale = 6.0;    // standard deviations, full colour
 
-// Writes the picture files of the photograph with this number (from 1) into `folder` and makes the
-// elements for the report.
+// Writes picture files of photograph `number` (from 1) to `folder`; makes the report's elements.
 PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t number,
                             const std::filesystem::path& photo, const PhotoFit& calibrated,
                             const PhotoFit& refined);
@@ -136,8 +133,7 @@ struct ComparisonPlot {
 // Those for which this comparison has figures.
 std::vector<ComparisonPlot> comparison_plots(const Comparison& comparison);
 
-// How many times larger than measured shifts are drawn, for all photographs the same: 1, 2 or 5
-// times a power of ten that makes their RMS about 12 px.
+// Of drawn shifts, for all photographs: 1, 2 or 5 times 10^n that makes their RMS about 12 px.
 double arrow_magnification(const Comparison& comparison);
 
 // Edges of the refined pose as thin lines and their shifts as arrows, from the rendering's edge to

@@ -10,11 +10,11 @@
 #include "station/compare/comparison.h"
 
 namespace etalon {
+
+ETALON_MEMBERS_TO_JSON(EdgeParts, shift_gray, blur_gray, photometric_gray, rest_gray, residual_gray)
+ETALON_MEMBERS_TO_JSON(Saturation, level_gray, knee_gray)
+
 namespace {
-
-using nlohmann::ordered_json;
-
-// ---- CSV ------------------------------------------------------------------------------------
 
 ColumnsOf<ComparedFit> fit_columns() {
     ColumnsOf<ComparedFit> columns;
@@ -97,7 +97,6 @@ struct ItemOfPhoto {
     const Item* item = nullptr;
 };
 
-// A row for each of these items of each fit.
 template <class Fit, class Item>
 std::string items_csv(const Comparison& comparison, std::vector<Item> Fit::*items,
                       const ColumnsOf<Item>& item_columns) {
@@ -116,7 +115,7 @@ std::string items_csv(const Comparison& comparison, std::vector<Item> Fit::*item
 
 // ---- JSON: what is missing has no key -------------------------------------------------------
 
-ordered_json statistics_json(const ResidualStatistics& statistics) {
+Json statistics_json(const ResidualStatistics& statistics) {
     const ColumnsOf<ResidualStatistics> columns = {
         {"pixels", &ResidualStatistics::pixels},
         {"rms_gray", &ResidualStatistics::rms_gray},
@@ -128,7 +127,7 @@ ordered_json statistics_json(const ResidualStatistics& statistics) {
 }
 
 // Roots of sums of squares, noise taken out of the shift; the parts' squares add up to the band's.
-ordered_json edges_json(const EdgeSummary& summary) {
+Json edges_json(const EdgeSummary& summary) {
     return {{"edges", summary.edges},
             {"beyond_range", summary.beyond_range},
             {"shift_rms_px", summary.shift.rms_px},
@@ -140,32 +139,24 @@ ordered_json edges_json(const EdgeSummary& summary) {
             {"mean_shift_deviation_px", summary.mean_shift_deviation_px},
             {"mean_blur_px2", summary.mean_blur_px2},
             {"mean_blur_deviation_px2", summary.mean_blur_deviation_px2},
-            {"parts",
-             {{"shift_gray", summary.parts.shift_gray},
-              {"blur_gray", summary.parts.blur_gray},
-              {"photometric_gray", summary.parts.photometric_gray},
-              {"rest_gray", summary.parts.rest_gray},
-              {"residual_gray", summary.parts.residual_gray}}}};
+            {"parts", summary.parts}};
 }
 
-ordered_json fit_json(const ComparedFit& fit) {
+Json fit_json(const ComparedFit& fit) {
     const PhotometricModel& model = fit.state.photometry;
-    ordered_json json = {
-        {"camera_from_marker", pose_numbers(fit.camera_from_marker())},
-        {"scored", statistics_json(fit.scored)},
-        {"fitted", statistics_json(fit.fitted)},
-        {"noise",
-         {{"deviation_gray", fit.noise_gray},
-          {"source", fit.noise_source == NoiseSource::camera ? "camera" : "residuals"}}},
-        {"photometric_model",
-         {{"black_gray", numbers_of(model.black)},
-          {"white_gray", numbers_of(model.white)},
-          {"psf_sigma_px", model.psf_sigma_px},
-          {"psf_anisotropy_px2", model.psf_anisotropy_px2},
-          {"tone", model.tone}}}};
-    if (model.saturation)
-        json["photometric_model"]["saturation"] = {{"level_gray", model.saturation->level_gray},
-                                                   {"knee_gray", model.saturation->knee_gray}};
+    Json json = {{"camera_from_marker", pose_numbers(fit.camera_from_marker())},
+                 {"scored", statistics_json(fit.scored)},
+                 {"fitted", statistics_json(fit.fitted)},
+                 {"noise",
+                  {{"deviation_gray", fit.noise_gray},
+                   {"source", fit.noise_source == NoiseSource::camera ? "camera" : "residuals"}}},
+                 {"photometric_model",
+                  {{"black_gray", numbers_of(model.black)},
+                   {"white_gray", numbers_of(model.white)},
+                   {"psf_sigma_px", model.psf_sigma_px},
+                   {"psf_anisotropy_px2", model.psf_anisotropy_px2},
+                   {"tone", model.tone}}}};
+    add_present(json["photometric_model"], "saturation", model.saturation);
     if (const EdgeSummary* edges = fit.edges_if_any())
         json["edges"] = edges_json(*edges);
     json["parameters"] =
@@ -173,7 +164,7 @@ ordered_json fit_json(const ComparedFit& fit) {
     return json;
 }
 
-ordered_json finding_json(const Finding& finding) {
+Json finding_json(const Finding& finding) {
     return {{"name", finding.name},
             {"value", finding.value},
             {"limit", finding.limit},
@@ -182,7 +173,7 @@ ordered_json finding_json(const Finding& finding) {
             {"sentence", finding.sentence}};
 }
 
-ordered_json minimum_json(const WidthMinimum& minimum) {
+Json minimum_json(const WidthMinimum& minimum) {
     if (!minimum.is_determined)
         return {{"undetermined", minimum.undetermined}};
     return {{"focus_distance_mm", minimum.focus_distance_mm},
@@ -190,7 +181,7 @@ ordered_json minimum_json(const WidthMinimum& minimum) {
 }
 
 // The covariance's order is that of the change: left perturbation, rotation then translation.
-void add_fits(const ComparedPhoto& photo, ordered_json& json) {
+void add_fits(const ComparedPhoto& photo, Json& json) {
     json["calibrated"] = fit_json(*photo.calibrated);
     json["refined"] = fit_json(*photo.refined);
     json["refined"]["converged"] = photo.photometric->converged;
@@ -209,8 +200,8 @@ void add_fits(const ComparedPhoto& photo, ordered_json& json) {
                      {"edge_map", photo.pictures.edges_file}};
 }
 
-ordered_json photo_json(const ComparedPhoto& photo) {
-    ordered_json json = {{"photo", photo.photo.string()}, {"outcome", photo.outcome()}};
+Json photo_json(const ComparedPhoto& photo) {
+    Json json = {{"photo", photo.photo.string()}, {"outcome", photo.outcome()}};
     if (!photo.failure.empty())
         json["failure"] = photo.failure;
     json["findings"] = json_list(photo.findings, finding_json);
@@ -226,7 +217,7 @@ ordered_json photo_json(const ComparedPhoto& photo) {
 }
 
 // Of all photographs; every single edge is in edges.csv.
-void add_edges(const Comparison& comparison, ordered_json& json) {
+void add_edges(const Comparison& comparison, Json& json) {
     if (const auto edges = comparison.edge_summaries())
         json["edges"] = {{"calibrated", edges_json(edges->first)},
                          {"refined", edges_json(edges->second)},
@@ -238,7 +229,7 @@ void add_edges(const Comparison& comparison, ordered_json& json) {
                                             {"is_distorted", board->are_the_boards()}};
 }
 
-ordered_json baseline_json(const BaselineChange& change) {
+Json baseline_json(const BaselineChange& change) {
     return {{"folder", change.folder.string()},
             {"serial_numbers_known", change.serials_known},
             {"pairs", change.pairs.size()},
@@ -322,7 +313,7 @@ std::string defocus_csv(const Comparison& comparison) {
 }
 
 std::string comparison_json(const Comparison& comparison) {
-    ordered_json json = {
+    Json json = {
         {"etalon", "comparison/1"},
         {"camera", comparison.camera_file.string()},
         {"serial", comparison.camera.serial},
@@ -341,14 +332,13 @@ std::string comparison_json(const Comparison& comparison) {
     for (const ResidualProfile& profile : comparison.profiles) {
         const std::string prefix = profile.pose == std::string("refined") ? "refined_" : "";
         json["profiles"][prefix + profile.against] =
-            json_list(profile.points(), [](const ResidualProfile::Point& point) -> ordered_json {
+            json_list(profile.points(), [](const ResidualProfile::Point& point) -> Json {
                 return {
                     {"at", point.middle}, {"rms_gray", point.rms_gray}, {"pixels", point.pixels}};
             });
     }
     add_edges(comparison, json);
-    if (comparison.baseline)
-        json["baseline"] = baseline_json(*comparison.baseline);
+    add_present(json, "baseline", comparison.baseline, baseline_json);
     json["software"] = software_json(software_versions());
     return text_of(json);
 }

@@ -11,8 +11,7 @@
 namespace etalon {
 namespace {
 
-// Size of the change from the pose under test to the photometric pose, with the standard deviation
-// of that pose in the change's direction.
+// From the pose under test to the photometric pose, with the latter's deviation in this direction.
 struct PoseChange {
     double translation_mm = 0.0, translation_deviation_mm = 0.0;
     double rotation_mrad = 0.0, rotation_deviation_mrad = 0.0;
@@ -166,16 +165,15 @@ std::string significance_caption(const ComparedFit& fit) {
 std::string pictures_html(const ComparedPhoto& photo, std::size_t number, bool starts_in_turn,
                           double magnification) {
     const PhotoPictures& pictures = photo.pictures;
-    std::string text =
-        "<div class=\"pictures\"><figure class=\"wide\">" +
-        viewer_html(fmt::format("view-{}", number),
-                    {{"photograph", pictures.photo},
-                     {"rendering", pictures.rendering},
-                     {"refined pose", pictures.refined_rendering}},
-                    starts_in_turn) +
-        "<figcaption>In turn: what moves or changes is the difference. Press to hold "
-        "the photograph. Pale in the rendering: the photograph, where nothing is rendered."
-        "</figcaption></figure>";
+    std::string text = "<div class=\"pictures\"><figure class=\"wide\">" +
+                       viewer_html(fmt::format("view-{}", number),
+                                   {{"photograph", pictures.photo},
+                                    {"rendering", pictures.rendering},
+                                    {"refined pose", pictures.refined_rendering}},
+                                   starts_in_turn) +
+                       "<figcaption>In turn: what moves or changes is the difference. Press to "
+                       "hold the photograph. Pale in the rendering: the photograph, where nothing "
+                       "is rendered.</figcaption></figure>";
     text += figure_html(zoomable(pictures.overlay),
                         fmt::format("Red: the photograph is brighter, cyan: the rendering is; "
                                     "differences × {:.0f}. A coloured rim is an edge out of "
@@ -198,9 +196,8 @@ std::string pictures_html(const ComparedPhoto& photo, std::size_t number, bool s
     return text + "</div>";
 }
 
-// The part of the report that belongs to one photograph, which is numbered from 1: what was found,
-// photograph and rendering in one place, the maps, every fitted parameter. The viewer of one card
-// starts moving, that with `starts_in_turn`.
+// One photograph, numbered from 1: findings, photograph and rendering in one place, maps, fitted
+// parameters. With `starts_in_turn` its viewer starts moving.
 std::string card_html(const Comparison& comparison, std::size_t number, bool starts_in_turn) {
     const ComparedPhoto& photo = comparison.photos[number - 1];
     std::string text = fmt::format("<article class=\"photo\" id=\"photo-{}\"><h3>{} {}</h3>",
@@ -218,7 +215,6 @@ std::string card_html(const Comparison& comparison, std::size_t number, bool sta
     return text + "</article>\n";
 }
 
-// All photographs, small, each a link to its card.
 std::string contact_sheet_html(const Comparison& comparison) {
     std::string text = "<div class=\"sheet\">";
     for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
@@ -251,7 +247,6 @@ std::string verdict_sentence(const Comparison& comparison) {
     return text;
 }
 
-// What was found, each with the photographs that it was found on.
 std::vector<std::string> found_by_name(const Comparison& comparison) {
     std::map<std::string, std::vector<std::string>> photos;
     for (const ComparedPhoto& photo : comparison.photos) {
@@ -297,22 +292,18 @@ void add_method(HtmlPage& page, const Comparison& comparison) {
             : "the whole marker with its white border";
     page.add_paragraph(
         "Each photograph is set against a rendering of the marker, made from the calibration "
-        "alone. "
-        "Black and white level, each a surface of second order over the image" +
+        "alone. Black and white level, each a surface of second order over the image" +
         std::string(comparison.camera.lens ? ", " : ", the widths of a Gaussian blur, ") +
         "and, where the white comes near full scale, its saturation are fitted to the photograph "
-        "on "
-        "one half of the cells (blocks of 2 × 2 take turns); every figure here is of the other "
+        "on one half of the cells (blocks of 2 × 2 take turns); every figure here is of the other "
         "half. Scored: " +
         scored +
         ". The residual is the RMS of photograph minus rendering in gray = code value / full scale "
         "× 255.");
-    page.add_paragraph(
-        "Twice: at the pose under test (" + comparison.source_of_poses() +
-        "), and at the refined pose, where the rendering's pose is fitted to the pixels too. What "
-        "the second removes was the pose's; what it leaves is the camera's, the lens's, the "
-        "print's "
-        "and the file's.");
+    page.add_paragraph("Twice: at the pose under test (" + comparison.source_of_poses() +
+                       "), and at the refined pose, where the rendering's pose is fitted to the "
+                       "pixels too. What the second removes was the pose's; what it leaves is the "
+                       "camera's, the lens's, the print's and the file's.");
     page.add_paragraph("From the calibration, not fitted: intrinsics, distortion" +
                        std::string(comparison.camera.lens ? ", defocus and diffraction" : "") +
                        std::string(comparison.camera.sensor ? ", transfer curve, shading" : "") +

@@ -18,8 +18,7 @@ cv::Mat eight_bit(const cv::Mat& gray) {
     return picture;
 }
 
-// What was not rendered is the photograph, pale: in turn with the photograph only the marker
-// counts.
+// Where nothing is rendered it is the photograph, pale: in turn only the marker then changes.
 cv::Mat rendering_picture(const PhotoFit& fit, const cv::Mat& photo) {
     cv::Mat pale = 0.4 * photo + 0.6 * 235.0;
     fit.predicted.copyTo(pale, fit.use != pixel_outside);

@@ -1,4 +1,3 @@
-// The plots of a comparison.
 #include <fmt/format.h>
 
 #include <tuple>
@@ -133,7 +132,7 @@ double round_magnification(double rms, double drawn) {
 
 ComparisonPlot field_plot(const std::vector<ShiftVector>& field, const CameraModel& camera,
                           double magnification, const std::string& file, const std::string& where) {
-    Arrows arrows;
+    Series arrows;
     for (const ShiftVector& vector : field)
         arrows.add(vector.position_px, vector.shift_px,
                    fmt::format("({:.0f}, {:.0f}): {:+.3f}, {:+.3f} px (σ {:.3f}, {:.3f}), {} edges",
@@ -169,7 +168,7 @@ Series shifts_of(const std::vector<EdgeBin>& binned) {
 double draw(SvgPlot& plot, const Series& series, Color color, const std::string& name) {
     plot.add_band(series, color, "");
     plot.add_curve(series, color, name);
-    return series.empty() ? 0.0 : *std::max_element(series.highs.begin(), series.highs.end());
+    return series.empty() ? 0.0 : *std::max_element(series.vs.begin(), series.vs.end());
 }
 
 ComparisonPlot shift_plot(const std::vector<EdgeBin>& before, const std::vector<EdgeBin>& after,
@@ -181,7 +180,6 @@ ComparisonPlot shift_plot(const std::vector<EdgeBin>& before, const std::vector<
     return {file, plot.svg(), caption};
 }
 
-// One line and its points for each photograph; the legend once.
 ComparisonPlot width_plot(const Comparison& comparison) {
     SvgPlot plot("depth / mm", "width of edges, variance / px²");
     bool is_named = false;
@@ -229,17 +227,15 @@ std::vector<ComparisonPlot> edge_plots(const Comparison& comparison) {
                                "at the poses under test"));
     plots.push_back(field_plot(shift_field(after, image, spacing), camera, magnification,
                                "edge-shift-field-refined.svg", "at the refined poses"));
-    plots.push_back(
-        shift_plot(edges_by_radius(before, image, bins), edges_by_radius(after, image, bins),
-                   "distance from the image's centre / px", "edge-shift-by-radius.svg",
-                   "Edge shift by distance from the image's centre, noise taken out; "
-                   "bands: one standard deviation. What grows outwards and stays at the "
-                   "refined poses is distortion."));
-    plots.push_back(
-        shift_plot(edges_by_depth(before, bins), edges_by_depth(after, bins), "depth / mm",
-                   "edge-shift-by-depth.svg",
-                   "Edge shift by depth, noise taken out. What the refined poses take away "
-                   "was the poses' error."));
+    plots.push_back(shift_plot(
+        edges_by_radius(before, image, bins), edges_by_radius(after, image, bins),
+        "distance from the image's centre / px", "edge-shift-by-radius.svg",
+        "Edge shift by distance from the image's centre, noise taken out; bands: one standard "
+        "deviation. What grows outwards and stays at the refined poses is distortion."));
+    plots.push_back(shift_plot(edges_by_depth(before, bins), edges_by_depth(after, bins),
+                               "depth / mm", "edge-shift-by-depth.svg",
+                               "Edge shift by depth, noise taken out. What the refined poses take "
+                               "away was the poses' error."));
     if (camera.lens)
         plots.push_back(width_plot(comparison));
     return plots;

@@ -1,6 +1,5 @@
-// `etalon detect`: where the marker is in each photograph, with both planar solutions: from a
-// detector's corners, or, with `--detector photometric`, from all of its pixels with standard
-// deviations.
+// `etalon detect`: the marker's poses, with both planar solutions, from a detector's corners or,
+// with `--detector photometric`, from all pixels with standard deviations.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -9,9 +8,7 @@
 #include "compare/make_detector.h"
 #include "compare/match/photo_findings.h"
 #include "compare/photo_pose.h"
-#include "compare/photometric/photometric_detector.h"
 #include "core/program/errors.h"
-#include "core/time/clock.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
 #include "station/compare/commands.h"
@@ -21,12 +18,8 @@
 namespace etalon {
 namespace {
 
-using nlohmann::ordered_json;
-
-// ---- from corners ---------------------------------------------------------------------------
-
-ordered_json photo_json(const PhotoPose& pose) {
-    ordered_json json = {{"photo", pose.photo.string()}};
+Json photo_json(const PhotoPose& pose) {
+    Json json = {{"photo", pose.photo.string()}};
     if (pose.corners) {
         json["id"] = pose.corners->id;
         for (const Eigen::Vector2d& corner : pose.corners->pixels)
@@ -75,8 +68,6 @@ void print_corners(const std::vector<PhotoPose>& all) {
                        one.corners->pixels[i].x(), one.corners->pixels[i].y(), photo);
     }
 }
-
-// ---- from all pixels ------------------------------------------------------------------------
 
 // Detectors are right to some tenths of a pixel; a stage's poses to a few.
 constexpr double detector_error_px = 0.5;
@@ -141,8 +132,8 @@ void print_row(const Found& found, std::size_t width) {
         pose.converged ? "" : ", NOT CONVERGED");
 }
 
-ordered_json photo_json(const Found& found) {
-    ordered_json json = {{"photo", found.photo.string()}};
+Json photo_json(const Found& found) {
+    Json json = {{"photo", found.photo.string()}};
     if (!found.failure.empty()) {
         json["failure"] = found.failure;
         return json;
@@ -165,8 +156,6 @@ ordered_json photo_json(const Found& found) {
     return json;
 }
 
-// ---- alike ----------------------------------------------------------------------------------
-
 template <class Result>
 void print_table(const std::vector<Result>& all, const char* more_columns) {
     std::size_t width = 5;
@@ -183,7 +172,7 @@ void print_table(const std::vector<Result>& all, const char* more_columns) {
 template <class Result>
 void print_json(const DetectArguments& arguments, const char* kind, const std::string& detector,
                 const std::vector<Result>& all) {
-    const ordered_json json = {
+    const Json json = {
         {"etalon", kind},
         {"camera", arguments.camera.string()},
         {"marker", arguments.marker},
@@ -209,7 +198,6 @@ int finish(const Marker& marker, const std::vector<Result>& all) {
     return 0;
 }
 
-// What else is seen than was asked for.
 void print_remarks(const std::vector<PhotoPose>& all) {
     for (std::size_t i = 0; i < all.size(); ++i) {
         if (!all[i].shown_as.empty())
@@ -309,9 +297,8 @@ void declare_detect(Command& program) {
                    "calibration, for poses; without it corners are printed", "FILE");
     command.option(
         "--detector", asked->detector,
-        "apriltag, aruco, topotag, chessboard, charuco, stag,\naprilgrid, circles, "
-        "squares; auto: the marker's\nown; or photometric: the pose from all pixels,\nfor "
-        "any marker or board",
+        "apriltag, aruco, topotag, chessboard, charuco, stag,\naprilgrid, circles, squares; auto: "
+        "the marker's\nown; or photometric: the pose from all pixels,\nfor any marker or board",
         "NAME");
     command.option("--poses", asked->poses,
                    "where the marker is about (photometric only):\na pose for each photo, the "

@@ -32,6 +32,24 @@ void write_mean(const std::filesystem::path& folder, const FrameAverage& average
     write_radiance(folder / "mean.tiff", mean);
 }
 
+std::string capture_json(const CaptureResult& result) {
+    Json camera = result.camera;
+    camera["settings"] = settings_json(result.settings);
+    add_counters(camera, result.statistics);
+    camera["remarks"] = result.remarks;
+    Json json = {{"etalon", "capture/1"},
+                 {"started_utc", result.started_utc},
+                 {"duration_s", result.duration_s},
+                 {"reason", result.reason},
+                 {"camera", camera},
+                 {"frames_asked", result.asked},
+                 {"frames_complete", result.complete}};
+    add_present(json, "noise_dn", result.noise);
+    add_present(json, "mean_dn", result.mean);
+    json["software"] = software_json(software_versions());
+    return text_of(json, 2) + "\n";
+}
+
 // What cannot be written any more is the reason, unless there is one. capture.json comes last, so
 // that it says so: it is small and often still finds its place on a full disk.
 void finish_record(RunRecord& record, const std::optional<FrameAverage>& average,
@@ -191,26 +209,6 @@ void StatusLine::show(const std::string& text) {
         fmt::print(stderr, "{}\n", text);
     std::fflush(stderr);
     is_drawn_ = true;
-}
-
-std::string capture_json(const CaptureResult& result) {
-    RecordJson camera = device_json(result.camera);
-    camera["settings"] = settings_json(result.settings);
-    add_counters(camera, result.statistics);
-    camera["remarks"] = result.remarks;
-    RecordJson json = {{"etalon", "capture/1"},
-                       {"started_utc", result.started_utc},
-                       {"duration_s", result.duration_s},
-                       {"reason", result.reason},
-                       {"camera", camera},
-                       {"frames_asked", result.asked},
-                       {"frames_complete", result.complete}};
-    if (result.noise)
-        json["noise_dn"] = *result.noise;
-    if (result.mean)
-        json["mean_dn"] = *result.mean;
-    json["software"] = software_json(software_versions());
-    return text_of(json, 2) + "\n";
 }
 
 CaptureSettings capture_settings(const CaptureArguments& arguments) {

@@ -58,16 +58,12 @@ struct CaptureResult : CameraUse {
     double duration_s = 0.0;
 };
 
-// Takes the frames and hands each to `seen`, incomplete ones too. A camera that fails, a disk that
-// is full and, if frames were asked for, a stop request end it with a reason. What was taken before
-// stays on disk. Throws DeviceError when the camera cannot be configured, and ConfigError when the
-// record cannot be made.
+// Takes the frames and hands each to `seen`, incomplete ones too. A failing camera, a full disk
+// and, if frames were asked for, a stop request end it with a reason; what was taken stays on disk.
+// Throws DeviceError for a camera that cannot be configured, ConfigError for a record.
 CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Clock& clock,
                              const std::stop_token& stop,
                              const std::function<void(const Frame&)>& seen);
-
-// `etalon: capture/1`, indented, keys in a fixed order. Also what --json prints.
-std::string capture_json(const CaptureResult& result);
 
 // Throws ConfigError for a --set that is no NAME=NUMBER.
 CaptureSettings capture_settings(const CaptureArguments& arguments);

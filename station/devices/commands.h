@@ -1,6 +1,4 @@
-// `etalon devices`, `capture` and `stage ...`. What each is asked, and the function that carries it
-// out: it returns the exit code or throws (core/program/errors.h), prints its stable words and
-// --json on stdout and everything else on stderr.
+// `etalon devices`, `capture` and `stage ...`: station/shell/command.h.
 #pragma once
 
 #include "stage/profile/profile.h"

@@ -12,8 +12,6 @@ constexpr std::size_t max_column = 30;  // a longer name pushes the rest of its 
 constexpr const char* of_camera = "      ";
 constexpr const char* of_feature = "          ";
 
-// ---- rows of a camera's formats or controls
-
 struct Row {
     std::string name, value;
     std::vector<std::string> words;
@@ -34,8 +32,6 @@ std::string rows_text(const std::vector<Row>& rows) {
     }
     return text;
 }
-
-// ---- formats
 
 std::string sizes_text(const FrameSizes& sizes) {
     const auto text = [](cv::Size size) { return fmt::format("{}x{}", size.width, size.height); };
@@ -61,8 +57,6 @@ std::string formats_text(const std::vector<CameraFormat>& formats) {
     return rows_text(rows) +
            (useless.empty() ? "" : wrapped_words(heading, useless, ", ", heading.size()));
 }
-
-// ---- controls
 
 // Whole numbers in full: 10000000, not 1e+07.
 std::string number(double value) {
@@ -94,8 +88,6 @@ std::string controls_text(const std::vector<CameraControl>& controls) {
     }
     return rows_text(rows);
 }
-
-// ---- cameras and backends
 
 std::string camera_text(const ListedCamera& camera) {
     const CameraIdentity& identity = camera.identity;
@@ -135,8 +127,6 @@ std::string backend_text(const ListedBackend& listed, std::size_t width) {
     return text;
 }
 
-using nlohmann::ordered_json;
-
 ListedCamera listed(const CameraIdentity& identity, Clock& clock) {
     ListedCamera camera{identity, {}, ""};
     try {
@@ -159,43 +149,37 @@ std::vector<ListedBackend> listed_backends() {
     return backends;
 }
 
-// ---- JSON ----------------------------------------------------------------------------------
-
-ordered_json pair_of(cv::Size size) {
+Json pair_of(cv::Size size) {
     return {size.width, size.height};
 }
 
-ordered_json format_json(const CameraFormat& format) {
+Json format_json(const CameraFormat& format) {
     return {{"name", format.name},
             {"description", format.description},
             {"bits", format.bits},
             {"sizes", json_list(format.sizes, [](const FrameSizes& sizes) {
-                 return ordered_json{{"smallest", pair_of(sizes.smallest)},
-                                     {"largest", pair_of(sizes.largest)},
-                                     {"step", pair_of(sizes.step)}};
+                 return Json{{"smallest", pair_of(sizes.smallest)},
+                             {"largest", pair_of(sizes.largest)},
+                             {"step", pair_of(sizes.step)}};
              })}};
 }
 
-ordered_json control_json(const CameraControl& control) {
-    return {{"name", control.name},
-            {"value", control.value},
-            {"unit", control.unit},
-            {"low", optional_number(control.low)},
-            {"high", optional_number(control.high)},
-            {"step", optional_number(control.step)},
-            {"choices", control.choices},
-            {"read_only", control.read_only}};
+Json control_json(const CameraControl& control) {
+    return {{"name", control.name},          {"value", control.value},
+            {"unit", control.unit},          {"low", or_null(control.low)},
+            {"high", or_null(control.high)}, {"step", or_null(control.step)},
+            {"choices", control.choices},    {"read_only", control.read_only}};
 }
 
-ordered_json camera_json(const ListedCamera& camera) {
-    ordered_json json = device_json(camera.identity);
+Json camera_json(const ListedCamera& camera) {
+    Json json = camera.identity;
     json["fault"] = camera.fault;
     json["formats"] = json_list(camera.abilities.formats, format_json);
     json["controls"] = json_list(camera.abilities.controls, control_json);
     return json;
 }
 
-ordered_json backend_json(const ListedBackend& listed) {
+Json backend_json(const ListedBackend& listed) {
     return {{"name", listed.backend.name},
             {"built_in", listed.backend.built_in},
             {"detail", listed.backend.detail},

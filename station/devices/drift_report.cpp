@@ -17,8 +17,6 @@
 namespace etalon {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 // Growth and turn, which are px at one radius, as what they are: of a frame or a jump.
 template <class Moved>
 double scale_ppm(const Moved& moved) {
@@ -70,8 +68,6 @@ long frames_without_target(const DriftMonitor& monitor) {
     return std::count_if(monitor.frames().begin(), monitor.frames().end(),
                          [](const DriftFrame& frame) { return !frame.seen; });
 }
-
-// ---- the page
 
 std::string in_words(const DriftRate& rate) {
     return fmt::format("{:.4f} px/min, U = {:.4f} px/min (k = {:.2f})", rate.worst_px_per_min,
@@ -188,6 +184,73 @@ void add_limits_of_the_method(HtmlPage& page) {
          "or hide it; and what happens later, when the room or the load of the camera changes."});
 }
 
+std::string drift_csv(const DriftResult& result) {
+    // Nothing of a frame without the target.
+    const auto where_seen = [](auto value) {
+        return [=](const DriftFrame& frame) {
+            return frame.seen ? TableCell(value(frame)) : TableCell();
+        };
+    };
+    const ColumnsOf<DriftFrame> columns = {
+        {"time_min", [](const auto& frame) { return frame.time.count(); }},
+        {"seen", &DriftFrame::seen},
+        {"part", &DriftFrame::part},
+        {"shift_x_px", where_seen([](const auto& frame) { return frame.movement[0]; })},
+        {"shift_y_px", where_seen([](const auto& frame) { return frame.movement[1]; })},
+        {"scale_ppm", where_seen(scale_ppm<DriftFrame>)},
+        {"rotation_urad", where_seen(rotation_urad<DriftFrame>)},
+        {"misfit_px", where_seen([](const auto& frame) { return frame.misfit_px; })}};
+    return csv_of(table_of(columns, result.monitor.frames()));
+}
+
+std::string drift_json(const DriftResult& result, const std::string& target) {
+    const DriftMonitor& monitor = result.monitor;
+    Json camera = result.camera;
+    camera["width"] = result.settings.width;
+    camera["height"] = result.settings.height;
+    camera["exposure_us"] = result.settings.exposure.count();
+    camera["remarks"] = result.remarks;
+    Json json = {{"etalon", "drift/1"},
+                 {"stable", result.stable},
+                 {"reason", result.reason},
+                 {"limit_px_per_min", monitor.plan().limit_px_per_min},
+                 {"target", target},
+                 {"camera", camera},
+                 {"started_utc", result.started_utc},
+                 {"duration_min", result.duration.count()},
+                 {"frames", monitor.frames().size()},
+                 {"frames_without_target", frames_without_target(monitor)},
+                 {"block_min", monitor.plan().block.count()},
+                 {"judgements", monitor.plan().judgements},
+                 {"radius_px", radius_of(monitor)},
+                 {"point_noise_px", or_null(monitor.point_noise_px())},
+                 {"shake_px", or_null(monitor.shake_px())},
+                 {"jumps", json_rows(jump_table(monitor))},
+                 {"rates", json_list(monitor.rates(), rate_json)}};
+    return text_of(json) + "\n";
+}
+
+std::string drift_html(const DriftResult& result, const std::string& target) {
+    HtmlPage page("Drift of a camera", result.camera.uri + ", " + target);
+    add_summary(page, result, target);
+    page.add_heading("Movement and rate");
+    HtmlPage::Figures figures = {
+        {movement_plot(result.monitor),
+         "Movement of the target's image since the first frame, and after a jump since the first "
+         "frame behind it. Growth and turn as what they move a point by that is as far from the "
+         "target's middle as its points are on average. Look for lines that level off: then it is "
+         "warm."}};
+    if (!result.monitor.rates().empty())
+        figures.push_back({rate_plot(result.monitor),
+                           "Drift at that corner of the image where it is largest, and what it is "
+                           "below: of the last 5, 10 or 20 minutes, whichever says most. It is "
+                           "stable where the band stays under the limit."});
+    page.add_figures(figures);
+    add_jumps(page, result.monitor);
+    add_limits_of_the_method(page);
+    return page.finish();
+}
+
 bool is_recording(const CaptureArguments& arguments) {
     return arguments.camera.starts_with("files:");
 }
@@ -274,74 +337,6 @@ DriftResult watch_drift(Camera& camera, const TargetFinder& find_target,
     result.stable = monitor.stable();
     result.duration = clock.now() - start;
     return result;
-}
-
-std::string drift_csv(const DriftResult& result) {
-    // Nothing of a frame without the target.
-    const auto where_seen = [](auto value) {
-        return [=](const DriftFrame& frame) {
-            return frame.seen ? TableCell(value(frame)) : TableCell();
-        };
-    };
-    const ColumnsOf<DriftFrame> columns = {
-        {"time_min", [](const auto& frame) { return frame.time.count(); }},
-        {"seen", &DriftFrame::seen},
-        {"part", &DriftFrame::part},
-        {"shift_x_px", where_seen([](const auto& frame) { return frame.movement[0]; })},
-        {"shift_y_px", where_seen([](const auto& frame) { return frame.movement[1]; })},
-        {"scale_ppm", where_seen(scale_ppm<DriftFrame>)},
-        {"rotation_urad", where_seen(rotation_urad<DriftFrame>)},
-        {"misfit_px", where_seen([](const auto& frame) { return frame.misfit_px; })}};
-    return csv_of(table_of(columns, result.monitor.frames()));
-}
-
-std::string drift_json(const DriftResult& result, const std::string& target) {
-    const DriftMonitor& monitor = result.monitor;
-    Json camera = device_json(result.camera);
-    camera["width"] = result.settings.width;
-    camera["height"] = result.settings.height;
-    camera["exposure_us"] = result.settings.exposure.count();
-    camera["remarks"] = result.remarks;
-    Json json = {{"etalon", "drift/1"},
-                 {"stable", result.stable},
-                 {"reason", result.reason},
-                 {"limit_px_per_min", monitor.plan().limit_px_per_min},
-                 {"target", target},
-                 {"camera", camera},
-                 {"started_utc", result.started_utc},
-                 {"duration_min", result.duration.count()},
-                 {"frames", monitor.frames().size()},
-                 {"frames_without_target", frames_without_target(monitor)},
-                 {"block_min", monitor.plan().block.count()},
-                 {"judgements", monitor.plan().judgements},
-                 {"radius_px", radius_of(monitor)},
-                 {"point_noise_px", optional_number(monitor.point_noise_px())},
-                 {"shake_px", optional_number(monitor.shake_px())},
-                 {"jumps", json_rows(jump_table(monitor))},
-                 {"rates", json_list(monitor.rates(), rate_json)}};
-    return text_of(json) + "\n";
-}
-
-std::string drift_html(const DriftResult& result, const std::string& target) {
-    HtmlPage page("Drift of a camera", result.camera.uri + ", " + target);
-    add_summary(page, result, target);
-    page.add_heading("Movement and rate");
-    HtmlPage::Figures figures = {
-        {movement_plot(result.monitor),
-         "Movement of the target's image since the first frame, and after a jump since the first "
-         "frame behind it. Growth and turn as what they move a point by that is as far from the "
-         "target's middle as its points are on average. Look for lines that level off: then it is "
-         "warm."}};
-    if (!result.monitor.rates().empty())
-        figures.push_back({rate_plot(result.monitor),
-                           "Drift at that corner of the image where it is largest, and what it is "
-                           "below: of the last 5, 10 or 20 minutes, whichever says most. It is "
-                           "stable where the band "
-                           "stays under the limit."});
-    page.add_figures(figures);
-    add_jumps(page, result.monitor);
-    add_limits_of_the_method(page);
-    return page.finish();
 }
 
 std::string drift_sentence(const DriftResult& result) {

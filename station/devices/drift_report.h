@@ -27,17 +27,11 @@ struct DriftResult : CameraUse {
     Minutes duration{};
 };
 
-// Takes a frame per interval and hands what is known by then to `seen`. Ends when the drift is
-// below the limit; a camera that fails and a stop request end it with a reason. Throws DeviceError
-// when the camera cannot be configured.
+// Takes a frame per interval and hands what is known to `seen`. Ends when the drift is below the
+// limit, or with a reason. Throws DeviceError for a camera that cannot be configured.
 DriftResult watch_drift(Camera& camera, const TargetFinder& find_target,
                         const DriftRequest& request, Clock& clock, const std::stop_token& stop,
                         const std::function<void(const DriftMonitor&)>& seen);
-
-// Numbers read back as the same double. What was not measured is null or empty.
-std::string drift_csv(const DriftResult& result);
-std::string drift_json(const DriftResult& result, const std::string& target);
-std::string drift_html(const DriftResult& result, const std::string& target);
 
 // "drift 0.013 px/min stable after 12.4 min", and what stands there of a camera that is not.
 std::string drift_sentence(const DriftResult& result);

@@ -39,7 +39,6 @@ void LiveView::add(const Frame& frame) {
         return;
     }
     const cv::Mat& codes = frame.image.pixels;
-    bits_ = frame.image.bits;
     figures_.mean = cv::mean(codes)[0];
     figures_.saturated = static_cast<double>(cv::countNonZero(codes >= frame.image.full_scale())) /
                          static_cast<double>(codes.total());

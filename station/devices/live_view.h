@@ -1,5 +1,4 @@
-// What a person who sets a camera up wants to see of its frames, as one line for a terminal of 80
-// columns.
+// What a person who sets a camera up wants to see of its frames, in a line of 80 columns.
 #pragma once
 
 #include "core/image/image.h"
@@ -26,7 +25,6 @@ public:
 private:
     LiveFigures figures_;
     FrameStatus last_status_ = FrameStatus::timed_out;
-    int bits_ = 0;
     cv::Mat last_;
     Instant last_start_{};
 };

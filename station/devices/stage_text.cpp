@@ -7,8 +7,6 @@
 #include <set>
 
 #include "core/file/text.h"
-#include "core/geometry/units.h"
-#include "core/time/progress.h"
 #include "report/json_text.h"
 #include "station/devices/commands.h"
 #include "station/setup/station_lock.h"
@@ -18,16 +16,7 @@
 namespace etalon {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using Seconds = std::chrono::duration<double>;
-
-double typed_unit(const Axis& axis) {
-    return axis.kind == Axis::Kind::linear ? 1.0 : rad_per_deg;
-}
-
-const char* unit_name(const Axis& axis) {
-    return axis.kind == Axis::Kind::linear ? "mm" : "deg";
-}
 
 std::string print(const Json& json) {
     return text_of(json) + "\n";
@@ -56,15 +45,15 @@ std::string segment_text(const MotionSegment& segment, std::span<const Axis> axe
     std::vector<std::string> words;
     for (std::size_t i = 0; i < axes.size(); ++i)
         if (segment.to[i] != segment.from[i])
-            words.push_back(
-                fmt::format("{}={:.3f}", axes[i].name, segment.to[i] / typed_unit(axes[i])));
+            words.push_back(fmt::format("{}={:.3f}", axes[i].name,
+                                        segment.to[i] / AxisUnits(axes[i].kind).per_large()));
     return words.empty() ? "stays" : fmt::format("{}", fmt::join(words, " "));
 }
 
 Json positions_json(std::span<const Axis> axes, const std::vector<double>& positions) {
     Json json = Json::object();
     for (std::size_t i = 0; i < axes.size(); ++i)
-        json[axes[i].name] = positions[i] / typed_unit(axes[i]);
+        json[axes[i].name] = positions[i] / AxisUnits(axes[i].kind).per_large();
     return json;
 }
 
@@ -208,10 +197,10 @@ std::string stage_status_text(std::span<const Axis> axes, std::span<const AxisSt
                               const StageProfile& profile) {
     std::string text;
     for (std::size_t i = 0; i < axes.size(); ++i)
-        text += wrapped_text(
-            fmt::format("{:<8}{:12.4f} {:<3}  ", axes[i].name,
-                        statuses[i].position / typed_unit(axes[i]), unit_name(axes[i])),
-            fmt::format("{}", fmt::join(state_words(statuses[i], profile), ", ")));
+        text += wrapped_text(fmt::format("{:<8}{:12.4f} {:<3}  ", axes[i].name,
+                                         statuses[i].position / AxisUnits(axes[i].kind).per_large(),
+                                         AxisUnits(axes[i].kind).large().name),
+                             fmt::format("{}", fmt::join(state_words(statuses[i], profile), ", ")));
     return text;
 }
 
@@ -221,8 +210,8 @@ std::string stage_status_json(std::span<const Axis> axes, std::span<const AxisSt
     for (std::size_t i = 0; i < axes.size(); ++i) {
         const AxisStatus& status = statuses[i];
         json["axes"].push_back({{"name", axes[i].name},
-                                {"position", status.position / typed_unit(axes[i])},
-                                {"unit", unit_name(axes[i])},
+                                {"position", status.position / AxisUnits(axes[i].kind).per_large()},
+                                {"unit", AxisUnits(axes[i].kind).large().name},
                                 {"enabled", status.enabled},
                                 {"homed", status.homed},
                                 {"moving", status.moving},
@@ -321,7 +310,7 @@ std::vector<double> typed_target(std::span<const Axis> axes, const std::vector<s
         if (!named.insert(name).second)
             throw ConfigError({"stage target"}, fmt::format("axis {} is named twice", name));
         double& position = target[static_cast<std::size_t>(axis - axes.begin())];
-        position = (relative ? position : 0.0) + *value * typed_unit(*axis);
+        position = (relative ? position : 0.0) + *value * AxisUnits(axis->kind).per_large();
     }
     return target;
 }
@@ -365,7 +354,6 @@ int run_stage_stop(const StageArguments& arguments) {
     return 0;
 }
 
-// Reading only.
 int run_stage_trace(const StageArguments& arguments) {
     Session session(read_station_stage(arguments.station), false);
     session.stage().set_trace([](const std::string& line) { fmt::print("{}\n", line); });

@@ -72,8 +72,6 @@ std::string volume_text(const std::vector<std::string>& axes) {
     return text;
 }
 
-using nlohmann::ordered_json;
-
 struct InitArguments {
     std::filesystem::path folder;
     std::optional<std::string> camera, calibration, stage, profile, marker, axes;
@@ -91,8 +89,7 @@ std::optional<std::string> found_camera() {
     return uris.size() == 1 ? std::optional(uris.front()) : std::nullopt;
 }
 
-// What was given, else the answer of whoever sits there, else `otherwise`, which is what an empty
-// line means, too.
+// What was given, else the user's answer, else `otherwise`, also for an empty line.
 std::string asked(const std::optional<std::string>& given, const char* question,
                   const std::string& otherwise) {
     if (given)
@@ -145,8 +142,7 @@ int run_init(const InitArguments& arguments) {
                                     (arguments.folder / draft.calibration).string());
     fmt::print(stderr, "next: set what is marked \"yours\" in {}; {}\n", station.string(), next);
     if (arguments.json)
-        fmt::print("{}\n",
-                   text_of(ordered_json{{"etalon", "init/1"}, {"station", station.string()}}));
+        fmt::print("{}\n", text_of(Json{{"etalon", "init/1"}, {"station", station.string()}}));
     else
         fmt::print("station {}\n", station.string());
     return 0;

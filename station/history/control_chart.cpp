@@ -46,8 +46,7 @@ double normal_approximation(std::size_t n, long s) {
     return 2.0 * normal_probability(-beyond / deviation);
 }
 
-// Normal with the tail probability of Student's t. A tail below 1e-13
-// counts as 7.35 deviations, far outside of any limit.
+// Normal of the same tail probability; below 1e-13 it is 7.35 deviations, beyond any limit.
 double normal_from_student(double t, int degrees_of_freedom) {
     constexpr double smallest = 1e-13;
     const double tail = student_t_probability(-std::abs(t), degrees_of_freedom);

@@ -44,13 +44,11 @@ struct Trend {
                                      // (1968) 1379-1389); nothing where all are of one moment
 };
 
-// In the order of the runs; of more than 400 the last 400. Exact up to 60, beyond by the normal
-// approximation with continuity correction (Kendall). Throws NumericalError for values that are not
-// finite.
+// In the order of the runs; at most the last 400. Exact up to 60, beyond by Kendall's normal
+// approximation with continuity correction. Throws NumericalError for values not finite.
 Trend trend_of(std::span<const TimedValue> values);
 
-// With so many quantities tested together each may give a false alarm at this probability
-// (Bonferroni).
+// Probability of a false alarm of each of so many quantities tested together (Bonferroni).
 double trend_limit(int quantities);
 
 // So few runs that no order of them could be below the limit.

@@ -1,7 +1,5 @@
 #include <fmt/format.h>
 
-#include "core/program/errors.h"
-#include "station/history/run_history.h"
 #include "station/history/run_index.h"
 #include "station/record/run_record.h"
 #include "station/shell/command.h"

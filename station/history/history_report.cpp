@@ -33,8 +33,6 @@ std::string title_of(const QuantityHistory& history) {
     return fmt::format("{} / {}", history.quantity, history.unit);
 }
 
-// ---- table
-
 std::string table_of(std::span<const HistoricRun> runs, const QuantityHistory& history) {
     constexpr const char* columns = "  {:20}  {:>9}  {:>9}  {:14}  {:>6}";
     std::string text = fmt::format("camera {}, station {}, {}\n{}, limit {} {}\n", history.camera,
@@ -54,23 +52,21 @@ std::string table_of(std::span<const HistoricRun> runs, const QuantityHistory& h
     return text + "\n";
 }
 
-// ---- JSON
-
-RecordJson run_entry(const HistoricRun& run, const ChartedRun& charted) {
+Json run_entry(const HistoricRun& run, const ChartedRun& charted) {
     return {{"started_utc", run.started_utc},
             {"record", run.folder.string()},
             {"calibration_sha256", run.calibration_sha256},
             {"baseline", charted.baseline},
-            {"value", optional_number(charted.quantity.value)},
-            {"expanded_uncertainty", optional_number(charted.quantity.expanded_uncertainty)},
-            {"limit", optional_number(charted.quantity.limit)},
+            {"value", or_null(charted.quantity.value)},
+            {"expanded_uncertainty", or_null(charted.quantity.expanded_uncertainty)},
+            {"limit", or_null(charted.quantity.limit)},
             {"outcome", charted.quantity.outcome},
-            {"q", optional_number(charted.chart.q)},
-            {"ewma", optional_number(charted.chart.ewma)},
+            {"q", or_null(charted.chart.q)},
+            {"ewma", or_null(charted.chart.ewma)},
             {"alarm", charted.chart.alarm}};
 }
 
-RecordJson chart_entry(std::span<const HistoricRun> runs, const QuantityHistory& history) {
+Json chart_entry(std::span<const HistoricRun> runs, const QuantityHistory& history) {
     return {{"camera", history.camera},
             {"station", history.station},
             {"marker", history.marker},
@@ -82,29 +78,27 @@ RecordJson chart_entry(std::span<const HistoricRun> runs, const QuantityHistory&
              })}};
 }
 
-RecordJson state_entry(const CameraState& state) {
+Json state_entry(const CameraState& state) {
     return {{"camera", state.camera},
             {"station", state.station},
             {"marker", state.marker},
             {"runs", state.runs},
             {"last_utc", state.last_utc},
             {"last_outcome", state.last_outcome},
-            {"due", state.due.empty() ? RecordJson() : RecordJson(state.due)},
+            {"due", state.due.empty() ? Json() : Json(state.due)},
             {"is_due", state.is_due},
             {"drifts", state.drifts()},
             {"alarms", state.alarms},
-            {"trends", json_list(state.trends, [](const QuantityTrend& each) -> RecordJson {
+            {"trends", json_list(state.trends, [](const QuantityTrend& each) -> Json {
                  return {{"quantity", each.quantity},
                          {"unit", each.unit},
                          {"runs", each.trend.runs},
                          {"probability", each.trend.probability},
-                         {"per_year", optional_number(each.trend.per_year)},
+                         {"per_year", or_null(each.trend.per_year)},
                          {"judged", each.is_judged},
                          {"trend", each.is_shown}};
              })}};
 }
-
-// ---- pictures
 
 struct Columns {
     Series values, ewma;
@@ -250,10 +244,8 @@ void write_history_report(std::span<const HistoricRun> runs,
         write_text(folder / fmt::format("chart-{}.svg", ++count),
                    value_plot(columns_of(runs, history), history).svg(/*stand_alone=*/true));
     }
-    page.add_notes(
-        {method_text() +
-         " A new calibration begins a new baseline, of which the first two runs only tell "
-         "the mean and the spread."});
+    page.add_notes({method_text() + " A new calibration begins a new baseline, of which the first "
+                                    "two runs only tell the mean and the spread."});
     write_text(folder / "report.html", page.finish());
     write_text(folder / "history.json", history_json(runs, charts, fleet));
 }

@@ -2,10 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "core/config/json_entry.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
-#include "core/time/clock.h"
 #include "station/record/run_record.h"
 
 namespace etalon {
@@ -23,13 +20,11 @@ std::vector<HistoricQuantity> read_quantities(const JsonEntry& run) {
     std::vector<HistoricQuantity> quantities;
     if (!run.has("measurements"))
         return quantities;  // it ended before
-    for (const JsonEntry& item : run.at("measurements").items()) {
-        const HistoricQuantity quantity{
-            item.at("name").text(),           item.at("unit").text(),
-            number_or_null(item.at("value")), number_or_null(item.at("expanded_uncertainty")),
-            number_or_null(item.at("limit")), item.at("outcome").text()};
-        quantities.push_back(quantity);
-    }
+    for (const JsonEntry& item : run.at("measurements").items())
+        quantities.push_back({item.at("name").text(), item.at("unit").text(),
+                              number_or_null(item.at("value")),
+                              number_or_null(item.at("expanded_uncertainty")),
+                              number_or_null(item.at("limit")), item.at("outcome").text()});
     return quantities;
 }
 
@@ -91,15 +86,15 @@ bool has_verdict(const HistoricRun& run) {
     return run.outcome == "PASS" || run.outcome == "FAIL" || run.outcome == "INCONCLUSIVE";
 }
 
-template <class One, class Other>
-bool is_of(const One& one, const Other& other) {
-    return one.camera == other.camera && one.station == other.station && one.marker == other.marker;
+// What belongs together.
+auto setup_of(const auto& one) {
+    return std::tie(one.camera, one.station, one.marker);
 }
 
 // From the last PASS on; a camera whose limits ask for it and that never passed is due at once.
 void find_due_day(std::span<const HistoricRun> runs, const std::string& today, CameraState& state) {
     for (const HistoricRun& run : runs) {
-        if (!is_of(state, run) || !has_verdict(run) || !run.due_after_days)
+        if (setup_of(state) != setup_of(run) || !has_verdict(run) || !run.due_after_days)
             continue;
         if (run.outcome == "PASS")
             state.due = date_of_days(days_of_date(run.started_utc.substr(0, 10)).value() +
@@ -169,9 +164,8 @@ std::vector<HistoricRun> read_history(std::span<const Path> folders) {
         for (const Path& record : records_in(folder))
             runs.push_back(read_run(record, read_text(record / "run.json")));
     // ISO 8601 in one time zone: the order of the texts is that of the times.
-    std::sort(runs.begin(), runs.end(), [](const HistoricRun& a, const HistoricRun& b) {
-        return std::tie(a.started_utc, a.camera, a.folder) <
-               std::tie(b.started_utc, b.camera, b.folder);
+    std::ranges::sort(runs, {}, [](const HistoricRun& run) {
+        return std::tie(run.started_utc, run.camera, run.folder);
     });
     refuse_the_same_run_twice(runs);
     return runs;
@@ -184,7 +178,7 @@ std::vector<QuantityHistory> chart_history(std::span<const HistoricRun> runs) {
             if (!quantity.value)
                 continue;
             auto history = std::ranges::find_if(histories, [&](const QuantityHistory& one) {
-                return is_of(one, runs[i]) && one.quantity == quantity.name;
+                return setup_of(one) == setup_of(runs[i]) && one.quantity == quantity.name;
             });
             if (history == histories.end())
                 history = histories.insert(history, {runs[i].camera, runs[i].station,
@@ -198,11 +192,7 @@ std::vector<QuantityHistory> chart_history(std::span<const HistoricRun> runs) {
             }
             charted.push_back(run);
         }
-    std::stable_sort(histories.begin(), histories.end(),
-                     [](const QuantityHistory& a, const QuantityHistory& b) {
-                         return std::tie(a.camera, a.station, a.marker) <
-                                std::tie(b.camera, b.station, b.marker);
-                     });
+    std::ranges::stable_sort(histories, {}, setup_of<QuantityHistory>);
     for (QuantityHistory& history : histories)
         chart(history);
     return histories;
@@ -219,20 +209,19 @@ std::vector<CameraState> fleet_of(std::span<const HistoricRun> runs,
     for (const HistoricRun& run : runs) {
         if (!has_verdict(run))
             continue;
-        auto state = std::ranges::find_if(fleet, [&](const auto& one) { return is_of(one, run); });
+        auto state = std::ranges::find_if(
+            fleet, [&](const auto& one) { return setup_of(one) == setup_of(run); });
         if (state == fleet.end())
             state = fleet.insert(state, {run.camera, run.station, run.marker});
         ++state->runs;
         state->last_utc = run.started_utc;
         state->last_outcome = run.outcome;
     }
-    std::ranges::sort(fleet, {}, [](const CameraState& state) {
-        return std::tie(state.camera, state.station, state.marker);
-    });
+    std::ranges::sort(fleet, {}, setup_of<CameraState>);
     for (CameraState& state : fleet) {
         find_due_day(runs, today, state);
         for (const QuantityHistory& history : charts) {
-            if (!is_of(state, history))
+            if (setup_of(state) != setup_of(history))
                 continue;
             if (history.drifts())
                 state.alarms.push_back(history.quantity);
@@ -265,10 +254,8 @@ std::string fleet_text(std::span<const CameraState> fleet) {
 std::string trend_method_text() {
     return fmt::format(
         "Trend of the runs since the latest calibration by Mann and Kendall's test; a camera "
-        "without "
-        "a trend shows one in any of its quantities with {:.0f} % probability each time it is "
-        "looked "
-        "at.",
+        "without a trend shows one in any of its quantities with {:.0f} % probability each time it "
+        "is looked at.",
         100.0 * trend_false_alarm);
 }
 

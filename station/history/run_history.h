@@ -27,16 +27,14 @@ struct HistoricRun {
     std::vector<HistoricQuantity> quantities;
 };
 
-// Of the record in this folder, from the text of its run.json, of which these keys count. Throws
-// ConfigError for one that is none.
+// From the text of the folder's run.json, of which these keys count. Throws ConfigError.
 HistoricRun read_run(const std::filesystem::path& folder, const std::string& run_json);
 inline constexpr const char* historic_keys[] = {
     "etalon",  "started_utc", "outcome", "reason", "sessions",       "camera",
     "station", "marker",      "limits",  "inputs", "due_after_days", "measurements"};
 
-// The runs of these folders, in the order of their start. A folder is a record, or holds records.
-// Throws ConfigError for a folder without a record, a run.json that is none, and a run that is
-// there twice.
+// The runs of these folders in the order of their start. A folder is a record, or holds some.
+// Throws ConfigError without a record, for a bad run.json and a run that is there twice.
 std::vector<HistoricRun> read_history(std::span<const std::filesystem::path> folders);
 
 struct ChartedRun {
@@ -46,8 +44,7 @@ struct ChartedRun {
     ChartPoint chart;
 };
 
-// One quantity of one camera, measured with one station and marker. A new calibration begins a new
-// baseline: no run is compared with those before.
+// One quantity of a camera, station and marker. A new calibration begins a new baseline.
 struct QuantityHistory {
     std::string camera, station, marker, quantity, unit;
     std::vector<ChartedRun> runs;  // those that measured it
@@ -57,8 +54,7 @@ struct QuantityHistory {
 
 std::vector<QuantityHistory> chart_history(std::span<const HistoricRun> runs);
 
-// Which cameras of a fleet are due, and which drift: a line for each camera with the station and
-// marker that measured it.
+// Which cameras are due, and which drift: for each camera with its station and marker.
 
 struct QuantityTrend {
     std::string quantity, unit;
@@ -90,9 +86,8 @@ std::string fleet_json(std::span<const CameraState> fleet);
 
 std::string trend_method_text();
 
-// `fleet` is that of the runs. For people, at most 80 columns; as JSON,
-// `etalon: history/1`; as a folder with report.html, a chart-N.svg of each quantity and
-// history.json.
+// `fleet` is that of the runs. As text of 80 columns, JSON `etalon: history/1`, and a folder with
+// report.html, a chart-N.svg of each quantity and history.json.
 std::string history_text(std::span<const HistoricRun> runs,
                          std::span<const QuantityHistory> charts);
 std::string history_json(std::span<const HistoricRun> runs, std::span<const QuantityHistory> charts,

@@ -11,7 +11,6 @@
 #include <set>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
 
 namespace etalon {
@@ -201,8 +200,8 @@ IndexUpdate RunIndex::update() {
 
 void RunIndex::take(const Path& record, const std::string& stamp) {
     const HistoricRun run = read_run(record, read_text(record / "run.json"));
-    const nlohmann::ordered_json all = read_json(record / "run.json");
-    nlohmann::ordered_json kept;
+    const Json all = read_json(record / "run.json");
+    Json kept;
     for (const char* key : historic_keys)
         if (all.contains(key))
             kept[key] = all[key];

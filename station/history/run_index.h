@@ -1,7 +1,6 @@
-// The runs below a folder in an SQLite file beside them, so that thousands are listed and filtered
-// without reading thousands of run.json. It holds what history takes of each. The records are the
-// truth: the index is made from them alone, brought up to date by their sizes and times of change,
-// and can be deleted at any time.
+// The runs below a folder in an SQLite file beside them: what history takes of each, so that
+// thousands are listed without reading their run.json. It is made from the records alone, brought
+// up to date by their sizes and times of change, and can be deleted at any time.
 #pragma once
 
 #include <memory>
@@ -28,15 +27,13 @@ struct RunFilter {
 
 class RunIndex {
 public:
-    // Opens or makes the file in `folder`; one that is damaged or of another version is made anew.
-    // Throws ConfigError when it cannot be.
+    // Opens the file in `folder`, or makes it anew if damaged or old. Throws ConfigError.
     explicit RunIndex(std::filesystem::path folder);
     ~RunIndex();
     RunIndex(const RunIndex&) = delete;
     RunIndex& operator=(const RunIndex&) = delete;
 
-    // Looks at every record that lies in the folder and reads what has changed. About 20 us for one
-    // that has not.
+    // Reads the records that have changed. About 20 us for one that has not.
     IndexUpdate update();
 
     // In the order of their start. Throws ConfigError when the file cannot be read any more.

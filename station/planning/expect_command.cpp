@@ -4,7 +4,6 @@
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "station/planning/expectation_report.h"
 #include "station/shell/command.h"
 

@@ -2,21 +2,16 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
-#include "report/result_table.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
 namespace {
-
-using nlohmann::ordered_json;
 
 double rms(const std::vector<double>& values) {
     double sum = 0.0;
@@ -104,15 +99,14 @@ void add_plots(HtmlPage& page, const Expectation& expectation) {
     HtmlPage::Figures figures;
     for (const std::size_t component : {std::size_t{0}, std::size_t{4}})
         for (const Abscissa& along : abscissae)
-            figures.push_back(
-                {component_plot(expectation, noise_ordinate, component, along),
-                 fmt::format("Noise {}: standard deviation of a single frame. Where the "
-                             "line rises, average frames or stay nearer.",
-                             error_components[component].name)});
+            figures.push_back({component_plot(expectation, noise_ordinate, component, along),
+                               fmt::format("Noise {}: standard deviation of a single frame. Where "
+                                           "the line rises, average frames or stay nearer.",
+                                           error_components[component].name)});
     page.add_figures(figures);
 }
 
-ordered_json value_json(const MapValue& value) {
+Json value_json(const MapValue& value) {
     return {{"value", value.value}, {"low_95", value.low}, {"high_95", value.high}};
 }
 
@@ -121,14 +115,14 @@ const ColumnsOf<MarkerPlace> place_columns = {
     {"radius_px", &MarkerPlace::radius_px},
     {"tilt_deg", [](const MarkerPlace& at) { return at.tilt_rad * deg_per_rad; }}};
 
-ordered_json place_json(const MarkerPlace& place) {
+Json place_json(const MarkerPlace& place) {
     return json_object(table_of_one(place_columns, place));
 }
 
-ordered_json component_json(const Expectation& expectation, std::size_t k) {
+Json component_json(const Expectation& expectation, std::size_t k) {
     const std::vector<double> biases = expectation.values(&ExpectedPose::bias, k);
     const std::vector<double> noises = expectation.values(&ExpectedPose::noise, k);
-    ordered_json json = {{"name", error_components[k].name}, {"unit", error_components[k].unit}};
+    Json json = {{"name", error_components[k].name}, {"unit", error_components[k].unit}};
     if (!biases.empty())
         json["bias_rms"] = rms(biases);
     if (expectation.bias_maps) {
@@ -139,17 +133,21 @@ ordered_json component_json(const Expectation& expectation, std::size_t k) {
         json["worst"] = place_json(worst);
         json["worst"]["bias"] = value_json(map.at(worst));
     }
-    json["noise_rms"] = noises.empty() ? ordered_json() : ordered_json(rms(noises));
+    json["noise_rms"] = noises.empty() ? Json() : Json(rms(noises));
     return json;
 }
 
-ordered_json pose_json(const ExpectedPose& pose) {
+Json pose_json(const ExpectedPose& pose) {
     return {{"camera_from_marker", pose_numbers(pose.camera_from_marker)},
             {"place", place_json(pose.place)},
-            {"bias", pose.bias ? ordered_json(*pose.bias) : ordered_json()},
-            {"noise", pose.noise ? ordered_json(*pose.noise) : ordered_json()},
+            {"bias", or_null(pose.bias)},
+            {"noise", or_null(pose.noise)},
             {"detections", pose.detections},
             {"flips", pose.flips}};
+}
+
+std::vector<std::string> summary_header() {
+    return {"component", "unit", "mean", "95 %", "RMS", "scatter", "worst", "at", "noise"};
 }
 
 ColumnsOf<SixErrors> six_columns() {
@@ -161,10 +159,6 @@ ColumnsOf<SixErrors> six_columns() {
 }
 
 }  // namespace
-
-std::vector<std::string> summary_header() {
-    return {"component", "unit", "mean", "95 %", "RMS", "scatter", "worst", "at", "noise"};
-}
 
 std::vector<std::vector<std::string>> summary_rows(const Expectation& expectation) {
     std::vector<std::vector<std::string>> rows;
@@ -227,22 +221,22 @@ void add_short_expectation(HtmlPage& page, const Expectation& expectation) {
 }
 
 std::string expectation_json(const ExpectationRequest& request, const Expectation& expectation) {
-    ordered_json json = {{"etalon", "expectation/1"},
-                         {"marker", request.scene.marker.spec},
-                         {"detector", request.scene.detector},
-                         {"volume",
-                          {{"nearest_mm", request.volume.nearest_mm},
-                           {"farthest_mm", request.volume.farthest_mm},
-                           {"max_tilt_deg", request.volume.max_tilt * deg_per_rad}}},
-                         {"background", request.scene.background},
-                         {"white_level", request.scene.white_level},
-                         {"seed", request.seed},
-                         {"poses", expectation.poses.size()},
-                         {"frames_per_pose", expectation.frames},
-                         {"no_noise", expectation.no_noise},
-                         {"detected", expectation.detected()},
-                         {"detection_rate", expectation.detection_rate()},
-                         {"flip_rate", expectation.flip_rate()}};
+    Json json = {{"etalon", "expectation/1"},
+                 {"marker", request.scene.marker.spec},
+                 {"detector", request.scene.detector},
+                 {"volume",
+                  {{"nearest_mm", request.volume.nearest_mm},
+                   {"farthest_mm", request.volume.farthest_mm},
+                   {"max_tilt_deg", request.volume.max_tilt * deg_per_rad}}},
+                 {"background", request.scene.background},
+                 {"white_level", request.scene.white_level},
+                 {"seed", request.seed},
+                 {"poses", expectation.poses.size()},
+                 {"frames_per_pose", expectation.frames},
+                 {"no_noise", expectation.no_noise},
+                 {"detected", expectation.detected()},
+                 {"detection_rate", expectation.detection_rate()},
+                 {"flip_rate", expectation.flip_rate()}};
     for (std::size_t k = 0; k < 6; ++k)
         json["components"].push_back(component_json(expectation, k));
     json["pose_list"] = json_list(expectation.poses, pose_json);

@@ -1,18 +1,12 @@
 // Pages, tables and JSON of what a camera and a marker are expected to give.
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include "compare/expect/expectation.h"
 #include "report/html.h"
 
 namespace etalon {
 
-// A line per component, below a header: mean and scatter of the bias, where its map is worst, the
-// noise.
-std::vector<std::string> summary_header();
+// A row per component: mean and scatter of the bias, where its map is worst, the noise.
 std::vector<std::vector<std::string>> summary_rows(const Expectation& expectation);
 
 // The table, and the maps over distance, image position and tilt as plots.

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "report/svg_plot.h"
 #include "station/planning/operating_characteristic.h"
@@ -28,8 +27,6 @@ struct OcMergeArguments {
     std::filesystem::path out;  // as of OcArguments
     bool json = false;
 };
-
-using Json = nlohmann::ordered_json;
 
 constexpr int frames_of_study = 24;
 
@@ -128,7 +125,7 @@ Json json_of(const ErrorCharacteristic& error, const OperatingCharacteristic& re
         entry["reason"] = error.reason;
     Json sizes = Json::object();
     for (std::size_t k = 0; k < error.limit_size.size(); ++k)
-        sizes[result.quantities[k].name] = optional_number(error.limit_size[k]);
+        sizes[result.quantities[k].name] = or_null(error.limit_size[k]);
     entry["limit_size"] = sizes;
     entry["points"] =
         json_list(error.points, [&](const auto& point) { return json_of(point, result); });

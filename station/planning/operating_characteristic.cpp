@@ -3,14 +3,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <tbb/parallel_for.h>
-#include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "core/config/json_entry.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
 
@@ -90,7 +86,6 @@ std::optional<double> CharacteristicRuns::size_at(const JudgedQuantity& quantity
     return std::nullopt;
 }
 
-// Its points with their truths.
 ErrorCharacteristic CharacteristicRuns::with_sizes(const InjectedError& error,
                                                    const ErrorSignature& signature) {
     ErrorCharacteristic result{error.name,       error.unit, {}, signature.observable,
@@ -209,8 +204,6 @@ const CharacteristicPoint* point_at(const ErrorCharacteristic& error, std::size_
 
 namespace {
 
-using nlohmann::ordered_json;
-
 constexpr const char* oc_kind = "oc-record/1";
 constexpr ShardedWork oc_work{"operating characteristic", "run", "oc merge", "oc.json"};
 constexpr double DetectorFigures::*detector_numbers[] = {
@@ -218,32 +211,30 @@ constexpr double DetectorFigures::*detector_numbers[] = {
 constexpr int DetectorFigures::*detector_counts[] = {
     &DetectorFigures::frames, &DetectorFigures::seen, &DetectorFigures::asked};
 
-ordered_json error_json(const ErrorCharacteristic& error) {
+Json error_json(const ErrorCharacteristic& error) {
     return {{"name", error.name},
             {"unit", error.unit},
             {"alike", error.alike},
             {"observable", error.observable},
             {"reason", error.reason},
-            {"limit_size", json_list(error.limit_size, optional_number)},
+            {"limit_size", json_list(error.limit_size, or_null<double>)},
             {"sizes", json_list(error.points, [](const auto& point) { return point.size; })}};
 }
 
-ordered_json oc_json(const StationCharacteristic& planned, const Shard& shard) {
+Json oc_json(const StationCharacteristic& planned, const Shard& shard) {
     const OperatingCharacteristic& result = planned.result;
-    ordered_json numbers = ordered_json::array(), counts = ordered_json::array();
-    for (const auto number : detector_numbers)
-        numbers.push_back(planned.detector.*number);
-    for (const auto count : detector_counts)
-        counts.push_back(planned.detector.*count);
-    const auto quantity_json = [](const JudgedQuantity& one) -> ordered_json {
+    const auto figure = [&](auto member) { return planned.detector.*member; };
+    const auto quantity_json = [](const JudgedQuantity& one) -> Json {
         return {{"name", one.name}, {"unit", one.unit}, {"limit", one.limit}};
     };
     return {{"etalon", oc_kind},
             {"station", planned.station},
             {"runs", result.runs},
             {"seed", result.seed},
-            {"made_from", ordered_json::parse(planned.made_from)},
-            {"detector", {{"px", numbers}, {"counts", counts}}},
+            {"made_from", Json::parse(planned.made_from)},
+            {"detector",
+             {{"px", json_list(detector_numbers, figure)},
+              {"counts", json_list(detector_counts, figure)}}},
             {"quantities", json_list(result.quantities, quantity_json)},
             {"errors", json_list(result.errors, error_json)},
             {"shard", {shard.index, shard.count}}};
@@ -289,7 +280,7 @@ StationCharacteristic read_planned(const std::filesystem::path& path, const std:
     planned.station = root.at("station").text();
     planned.detector = read_detector(root.at("detector"));
     root.at("made_from");  // or it says where that is missing
-    planned.made_from = ordered_json::parse(text)["made_from"].dump();
+    planned.made_from = Json::parse(text)["made_from"].dump();
     OperatingCharacteristic& result = planned.result;
     result.runs = static_cast<int>(root.at("runs").integer(1, max_count));
     result.seed = root.at("seed").whole();
@@ -343,7 +334,7 @@ std::string oc_header(const OperatingCharacteristic& result) {
 
 StationCharacteristic characteristic_of(const RunSimulator& simulator,
                                         const OperatingCharacteristic& result) {
-    ordered_json made_from{{"version", version}};
+    Json made_from{{"version", version}};
     for (const InputFile& input : simulator.station().inputs)
         made_from[input.role + "_sha256"] = input.sha256;
     return {simulator.station().id, made_from.dump(), simulator.study(), result};

@@ -9,8 +9,6 @@
 // that cannot be seen has no 1x and no curve.
 #pragma once
 
-#include <functional>
-
 #include "core/statistics/distributions.h"
 #include "report/result_rows.h"
 #include "station/planning/simulated_run.h"
@@ -136,9 +134,8 @@ StationCharacteristic characteristic_of(const RunSimulator& simulator,
 RowsDescription oc_rows(const StationCharacteristic& planned, const Shard& shard);
 std::string rows_of_run(std::size_t run, std::span<const PointRun> points);
 
-// Reads and counts all runs, of which no more than one is in memory. Throws ConfigError with file
-// and line for shards that are missing, doubled, not finished, of different settings, or not as
-// they were written.
+// Reads and counts all runs, one at a time. Throws ConfigError with file and line for shards that
+// are missing, doubled, unfinished, of different settings, or changed.
 StationCharacteristic merged_characteristic(const std::vector<std::filesystem::path>& shards);
 
 }  // namespace etalon

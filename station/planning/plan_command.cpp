@@ -2,12 +2,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "core/program/errors.h"
-#include "core/time/progress.h"
 #include "report/json_text.h"
 #include "station/planning/simulated_run.h"
 #include "station/shell/command.h"
@@ -19,8 +15,6 @@ struct PlanArguments {
     std::filesystem::path station;
     bool json = false;
 };
-
-using Json = nlohmann::ordered_json;
 
 constexpr int noisy_frames = 8;
 constexpr int simulated_runs = 20;
@@ -144,8 +138,7 @@ Json json_of(const ErrorSignature& one) {
             {"before_max_mm", one.before_max_mm},
             {"after_rms_mm", one.after_rms_mm},
             {"after_max_mm", one.after_max_mm},
-            {"detectable_size",
-             std::isfinite(one.detectable_size) ? Json(one.detectable_size) : Json(nullptr)},
+            {"detectable_size", one.detectable_size},
             {"alike", one.confounded_with}};
 }
 

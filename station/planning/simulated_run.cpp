@@ -2,10 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-
-#include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
 #include "station/register/qualification_input.h"
 #include "station/shell/command.h"
@@ -15,12 +11,10 @@ namespace {
 
 using Corners = std::vector<Eigen::Vector2d>;
 
-// Streams of the random numbers (core/statistics/random.h): one for the whole run, one per pose and
-// one per render.
+// Streams of random numbers (core/statistics/random.h): of the run, of a pose, of a render.
 constexpr std::uint32_t run_stream = 0, first_pose_stream = 1, first_render_stream = 1u << 31;
 
-// The poses as they will be read: at the targets, with the declared noise of the mean of the
-// readings (one after settling and one after each frame).
+// At the targets, with the declared noise of the mean of a reading more than there are frames.
 std::vector<VisitedPose> planned_visits(const StationFile& station, const Plan& plan) {
     std::vector<double> uncertainty;
     for (const Axis& axis : station.stage.axes)
@@ -66,7 +60,6 @@ void add(const Eigen::VectorXd& displacement, Corners& corners) {
         corners[i] += displacement.segment<2>(static_cast<Eigen::Index>(2 * i));
 }
 
-// Of a single frame's corners.
 Eigen::VectorXd frame_noise(const DetectorStatistics& pose, RandomStream& random) {
     Eigen::VectorXd deviates(pose.noise_factor.cols());
     for (double& value : deviates)
@@ -105,7 +98,6 @@ std::vector<Rigid> expected_poses(const StationFile& station, const Plan& plan) 
     return poses;
 }
 
-// What one run draws.
 struct RunSimulator::Draws {
     std::uint64_t seed, run;
     TrueMarker marker;

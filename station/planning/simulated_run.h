@@ -11,14 +11,9 @@
 // maps' own uncertainties, the calibration's covariance (it is the camera under test), and drift.
 #pragma once
 
-#include <filesystem>
-#include <memory>
-
 #include "compare/expect/expectation.h"
-#include "compare/qualification/qualification.h"
 #include "core/statistics/random.h"
 #include "station/setup/plan.h"
-#include "station/setup/station_file.h"
 
 namespace etalon {
 
@@ -56,12 +51,10 @@ public:
     // All errors that have a signature, in its order: camera, marker, stage.
     std::vector<InjectedError> errors() const;
 
-    // The input of a run in which nothing is drawn: no noise, no repeatability. The detector's bias
-    // is in.
+    // Of a run in which nothing is drawn: no noise, no repeatability. The detector's bias is in.
     QualificationInput exact(const RunTruth& truth) const { return input(truth, nullptr); }
 
-    // The input of run number `run` of the series `seed`. Throws NumericalError when the truth puts
-    // a corner where the true camera sees nothing.
+    // Run `run` of series `seed`. Throws NumericalError for corners that the camera cannot see.
     QualificationInput draw(const RunTruth& truth, std::uint64_t seed, std::uint64_t run) const;
 
 private:
@@ -83,9 +76,8 @@ private:
     QualificationInput declared_;           // without corners
 };
 
-// Reads the station, plans, and renders and detects every pose with `noisy_frames` different
-// noises, with progress on stderr. Throws ConfigError as read_station, plan_of and
-// study_detector do.
+// Reads the station, plans, renders and detects every pose with so many noises; progress on stderr.
+// Throws ConfigError as read_station, plan_of and study_detector do.
 std::unique_ptr<const RunSimulator> study_plan(const std::filesystem::path& station,
                                                int noisy_frames);
 

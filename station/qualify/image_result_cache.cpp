@@ -63,8 +63,7 @@ namespace {
 
 constexpr const char* pixels_file = "pixels.jsonl";
 
-// A line begins with what its content follows from and with that content's own hash: a disk that
-// forgets must not change a result.
+// Its sources and its content's own hash: a disk that forgets must not change a result.
 std::string line_start(const std::string& made_from, const std::string& content_hash) {
     return fmt::format(R"({{"made_from":"{}","sha256":"{}",)", made_from, content_hash);
 }

@@ -120,8 +120,7 @@ void PhotometricPoses::find_bias(ImageResultCache& found, const Rigid& camera_fr
                                         run_.station.marker.points_mm, camera_from_marker));
 }
 
-// At a pose that need not have settled: with a wrong tone curve it may never, and it is solved
-// beside the deviations.
+// At a pose that a wrong tone curve may keep from settling: it is solved beside the deviations.
 void PhotometricPoses::compare(ImageResultCache& found, const CodeImage& image,
                                const PhotometricPose& seen) const {
     const PhotometricCamera& camera = *detector_.camera();

@@ -1,6 +1,5 @@
-// The photometric poses of a run's photographs, from all pixels of the marker
-// (compare/photometric/photometric_detector.h), what the pixels show beside the pose
-// (compare/match/pixel_measurement.h), and how the detector is off there
+// Photometric poses of a run's photographs (compare/photometric/photometric_detector.h), what the
+// pixels show beside the pose (compare/match/pixel_measurement.h), and the detector's bias there
 // (compare/pose/pose_bias.h).
 #pragma once
 
@@ -12,15 +11,12 @@
 
 namespace etalon {
 
-// Of poses whose marker was detected: of hold-out poses from all their whole frames in the record,
-// of training poses, where only the detector's bias is wanted, from the first. They start at the
-// detector's pose and are a pure function of these frames. All is found on other threads while the
-// stage moves on, in 0.2 s of CPU time per pose, or taken from what the record has kept of this
-// program's. Used from one thread.
+// Of poses whose marker was detected: hold-out poses from all whole frames in the record, training
+// poses (for the detector's bias) from the first. A pure function of the frames. Found on other
+// threads in 0.2 s of CPU time per pose, or taken from the record. Used from one thread.
 class PhotometricPoses {
 public:
-    // Of `result`, which must outlive it, station, settings and folder are read and must stay as
-    // they are. Throws what PhotometricDetector throws.
+    // `result` must outlive it and keep station, settings, folder. Throws as PhotometricDetector.
     PhotometricPoses(const QualifyResult& result, std::stop_token stop);
     ~PhotometricPoses();  // gives up what is not begun
     PhotometricPoses(const PhotometricPoses&) = delete;
@@ -35,9 +31,8 @@ public:
     // ConfigError when a frame cannot be read and Interrupted when a stop was requested.
     void set_in(QualifyResult& result);
 
-    // The first whole photographs of the hold-out poses that were set, against their renders; of
-    // overexposed ones only what they show. Costs some 10 s of CPU time where a tone curve or a
-    // focus has to be found.
+    // The first whole photographs of the hold-out poses against their renders; of overexposed ones
+    // only findings. Some 10 s of CPU time where a tone curve or a focus has to be found.
     RunEvidence pixels() const;
 
     const RenderedCorners& rendered() const { return rendered_; }

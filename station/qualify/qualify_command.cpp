@@ -6,11 +6,9 @@
 
 #include "core/file/file_writing.h"
 #include "core/process/subprocess.h"
-#include "core/program/errors.h"
 #include "station/qualify/runner.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
-#include "station/setup/station_file.h"
 #include "station/setup/station_lock.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"

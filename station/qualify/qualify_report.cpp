@@ -7,10 +7,8 @@
 #include <tuple>
 
 #include "compare/match/overlay.h"
-#include "compare/photometric/photometric_model.h"
 #include "compare/qualification/judged_quantities.h"
 #include "core/file/text.h"
-#include "core/geometry/units.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
 
@@ -27,8 +25,7 @@ std::string joined(const std::vector<std::string>& parts, const std::string& sep
     return fmt::format("{}", fmt::join(parts, separator));
 }
 
-// In the unit that people read: a relative number in percent, a coefficient as it is. Factor and
-// text, " mm".
+// Factor and " mm": a relative number is shown in percent, a coefficient as it is.
 std::pair<double, std::string> read_unit(const std::string& unit) {
     return unit == "1" ? std::pair(100.0, " %") : std::pair(1.0, unit.empty() ? "" : " " + unit);
 }
@@ -40,8 +37,7 @@ std::string with_unit(double value, const std::string& unit) {
 
 // ---- verdict, cause, what to do -------------------------------------------------------------
 
-// The judged quantity that is nearest to its limit, or farthest beyond; null when none was
-// measured.
+// The one nearest to its limit, or farthest beyond; null when none was measured.
 const JudgedQuantity* deciding_quantity(const Qualification& analysis) {
     const JudgedQuantity* deciding = nullptr;
     double worst = -1.0;
@@ -75,8 +71,7 @@ std::string sentence(std::string text) {
     return text.back() == '.' ? text : text + ".";
 }
 
-// Why there is no PASS, beside the quantity that the verdict's sentence is about; in words where
-// the analysis says a quantity's name.
+// Why there is no PASS, beside the deciding quantity; names of quantities in words.
 std::vector<std::string> other_reasons(const Qualification& analysis,
                                        const JudgedQuantity* deciding) {
     std::vector<std::string> reasons;
@@ -221,11 +216,9 @@ void add_judged(HtmlPage& page, const Qualification& analysis) {
     page.add_notes(notes);
     page.add_facts(
         {{"B1, reported",
-          "Bias of the detector: the pose found in a render less the pose that was "
-          "rendered."},
+          "Bias of the detector: the pose found in a render less the pose that was rendered."},
          {"B2, reported",
-          "The pose found in the photograph less the one that stage and "
-          "registration give."},
+          "The pose found in the photograph less the one that stage and registration give."},
          {"B3, judged",
           "The pose found in the photograph less the one found in its render: the "
           "detector's own bias drops out, camera model and stage are left."},
@@ -429,10 +422,9 @@ double off_axis_deg(const Rigid& camera_from_marker) {
 
 constexpr int plot_width = 420, plot_height = 340;  // three beside each other stay readable
 
-// The hold-out poses that have a B3: place and angle of the marker's centre in the camera frame,
-// its bias, and the fitted field there.
+// Hold-out poses with B3: place and angle of the marker's centre, bias, and fitted field there.
 struct HoldOut {
-    Arrows biases, field;
+    Series biases, field;
     std::array<Series, 3> by_depth, by_angle;  // x, y and z of the bias
     double span_mm = 1.0;                      // of the places, across
 };
@@ -489,8 +481,7 @@ HtmlPage::Figure component_figure(const std::array<Series, 3>& biases, const std
     return {plot.svg(), caption};
 }
 
-// B3 of the hold-out poses: as arrows across the field of view, against depth and against the angle
-// to the axis, with the fitted field and the limit.
+// B3 as arrows across the field of view, against depth and angle, with field and limit.
 void add_bias_plots(HtmlPage& page, const QualifyResult& result) {
     const HoldOut poses = hold_out_biases(result);
     if (poses.biases.xs.empty())
@@ -512,8 +503,7 @@ void add_bias_plots(HtmlPage& page, const QualifyResult& result) {
 
 // ---- photographs against renders ------------------------------------------------------------
 
-// Four hold-out poses worth looking at: nearest, farthest, most off-axis, largest bias. Each once,
-// with its labels.
+// Hold-out poses worth looking at: nearest, farthest, most off-axis, largest bias; each once.
 std::vector<std::pair<const AnalysedPose*, std::string>> poses_to_show(
     const QualifyResult& result) {
     using Score = std::function<double(const PoseBias&)>;
@@ -571,8 +561,7 @@ HtmlPage::Figure pose_figure(const QualifyResult& result, const AnalysedPose& po
                              const std::string& label) {
     constexpr double gain = 4.0;
     const std::string caption = fmt::format(
-        "Pose {} ({}): photograph, render, and their difference enlarged {:.0f} times "
-        "(red: the "
+        "Pose {} ({}): photograph, render, and their difference enlarged {:.0f} times (red: the "
         "photograph is brighter, cyan: the render is). A coloured rim is an edge out of place.",
         pose.index, label, gain);
     try {

@@ -6,7 +6,6 @@
 #include <tbb/task_arena.h>
 
 #include "compare/make_detector.h"
-#include "station/qualify/image_result_cache.h"
 #include "station/qualify/run_analysis.h"
 #include "station/qualify/runner.h"
 #include "station/record/run_events.h"
@@ -270,8 +269,7 @@ private:
     int in_flight_ = 0;
 };
 
-// In which frames the marker is, from what the record kept or by looking again. So many poses at a
-// time that progress is seen.
+// Detects the marker in the frames, unless the record kept what was found; some poses at a time.
 void read_frames(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
     constexpr std::size_t at_a_time = 32;
     const StationFile& station = result.station;

@@ -13,8 +13,7 @@
 namespace etalon {
 
 struct RecordedRun {
-    // As measured: without analysis and attachments, `software` this build's. The outcome is that
-    // of the log; ERROR with its reason when the program was killed.
+    // As measured, `software` this build's; ERROR with its reason when the program was killed.
     QualifyResult result;
     double end_s = 0.0;                // latest time in the log
     std::uintmax_t whole_bytes = 0;    // of the log, without an unfinished last line
@@ -26,9 +25,8 @@ struct RecordedRun {
 // What a crash leaves behind as the reason of an ERROR.
 inline constexpr const char* unfinished_run = "the run did not come to its end";
 
-// The corners in the poses are detected anew, by this build. Throws ConfigError with file, line and
-// key for a record that cannot be what a run wrote; Interrupted when a stop was requested. Reads
-// every frame twice, or once where its corners were kept.
+// Detects the corners anew. Throws ConfigError with file, line and key for what no run wrote;
+// Interrupted on a stop request. Reads every frame twice, or once where corners were kept.
 RecordedRun read_record(const std::filesystem::path& folder, Progress& progress,
                         const std::stop_token& stop);
 

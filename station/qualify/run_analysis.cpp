@@ -34,8 +34,7 @@ PhotoResidual residual_of(const CodeImage& photo, const StationFile& station,
     return {fit.scored.rms_gray, fit.scored.p99_gray, fit.state.photometry.psf_sigma_px};
 }
 
-// Each hold-out photograph against the calibration at its registered pose. The renders are kept,
-// for people and for re-analysis.
+// Each hold-out photograph against its render at the registered pose. The renders are kept.
 void compare_photos(QualifyResult& result, const ExpectedView& view, Progress& progress,
                     const std::stop_token& stop) {
     const StationFile& station = result.station;

@@ -20,9 +20,8 @@ namespace etalon {
 void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress& progress,
                  const std::stop_token& stop);
 
-// Replaces everything that follows from the measurements: poses.csv, convergence.csv, junit.xml,
-// report.html, and run.json with the hashes of all other files, which it sets in the result. Throws
-// ConfigError when one cannot be written.
+// Replaces what follows from the measurements: poses.csv, convergence.csv, junit.xml, report.html,
+// run.json with the hashes of all files, set in the result. Throws ConfigError.
 void write_results(QualifyResult& result);
 
 // report.html: the verdict, what limits it, what the run could not see, the bias over the volume,

@@ -5,7 +5,6 @@
 
 #include "capture/camera_recovery.h"
 #include "compare/make_detector.h"
-#include "compare/match/photo_findings.h"
 #include "core/file/file_writing.h"
 #include "core/program/version.h"
 #include "stage/axes/kinematics.h"
@@ -84,8 +83,7 @@ void require_calibrated_format(const Frame& frame, const StationCamera& camera) 
                         bits));
 }
 
-// Nothing at all within the time-out, retries included, is a camera that is gone. A broken frame is
-// only a broken frame: the pose has its others.
+// Nothing within the time-out is a camera that is gone; of broken frames the pose has others.
 Frame take_frame(const Run& run, Camera& camera, Instant after) {
     const StationCamera& wanted = run.result.station.camera;
     Frame frame = frame_after_reconnecting(
@@ -352,8 +350,7 @@ void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Sta
     release_camera(run, *camera);
 }
 
-// What ends a run early becomes its outcome: the record must be finished whatever happened. Without
-// devices everything has been measured before.
+// What ends a run early becomes its outcome. Without devices everything was measured before.
 void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Stage> stage) {
     QualifyResult& result = run.result;
     try {
@@ -434,8 +431,7 @@ void require_resumable(const QualifyResult& result) {
         throw ConfigError({result.folder.string()},
                           fmt::format("came to its end with {}; `etalon report` analyses it again",
                                       name(result.outcome)));
-    // The plan is the record's. Nothing has moved yet: a target where the axes may not go is
-    // refused now rather than on the way.
+    // Nothing has moved yet: a target that is not allowed is refused now rather than on the way.
     const StationStage& stage = result.station.stage;
     for (const PlannedPose& pose : result.plan.poses)
         require_allowed(
@@ -450,8 +446,7 @@ void require_recorded_camera(const QualifyResult& result, const CameraIdentity& 
                                       result.camera.serial, camera.uri, camera.serial));
 }
 
-// How long ago the run began. The system's clock is asked only where the machine was started anew,
-// and never believed to be before what the log says.
+// The system's clock counts only after a reboot, and is never before what the log says.
 Instant resumed_start(const RecordedRun& recorded, const RunSession& session, Instant now) {
     const RunSession& first = recorded.result.sessions.front();
     const double by_system_clock_s = utc_seconds(session.started_utc).value_or(0.0) -

@@ -16,15 +16,13 @@ namespace etalon {
 // "frames/0007_1.png": frame 1 of pose 7, both from 0.
 std::string frame_file(int pose, int frame);
 
-// Sets read_back, its deviation and uncertainty, and the stage's pose from `pose.readings`: at
-// least two, each with a position for every axis.
+// From at least two `pose.readings`: sets read_back, its uncertainty, and the stage's pose.
 void average_readings(VisitedPose& pose, std::span<const Axis> axes);
 
 // Sets the frame's corners, or why there are none: all are needed, as means are taken of them.
 void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame);
 
-// Sets the pose's corners, the mean over the frames that saw the marker, their number, and how far
-// these leave the corners apart.
+// Sets the pose's corners (means over the frames that saw the marker), their number and noise.
 void average_corners(VisitedPose& pose);
 
 // How the run gets its devices; tests give it mocks.
@@ -37,8 +35,7 @@ struct DeviceOpeners {
     std::function<ClimateReading()> climate = {};
 };
 
-// Those that the station names. A camera that another program seems to hold is waited for, which
-// `progress` is told. All arguments must outlive what is returned.
+// Waits for a camera in use, and tells `progress`. All arguments must outlive the result.
 DeviceOpeners station_devices(const StationFile& station, bool homed, Clock& clock,
                               Progress& progress, const std::stop_token& stop);
 
@@ -63,10 +60,9 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
 QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& open, Clock& clock,
                                    Progress& progress, std::stop_token stop);
 
-// The sensor of a station's room (station/setup/environment.h). The function connects with the
-// first reading and reads each quantity up to three times (stage/link/modbus_link.h). It throws
-// DeviceError, also for what a room cannot have. The clock must outlive it. Throws ConfigError for
-// a link that cannot be.
+// The sensor of a station's room (station/setup/environment.h). It connects with the first reading,
+// reads each quantity up to three times and throws DeviceError, also for impossible values. The
+// clock must outlive it. Throws ConfigError for a link that cannot be.
 std::function<ClimateReading()> room_sensor(const RoomSensor& sensor, Clock& clock);
 
 }  // namespace etalon

@@ -82,8 +82,7 @@ struct QualifyResult {
     CaptureStatistics statistics() const;
 };
 
-// Mean over the hold-out poses of the RMS of photograph minus render, in gray = code value / full
-// scale * 255; nothing when none was compared.
+// Mean RMS residual of the hold-out poses, gray (full scale 255); nothing when none was compared.
 std::optional<double> mean_residual_gray(const QualifyResult& result);
 
 // The pose's first whole photograph; null when there is none.
@@ -92,9 +91,8 @@ const FrameRecord* first_whole(const VisitedPose& pose);
 // Throws ConfigError when the frame's file cannot be read or is not the bytes that were taken.
 void require_recorded(const QualifyResult& result, const FrameRecord& frame);
 
-// A whole photograph, read back from the record, with the camera's bits: a file is 8 or 16 bit,
-// whatever the camera has. Throws ConfigError when it cannot be read, is not the bytes that were
-// taken, or has another size than the calibration.
+// A whole photograph of the record, with the camera's bits. Throws ConfigError when it cannot be
+// read, is not the bytes that were taken, or has another size than the calibration.
 CodeImage recorded_photo(const QualifyResult& result, const FrameRecord& frame);
 
 }  // namespace etalon

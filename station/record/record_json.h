@@ -9,18 +9,12 @@
 
 namespace etalon {
 
-using RecordJson = nlohmann::ordered_json;  // keys in the order in which they are written
+ETALON_MEMBERS_TO_JSON(CameraIdentity, uri, vendor, model, serial)
 
-RecordJson settings_json(const CaptureSettings& settings);
-RecordJson device_json(const CameraIdentity& camera);
-RecordJson inputs_json(std::span<const InputFile> inputs);
+Json settings_json(const CaptureSettings& settings);
+Json inputs_json(std::span<const InputFile> inputs);
 
 // The camera's counters go into the record of whatever it was used for.
-void add_counters(RecordJson& camera, const CaptureStatistics& counts);
-
-template <class Vector>
-RecordJson numbers_json(const Vector& vector) {
-    return std::vector<double>(vector.data(), vector.data() + vector.size());
-}
+void add_counters(Json& camera, const CaptureStatistics& counts);
 
 }  // namespace etalon

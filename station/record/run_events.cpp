@@ -6,28 +6,25 @@
 namespace etalon {
 namespace {
 
-RecordJson corners_json(const std::vector<Eigen::Vector2d>& pixels) {
-    RecordJson list = RecordJson::array();
-    for (const auto& pixel : pixels)
-        list.push_back(numbers_json(pixel));
-    return list;
+Json corners_json(const std::vector<Eigen::Vector2d>& pixels) {
+    return json_list(pixels, numbers_of<Eigen::Vector2d>);
 }
 
-RecordJson planned_json(const Plan& plan) {
-    RecordJson poses = RecordJson::array();
+Json planned_json(const Plan& plan) {
+    Json poses = Json::array();
     for (const PlannedPose& pose : plan.poses)
         poses.push_back({{"target", pose.target}, {"hold_out", pose.hold_out}});
     return {{"expected_duration_s", std::chrono::duration<double>(plan.expected_duration).count()},
             {"poses", poses}};
 }
 
-RecordJson counters_json(const CaptureStatistics& counts) {
-    RecordJson counters;
+Json counters_json(const CaptureStatistics& counts) {
+    Json counters;
     add_counters(counters, counts);
     return counters;
 }
 
-std::string line_of(const RecordJson& json) {
+std::string line_of(const Json& json) {
     return text_of(json, -1);
 }
 
@@ -53,7 +50,7 @@ std::string session_event(const RunSession& session, const CameraIdentity& camer
                     {"boot_s", session.started.seconds},
                     {"version", session.version},
                     {"operator", session.operator_name},
-                    {"camera", device_json(camera)}});
+                    {"camera", camera}});
 }
 
 std::string settings_event(double time_s, const CaptureSettings& settings) {
@@ -89,7 +86,7 @@ std::string pose_event(const VisitedPose& pose, const CaptureStatistics& counts)
                     {"read_back", pose.read_back},
                     {"read_back_deviation", pose.read_back_deviation},
                     {"base_from_carriage", pose_numbers(pose.base_from_carriage)},
-                    {"base_from_carriage_uncertainty", numbers_json(uncertainty)},
+                    {"base_from_carriage_uncertainty", numbers_of(uncertainty)},
                     {"approach", pose.approach},
                     {"move_start_s", pose.move_start_s},
                     {"settled_s", pose.settled_s.value_or(0.0)},
@@ -102,7 +99,7 @@ std::string climate_event(const ClimateReading& reading) {
     return line_of({{"t", reading.t_s},
                     {"event", climate_read},
                     {"temperature_c", reading.temperature_c},
-                    {"humidity_percent", optional_number(reading.humidity_percent)}});
+                    {"humidity_percent", or_null(reading.humidity_percent)}});
 }
 
 std::string released_event(double time_s, const CaptureStatistics& counts) {

@@ -4,15 +4,25 @@
 #include <fmt/ranges.h>
 
 #include "core/file/text.h"
-#include "core/geometry/units.h"
 #include "report/number_text.h"
 #include "report/result_table.h"
 #include "station/record/record_json.h"
 
 namespace etalon {
-namespace {
 
-using Json = RecordJson;
+ETALON_MEMBERS_TO_JSON(Attachment, path, sha256)
+ETALON_MEMBERS_TO_JSON(CausingError, names, size, expanded_uncertainty, unit, remedies)
+ETALON_MEMBERS_TO_JSON(ClimateSummary, lowest, highest, mean, deviation, readings)
+ETALON_MEMBERS_TO_JSON(ErrorSignature, name, unit, size, before_rms_mm, before_max_mm, after_rms_mm,
+                       after_max_mm, detectable_size, observable, reason, confounded_with)
+ETALON_MEMBERS_TO_JSON(LackOfFit, rms, rms_uncertainty, noise_rms, chi_square_ratio,
+                       degrees_of_freedom, chi_square_limit)
+ETALON_MEMBERS_TO_JSON(LengthErrors, pairs, longest_mm, measured_rms_mm, measured_max_mm,
+                       field_max_mm, field_max_length_mm, field_max_uncertainty_mm)
+ETALON_MEMBERS_TO_JSON(TracedReference, name, value, expanded_uncertainty, unit, certificate,
+                       laboratory, date, due)
+
+namespace {
 
 double seconds(Duration duration) {
     return std::chrono::duration<double>(duration).count();
@@ -23,7 +33,7 @@ double unit_of(const Axis& axis) {
 }
 
 Json camera_json(const QualifyResult& result) {
-    Json camera = device_json(result.camera);
+    Json camera = result.camera;
     camera["uri"] = result.station.camera.uri;
     camera["calibrated_serial"] = result.station.camera.model.serial;
     camera["settings"] = settings_json(result.settings);
@@ -44,11 +54,11 @@ Json axis_json(const Axis& axis) {
     return {{"name", axis.name},
             {"kind", rotary ? "rotary" : "linear"},
             {"unit", rotary ? "deg" : "mm"},
-            {"direction", numbers_json(axis.direction)},
-            {"point_mm", numbers_json(axis.point_mm)},
+            {"direction", numbers_of(axis.direction)},
+            {"point_mm", numbers_of(axis.point_mm)},
             {"travel", {axis.low * unit, axis.high * unit}},
             {"speed", axis.speed * unit},
-            {"scale_uncertainty", optional_number(axis.scale_uncertainty)},
+            {"scale_uncertainty", or_null(axis.scale_uncertainty)},
             {"repeatability", size(axis.repeatability)},
             {"previous_from_mount", pose_numbers(axis.previous_from_mount)},
             {"zero", axis.zero * unit},
@@ -57,8 +67,8 @@ Json axis_json(const Axis& axis) {
             {"backlash", axis.backlash * unit},
             {"backlash_uncertainty", size(axis.backlash_uncertainty)},
             {"read_noise", size(axis.read_noise)},
-            {"direction_uncertainty_rad", optional_number(axis.direction_uncertainty)},
-            {"point_uncertainty_mm", optional_number(axis.point_uncertainty)},
+            {"direction_uncertainty_rad", or_null(axis.direction_uncertainty)},
+            {"point_uncertainty_mm", or_null(axis.point_uncertainty)},
             {"error_map", axis.errors ? json_list(axis.errors->points(), point_json) : Json()}};
 }
 
@@ -107,16 +117,6 @@ Json plan_json(const StationFile& station, const Plan& plan) {
             {"expected_duration_s", seconds(plan.expected_duration)}};
 }
 
-Json climate_json(const std::optional<ClimateSummary>& climate) {
-    if (!climate)
-        return {};
-    return {{"lowest", climate->lowest},
-            {"highest", climate->highest},
-            {"mean", climate->mean},
-            {"deviation", climate->deviation},
-            {"readings", climate->readings}};
-}
-
 // `source`: a sensor's address, "given by hand", or null.
 Json environment_json(const QualifyResult& result) {
     const auto& declared = result.station.environment;
@@ -124,20 +124,9 @@ Json environment_json(const QualifyResult& result) {
     if (declared)
         source = declared->sensor ? describe(declared->sensor->link) : "given by hand";
     return {{"source", source},
-            {"temperature_c", climate_json(room_temperature(result.station, result.environment))},
-            {"humidity_percent", climate_json(room_humidity(result.station, result.environment))},
+            {"temperature_c", or_null(room_temperature(result.station, result.environment))},
+            {"humidity_percent", or_null(room_humidity(result.station, result.environment))},
             {"lost", result.environment.lost}};
-}
-
-ColumnsOf<TracedReference> reference_columns() {
-    return {{"name", &TracedReference::name},
-            {"value", &TracedReference::value},
-            {"expanded_uncertainty", &TracedReference::expanded_uncertainty},
-            {"unit", &TracedReference::unit},
-            {"certificate", &TracedReference::certificate},
-            {"laboratory", &TracedReference::laboratory},
-            {"date", &TracedReference::date},
-            {"due", &TracedReference::due}};
 }
 
 ColumnsOf<RunSession> session_columns() {
@@ -146,10 +135,6 @@ ColumnsOf<RunSession> session_columns() {
             {"version", &RunSession::version},
             {"operator", &RunSession::operator_name},
             {"poses_visited", &RunSession::poses}};
-}
-
-ColumnsOf<Attachment> attachment_columns() {
-    return {{"path", &Attachment::path}, {"sha256", &Attachment::sha256}};
 }
 
 // ---- poses.csv
@@ -163,8 +148,8 @@ void add_axis_columns(PoseColumns& columns, const std::vector<Axis>& axes, const
     for (std::size_t i = 0; i < axes.size(); ++i) {
         constexpr bool is_position = std::is_same_v<Number, double>;
         const double unit = is_position ? unit_of(axes[i]) : 1.0;
-        const char* suffix = axes[i].kind == Axis::Kind::rotary ? "_deg" : "_mm";
-        columns.push_back({prefix + axes[i].name + (is_position ? suffix : ""),
+        const std::string& name = axes[i].name;
+        columns.push_back({prefix + (is_position ? AxisUnits(axes[i].kind).mm_key(name) : name),
                            [i, unit, numbers](const AnalysedPose& pose) -> TableCell {
                                if constexpr (is_position)
                                    return unit * (pose.*numbers)[i];
@@ -248,13 +233,12 @@ Json decision_risk_json(const std::optional<DecisionRisk>& risk) {
             {"global_consumer", risk->consumer},
             {"global_producer", risk->producer},
             {"global_of", risk->has_prior ? "prior" : "any prior, at most"},
-            {"passes_95", optional_number(risk->passes_95)},
-            {"passes_50", optional_number(risk->passes_50)},
-            {"passes_5", optional_number(risk->passes_5)}};
+            {"passes_95", or_null(risk->passes_95)},
+            {"passes_50", or_null(risk->passes_50)},
+            {"passes_5", or_null(risk->passes_5)}};
 }
 
-// Of a reported quantity limit and outcome are null: nobody asked for a judgement. Infinite degrees
-// of freedom are written as null.
+// Limit and outcome of a reported quantity, and infinite degrees of freedom, are null.
 Json measurement_json(const JudgedQuantity& q, bool judged) {
     const auto figure = [&](double value) { return q.measured ? Json(value) : Json(); };
     return {{"name", q.name},
@@ -263,7 +247,7 @@ Json measurement_json(const JudgedQuantity& q, bool judged) {
             {"expanded_uncertainty", figure(q.expanded_uncertainty)},
             {"coverage_factor", figure(q.coverage_factor)},
             {"degrees_of_freedom", figure(q.degrees_of_freedom)},
-            {"monte_carlo_uncertainty", optional_number(q.monte_carlo_uncertainty)},
+            {"monte_carlo_uncertainty", or_null(q.monte_carlo_uncertainty)},
             {"limit", judged ? Json(q.limit) : Json()},
             {"outcome", judged ? Json(name(q.outcome)) : Json()},
             {"reason", q.reason},
@@ -273,12 +257,12 @@ Json measurement_json(const JudgedQuantity& q, bool judged) {
 Json registration_json(const BiasCorrectedRegistration& corrected) {
     const Registration& registration = corrected.registration;
     const auto freedom_json = [](const GaugeFreedom& freedom) -> Json {
-        return {{"name", freedom.name}, {"direction", numbers_json(freedom.direction)}};
+        return {{"name", freedom.name}, {"direction", numbers_of(freedom.direction)}};
     };
     // Deviations as `etalon register` gives them: the corners' noise is that of the residuals.
     const auto weak_json = [&](const PoorlyConstrainedDirection& weak) -> Json {
         return {{"name", weak.name},
-                {"direction", numbers_json(weak.direction)},
+                {"direction", numbers_of(weak.direction)},
                 {"deviation", std::sqrt(registration.reduced_squares) * weak.deviation},
                 {"unit", weak.is_shift() ? "mm" : "rad"},
                 {"worth_photographs", weak.worth_poses}};
@@ -298,11 +282,11 @@ Json registration_json(const BiasCorrectedRegistration& corrected) {
 }
 
 Json field_json(const BiasField& field, const FieldSummary& summary) {
-    return {{"coefficients", numbers_json(field.coefficients)},
+    return {{"coefficients", numbers_of(field.coefficients)},
             {"samples", field.samples},
             {"degrees_of_freedom", field.degrees_of_freedom},
             {"down_weighted", field.down_weighted},
-            {"centre_mm", numbers_json(field.centre_mm)},
+            {"centre_mm", numbers_of(field.centre_mm)},
             {"residual_along", field.residual_along},
             {"residual_across", field.residual_across},
             {"rms", summary.rms},
@@ -310,7 +294,7 @@ Json field_json(const BiasField& field, const FieldSummary& summary) {
             {"noise_rms", summary.noise_rms},
             {"max", summary.max},
             {"max_uncertainty", summary.max_uncertainty},
-            {"max_position_mm", numbers_json(summary.max_position_mm)}};
+            {"max_position_mm", numbers_of(summary.max_position_mm)}};
 }
 
 Json condition_json(const AcceptanceCondition& each) {
@@ -323,54 +307,21 @@ Json condition_json(const AcceptanceCondition& each) {
             {"text", each.text}};
 }
 
-Json rest_json(const LackOfFit& rest) {
-    return {{"rms", rest.rms},
-            {"rms_uncertainty", rest.rms_uncertainty},
-            {"noise_rms", rest.noise_rms},
-            {"chi_square_ratio", rest.chi_square_ratio},
-            {"degrees_of_freedom", rest.degrees_of_freedom},
-            {"chi_square_limit", rest.chi_square_limit}};
-}
-
-Json lengths_json(const LengthErrors& lengths) {
-    return {{"pairs", lengths.pairs},
-            {"longest_mm", lengths.longest_mm},
-            {"measured_rms_mm", lengths.measured_rms_mm},
-            {"measured_max_mm", lengths.measured_max_mm},
-            {"field_max_mm", lengths.field_max_mm},
-            {"field_max_length_mm", lengths.field_max_length_mm},
-            {"field_max_uncertainty_mm", lengths.field_max_uncertainty_mm}};
-}
-
 Json budget_row_json(const BudgetRow& row) {
     Json contributions = Json::object();
     for (const auto& [quantity, sensitivity] : row.sensitivity)
         if (row.standard_uncertainty)
             contributions[quantity] = row.contribution(quantity);
     return {{"source", row.source},
-            {"standard_uncertainty", optional_number(row.standard_uncertainty)},
+            {"standard_uncertainty", or_null(row.standard_uncertainty)},
             {"unit", row.unit},
             {"distribution", name(row.distribution)},
             {"degrees_of_freedom", row.degrees_of_freedom},
             {"in_uncertainty", row.counted},
-            {"widest", optional_number(row.widest)},
+            {"widest", or_null(row.widest)},
             {"sensitivity", row.sensitivity},
             {"contribution", contributions},
             {"basis", row.basis}};
-}
-
-Json signature_json(const ErrorSignature& s) {
-    return {{"name", s.name},
-            {"unit", s.unit},
-            {"size", s.size},
-            {"before_rms_mm", s.before_rms_mm},
-            {"before_max_mm", s.before_max_mm},
-            {"after_rms_mm", s.after_rms_mm},
-            {"after_max_mm", s.after_max_mm},
-            {"detectable_size", s.detectable_size},
-            {"observable", s.observable},
-            {"reason", s.reason},
-            {"confounded_with", s.confounded_with}};
 }
 
 Json figure_json(const std::optional<PixelFigure>& figure, const char* unit) {
@@ -396,19 +347,11 @@ Json pixels_json(const ImageAgreement& match) {
             {"findings", match.findings}};
 }
 
-Json causing_error_json(const CausingError& error) {
-    return {{"names", error.names},
-            {"size", error.size},
-            {"expanded_uncertainty", error.expanded_uncertainty},
-            {"unit", error.unit},
-            {"remedies", error.remedies}};
-}
-
 Json causes_json(const Causes& causes) {
     const auto cause_json = [](const Cause& cause) -> Json {
         return {{"text", cause.text()},
                 {"probability", cause.probability},
-                {"errors", json_list(cause.errors, causing_error_json)},
+                {"errors", cause.errors},
                 {"instead", cause.instead}};
     };
     return {{"ranked", json_list(causes.ranked, cause_json)},
@@ -433,31 +376,26 @@ void add_analysis(Json& run, const Qualification& analysis) {
                    {"wrong_fail", analysis.risk.false_rejection}};
     run["conditions"] = json_list(analysis.conditions, condition_json);
     run["reasons"] = analysis.reasons;
-    if (analysis.pixels)
-        run["pixels"] = pixels_json(*analysis.pixels);
-    if (analysis.causes)
-        run["causes"] = causes_json(*analysis.causes);
+    add_present(run, "pixels", analysis.pixels, pixels_json);
+    add_present(run, "causes", analysis.causes, causes_json);
     run["detection"] = {{"training", analysis.detection.training},
                         {"training_detected", analysis.detection.training_detected},
                         {"hold_out", analysis.detection.hold_out},
                         {"hold_out_detected", analysis.detection.hold_out_detected},
                         {"rate", analysis.detection.rate()}};
-    if (analysis.registration)
-        run["registration"] = registration_json(*analysis.registration);
+    add_present(run, "registration", analysis.registration, registration_json);
     if (analysis.position_field)
         run["position_field_mm"] = field_json(*analysis.position_field, analysis.position_summary);
     if (analysis.rotation_field)
         run["rotation_field_rad"] = field_json(*analysis.rotation_field, analysis.rotation_summary);
-    if (analysis.position_lack_of_fit)
-        run["position_rest_mm"] = rest_json(*analysis.position_lack_of_fit);
-    if (analysis.lengths)
-        run["lengths"] = lengths_json(*analysis.lengths);
+    add_present(run, "position_rest_mm", analysis.position_lack_of_fit);
+    add_present(run, "lengths", analysis.lengths);
     if (analysis.photometric)
         run["photometric_position_field_mm"] = field_json(analysis.photometric->position_field,
                                                           analysis.photometric->position_summary);
     run["budget_complete"] = analysis.budget_complete;
     run["budget"] = json_list(analysis.budget, budget_row_json);
-    run["gauge_report"] = json_list(analysis.signatures, signature_json);
+    run["gauge_report"] = analysis.signatures;
 }
 
 // ---- junit.xml
@@ -468,8 +406,7 @@ struct TestCase {
     std::string outcome;     // "INCONCLUSIVE"
 };
 
-// XML 1.0 has no place for control characters, escaped or not; bytes that are not ASCII are
-// replaced, as nothing says that they are UTF-8.
+// XML 1.0 has no control characters; what is not ASCII is replaced, as it may not be UTF-8.
 std::string xml_text(const std::string& text) {
     std::string plain = text;
     for (char& c : plain)
@@ -542,13 +479,12 @@ std::string run_json(const QualifyResult& result) {
         {"background", station.background},
         {"white_level", station.white_level},
         {"carriage_from_marker_nominal", pose_numbers(station.carriage_from_marker_nominal)},
-        {"marker_size_uncertainty", optional_number(station.marker_size_uncertainty)},
-        {"marker_flatness_mm", optional_number(station.marker_flatness_mm)},
+        {"marker_size_uncertainty", or_null(station.marker_size_uncertainty)},
+        {"marker_flatness_mm", or_null(station.marker_flatness_mm)},
         {"environment", environment_json(result)},
-        {"references", json_rows(table_of(reference_columns(), station.references))},
+        {"references", station.references},
         {"limits", station.limits.id},
-        {"due_after_days",
-         station.limits.due_after_days ? Json(*station.limits.due_after_days) : Json()},
+        {"due_after_days", or_null(station.limits.due_after_days)},
         {"inputs", inputs_json(station.inputs)},
         {"camera", camera_json(result)},
         {"stage",
@@ -560,9 +496,9 @@ std::string run_json(const QualifyResult& result) {
         {"poses_visited", result.poses.size()}};
     if (result.analysis)
         add_analysis(run, *result.analysis);
-    run["mean_residual_gray"] = optional_number(mean_residual_gray(result));
+    run["mean_residual_gray"] = or_null(mean_residual_gray(result));
     run["software"] = software_json(result.software);
-    run["attachments"] = json_rows(table_of(attachment_columns(), result.attachments));
+    run["attachments"] = result.attachments;
     return text_of(run, 2) + "\n";
 }
 

@@ -51,8 +51,7 @@ int add_notes(dl_phdr_info* object, std::size_t, void* text) {
     return 0;
 }
 
-// What was loaded with the program: plugins (core/program/plugin.h) that come later measure
-// nothing.
+// Of what was loaded with the program: later plugins (core/program/plugin.h) measure nothing.
 const std::string notes_at_start = [] {
     std::string all;
     dl_iterate_phdr(add_notes, &all);

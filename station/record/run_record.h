@@ -28,9 +28,7 @@
 
 namespace etalon {
 
-// Writes images on other threads, so that a device is not kept waiting for a disk. At most `most`
-// are on their way: write() waits when the disk cannot follow. Used from one thread.
-// Its end writes what is on its way.
+// Writes images on other threads; write() waits for a place. One user thread. Its end flushes.
 class ImageWriter {
 public:
     // The image's pixels must not change afterwards. Throws what writing an earlier one threw.
@@ -53,20 +51,17 @@ std::string utc_now();
 // In seconds since 1970; nothing for what is no such time.
 std::optional<double> utc_seconds(const std::string& utc);
 
-// Makes these parts of a folder, with its parents, unless they are there. Throws ConfigError when
-// one cannot be made.
+// Makes the missing parts of a folder, with its parents. Throws ConfigError.
 void make_record_folders(const std::filesystem::path& folder,
                          std::initializer_list<const char*> parts);
 
 class RunRecord {
 public:
-    // Makes the folder with its parents and these parts. Throws ConfigError as above, or when one
-    // cannot be made.
+    // Makes the folder with its parents and these parts. Throws ConfigError as above.
     explicit RunRecord(const std::filesystem::path& folder,
                        std::initializer_list<const char*> parts = {"frames", "renders"});
 
-    // Resumes a record: cuts its log after `whole_bytes` and appends. Throws ConfigError when
-    // it cannot be written.
+    // Resumes a record: cuts its log after `whole_bytes`. Throws ConfigError.
     RunRecord(const std::filesystem::path& folder, std::uintmax_t whole_bytes);
 
     const std::filesystem::path& folder() const { return folder_; }

@@ -1,11 +1,9 @@
-// `etalon register`: where a stage stands before the camera and how the marker sits on it, with
-// what the motions cannot tell.
+// `etalon register`: where stage and marker stand, with what the motions cannot tell.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
 #include "station/register/stage_registration.h"
@@ -21,8 +19,6 @@ struct RegisterArguments {
     std::string detector;                      // empty: the station's own
     bool json = false;
 };
-
-using nlohmann::ordered_json;
 
 void print_transform(const char* name, const Rigid& transform, const Vector6d& deviations) {
     fmt::print("{:<21}{}\n", name, pose_columns(transform));
@@ -76,7 +72,7 @@ void print_text(const StationFile& station, const StageRegistration& result) {
     print_residuals(result, station.marker.points_mm.size());
 }
 
-ordered_json json_of(const RegisteredPhoto& photo) {
+Json json_of(const RegisteredPhoto& photo) {
     if (!photo.failure.empty())
         return {{"photo", photo.photo.string()}, {"failure", photo.failure}};
     return {{"photo", photo.photo.string()},
@@ -90,7 +86,7 @@ void print_json(const StationFile& station, const StageRegistration& result) {
     for (int k = 0; k < 12; ++k)
         covariance.push_back(
             numbers_of(result.scale * result.scale * registration.covariance.row(k)));
-    const ordered_json json = {
+    const Json json = {
         {"etalon", "registration/1"},
         {"station", station.id},
         {"marker", station.marker.spec},
@@ -107,19 +103,18 @@ void print_json(const StationFile& station, const StageRegistration& result) {
         {"freedoms",
          json_list(
              registration.freedoms,
-             [](const GaugeFreedom& freedom) -> ordered_json {
+             [](const GaugeFreedom& freedom) -> Json {
                  return {{"name", freedom.name}, {"direction", numbers_of(freedom.direction)}};
              })},
         {"badly_determined", json_list(registration.weak,
-                                       [&](const PoorlyConstrainedDirection& weak) -> ordered_json {
+                                       [&](const PoorlyConstrainedDirection& weak) -> Json {
                                            return {{"name", weak.name},
                                                    {"direction", numbers_of(weak.direction)},
                                                    {"deviation", result.scale * weak.deviation},
                                                    {"unit", weak.is_shift() ? "mm" : "rad"},
                                                    {"worth_photographs", weak.worth_poses}};
                                        })},
-        {"residual_rms_px",
-         result.rounds > 0 ? ordered_json(registration.residual_rms_px) : ordered_json()},
+        {"residual_rms_px", result.rounds > 0 ? Json(registration.residual_rms_px) : Json()},
         {"reduced_squares", registration.reduced_squares},
         {"down_weighted", registration.down_weighted_points},
         {"bias_correction_rounds", result.rounds},

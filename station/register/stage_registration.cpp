@@ -11,7 +11,6 @@
 #include "compare/photometric/photometric_detector.h"
 #include "core/config/csv_file.h"
 #include "core/file/sha256.h"
-#include "core/geometry/units.h"
 #include "report/json_text.h"
 #include "stage/axes/kinematics.h"
 #include "station/setup/stage_terms.h"
@@ -21,29 +20,21 @@ namespace {
 
 constexpr double detector_error_px = 0.5;  // of a photometric pose's start
 
-std::string column_name(const Axis& axis) {
-    return axis.name + (axis.kind == Axis::Kind::rotary ? "_deg" : "_mm");
-}
-
-double position_in(const CsvRow& row, std::size_t column, const Axis& axis) {
-    return axis.kind == Axis::Kind::rotary
-               ? row.number(column, units::deg.either_sign()) * rad_per_deg
-               : row.number(column, units::mm.either_sign());
-}
-
-// Of the columns `photo`, which is taken as it stands, and one for each axis, named `prefix` and
-// the axis.
+// Of the column `photo`, taken as it stands, and one for each axis: `prefix` and its name.
 std::vector<StagePhoto> read_rows(const CsvFile& file, const std::string& photo,
                                   const std::string& prefix, const std::vector<Axis>& axes) {
     const std::size_t photo_column = file.column(photo);
     std::vector<std::size_t> columns;
     for (const Axis& axis : axes)
-        columns.push_back(file.column(prefix + column_name(axis)));
+        columns.push_back(file.column(prefix + AxisUnits(axis.kind).mm_key(axis.name)));
     std::vector<StagePhoto> photos;
     for (const CsvRow& row : file.rows) {
         photos.push_back({row.cells[photo_column], {}});
-        for (std::size_t i = 0; i < axes.size(); ++i)
-            photos.back().positions.push_back(position_in(row, columns[i], axes[i]));
+        for (std::size_t i = 0; i < axes.size(); ++i) {
+            const AxisUnits units(axes[i].kind);
+            photos.back().positions.push_back(row.number(columns[i], units.large().either_sign()) *
+                                              units.per_large());
+        }
     }
     if (photos.empty())
         throw ConfigError(file.place, "no photograph is listed");
@@ -147,8 +138,8 @@ void register_photometric(const StationFile& station, std::vector<Sighting>& see
 
 std::filesystem::path station_of_record(const std::filesystem::path& record) {
     const std::filesystem::path file = record / "run.json";
-    const nlohmann::ordered_json run = read_json(file);
-    const auto text_at = [](const nlohmann::ordered_json& object, const char* key) {
+    const Json run = read_json(file);
+    const auto text_at = [](const Json& object, const char* key) {
         const bool is_text = object.is_object() && object.contains(key) && object[key].is_string();
         return is_text ? object[key].get<std::string>() : "";
     };

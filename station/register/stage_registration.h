@@ -5,7 +5,6 @@
 // Not for a verdict: all poses take part, nothing is held out.
 #pragma once
 
-
 #include "station/setup/station_file.h"
 
 namespace etalon {
@@ -26,8 +25,7 @@ std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
 std::vector<StagePhoto> read_record_photos(const std::filesystem::path& record,
                                            const std::vector<Axis>& axes);
 
-// The station file of a record: its own copy, or else the original, which must be what the run was
-// made with. Throws ConfigError.
+// The station file of a record: its copy, or the unchanged original. Throws ConfigError.
 std::filesystem::path station_of_record(const std::filesystem::path& record);
 
 struct RegisteredPhoto {

@@ -1,6 +1,4 @@
-// `etalon marker` and `etalon render`. What each is asked, and the function that carries it out: it
-// returns the exit code or throws (core/program/errors.h), prints its stable words and --json on
-// stdout and everything else on stderr.
+// `etalon marker` and `etalon render`: station/shell/command.h.
 #pragma once
 
 #include <cstdint>

@@ -5,10 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "calib/camera/camera_model.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "core/program/ordered_pipeline.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
@@ -19,8 +17,6 @@
 
 namespace etalon {
 namespace {
-
-using nlohmann::ordered_json;
 
 constexpr const char* settings_file = "set.json";
 constexpr const char* manifest_file = "images.jsonl";
@@ -36,13 +32,13 @@ std::string image_file(std::size_t index, const std::string& extension) {
     throw ConfigError({"--out"}, fmt::format("'{}' {}", folder.string(), why));
 }
 
-bool is_set(const ordered_json& json) {
-    return json.is_object() && json.value("etalon", ordered_json()) == kind &&
-           json.contains("settings") && json["settings"].is_object();
+bool is_set(const Json& json) {
+    return json.is_object() && json.value("etalon", Json()) == kind && json.contains("settings") &&
+           json["settings"].is_object();
 }
 
 // Makes the folder, or looks whether the set in it has these settings. Whether it was there.
-bool open_folder(const std::filesystem::path& folder, const ordered_json& settings) {
+bool open_folder(const std::filesystem::path& folder, const Json& settings) {
     std::error_code error;
     if (!std::filesystem::exists(folder / settings_file, error)) {
         make_folder(folder);
@@ -50,7 +46,7 @@ bool open_folder(const std::filesystem::path& folder, const ordered_json& settin
             refuse(folder, "is not empty and holds no image set");
         return false;
     }
-    const ordered_json there = read_json(folder / settings_file);
+    const Json there = read_json(folder / settings_file);
     if (!is_set(there))
         refuse(folder, fmt::format("holds a {} that is not of {}", settings_file, kind));
     const std::string key = first_difference(there["settings"], settings);
@@ -60,11 +56,9 @@ bool open_folder(const std::filesystem::path& folder, const ordered_json& settin
     return true;
 }
 
-// --------------------------------------------------------------------------------------- merging
-
-ordered_json read_set(const std::filesystem::path& folder) {
+Json read_set(const std::filesystem::path& folder) {
     const std::filesystem::path path = folder / settings_file;
-    ordered_json set = read_json(path);
+    Json set = read_json(path);
     if (!is_set(set))
         throw ConfigError({path.string()}, std::string("is not of ") + kind);
     return set;
@@ -125,16 +119,16 @@ void link_or_copy(const std::filesystem::path& from, const std::filesystem::path
 // Puts the image of a pose's line into its place in `out`, if it has one.
 void take(const std::string& line, std::size_t pose, const std::filesystem::path& from,
           const std::string& extension, const std::filesystem::path& out, MergedImages& merged) {
-    const ordered_json json = ordered_json::parse(line, nullptr, /*allow_exceptions=*/false);
+    const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
     const std::string file = image_file(pose, extension);
     if (json.is_object() && json.contains("refused")) {
         ++merged.refused;
         return;
     }
-    if (!json.is_object() || json.value("file", ordered_json()) != file)
+    if (!json.is_object() || json.value("file", Json()) != file)
         throw ConfigError({(from / manifest_file).string()},
                           fmt::format("the line of pose {} is not as it was written", pose));
-    if (json.value("sha256", ordered_json()) != sha256_of_file(from / file))
+    if (json.value("sha256", Json()) != sha256_of_file(from / file))
         throw ConfigError({(from / file).string()}, "is not the image that was rendered");
     link_or_copy(from / file, out / file);
     ++merged.images;
@@ -153,22 +147,13 @@ std::size_t count_poses(const std::filesystem::path& path) {
 ImageSet::ImageSet(const std::filesystem::path& folder, const std::string& settings,
                    const std::string& made_from, const std::string& extension, std::size_t poses)
     : folder_(folder), extension_(extension), had_(poses) {
-    const ordered_json set{{"etalon", kind},
-                           {"settings", ordered_json::parse(settings)},
-                           {"made_from", ordered_json::parse(made_from)}};
+    const Json set{{"etalon", kind},
+                   {"settings", Json::parse(settings)},
+                   {"made_from", Json::parse(made_from)}};
     if (!open_folder(folder, set["settings"]))
         write_text(folder / settings_file, text_of(set) + "\n");
-    open_manifest();
-}
-
-std::string ImageSet::file_name(std::size_t index) const {
-    return image_file(index, extension_);
-}
-
-// Without the lines of images that are gone, of refused poses (refusing them again costs nothing),
-// and what a broken run left half written.
-void ImageSet::open_manifest() {
-    const std::filesystem::path path = folder_ / manifest_file;
+    // Without lines of missing images, of refused poses (which cost nothing), and broken ones.
+    const std::filesystem::path path = folder / manifest_file;
     {
         std::ifstream old(path, std::ios::binary);
         AtomicFile kept(path);
@@ -180,8 +165,12 @@ void ImageSet::open_manifest() {
     manifest_.emplace(path);
 }
 
+std::string ImageSet::file_name(std::size_t index) const {
+    return image_file(index, extension_);
+}
+
 bool ImageSet::keeps(const std::string& line) {
-    const ordered_json json = ordered_json::parse(line, nullptr, /*allow_exceptions=*/false);
+    const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
     if (!json.is_object() || !json.contains("file") || !json.contains("image") ||
         !json["image"].is_number_unsigned())
         return false;
@@ -205,11 +194,11 @@ MergedImages merge_image_sets(const std::vector<std::filesystem::path>& shards,
     for (const std::filesystem::path& folder : shards)
         descriptions.push_back(read_set(folder)["settings"].dump());
     const auto in_order = shards_in_order(image_set_work, shards, descriptions);
-    ordered_json set = read_set(in_order[0]);
+    Json set = read_set(in_order[0]);
     set["settings"].erase("shard");
     const std::filesystem::path poses_path = in_order[0] / poses_file;
-    const ordered_json hash = set["settings"].value("poses", ordered_json::object());
-    if (hash != ordered_json{{"sha256", sha256_of_file(poses_path)}})
+    const Json hash = set["settings"].value("poses", Json::object());
+    if (hash != Json{{"sha256", sha256_of_file(poses_path)}})
         throw ConfigError({poses_path.string()}, "is not the poses that the set was made from");
     const std::size_t poses = count_poses(poses_path);
     const std::string extension = set["settings"].value("linear", false) ? ".tiff" : ".png";
@@ -232,8 +221,6 @@ MergedImages merge_image_sets(const std::vector<std::filesystem::path>& shards,
     return merged;
 }
 
-// ------------------------------------------------------------------------------------- rendering
-
 namespace {
 
 std::vector<Rigid> scene_from_markers(const RenderArguments& arguments) {
@@ -248,7 +235,7 @@ std::vector<Rigid> scene_from_markers(const RenderArguments& arguments) {
 }
 
 // Content only: the same picture under another name is the same.
-ordered_json marker_settings(const Marker& marker, const Rigid& scene_from_marker) {
+Json marker_settings(const Marker& marker, const Rigid& scene_from_marker) {
     const CellGrid& grid = marker.grid;
     const cv::Mat cells = grid.cells.clone();  // without gaps between rows
     const std::string_view bytes(reinterpret_cast<const char*>(cells.data),
@@ -294,42 +281,38 @@ private:
 std::string settings_of(const RenderArguments& arguments, const ViewRenderer& renderer,
                         const std::vector<Rigid>& placed, const PosesCopy& poses,
                         const Shard& shard) {
-    ordered_json markers = ordered_json::array();
+    Json markers = Json::array();
     for (std::size_t i = 0; i < placed.size(); ++i)
         markers.push_back(marker_settings(renderer.markers()[i], placed[i]));
-    ordered_json background;
+    Json background;
     if (const auto radiance = parse_number(arguments.background))
         background = *radiance;
     else
         background = {{"sha256", sha256_of_file(arguments.background)}};
-    ordered_json settings{
-        {"version", version},
-        {"camera", {{"sha256", camera_sha256(arguments.camera, renderer.camera())}}},
-        {"markers", markers},
-        {"background", background},
-        {"poses", {{"sha256", poses.hash()}}},
-        {"method", arguments.method},
-        {"tolerance_gray", arguments.tolerance_gray},
-        {"exposure", arguments.exposure},
-        {"velocity", arguments.velocity},
-        {"shutter_ms", arguments.shutter_ms},
-        {"linear", arguments.linear},
-        {"noise_seed", nullptr}};
-    if (arguments.noise_seed)
-        settings["noise_seed"] = *arguments.noise_seed;
+    Json settings{{"version", version},
+                  {"camera", {{"sha256", camera_sha256(arguments.camera, renderer.camera())}}},
+                  {"markers", markers},
+                  {"background", background},
+                  {"poses", {{"sha256", poses.hash()}}},
+                  {"method", arguments.method},
+                  {"tolerance_gray", arguments.tolerance_gray},
+                  {"exposure", arguments.exposure},
+                  {"velocity", arguments.velocity},
+                  {"shutter_ms", arguments.shutter_ms},
+                  {"linear", arguments.linear},
+                  {"noise_seed", or_null(arguments.noise_seed)}};
     if (!shard.is_all())
         settings["shard"] = {shard.index, shard.count};
     return settings.dump();
 }
 
-// Puts the image of a pose into its place. Its line of images.jsonl, and why it cannot be rendered;
-// empty if it was.
+// Writes the image. Its line of images.jsonl, and why it cannot be rendered, or empty.
 using MadeImage = std::pair<std::string, std::string>;
 
 MadeImage make_image(std::size_t i, const Rigid& camera_from_scene,
                      const std::vector<Rigid>& scene_from_markers, const ViewRenderer& renderer,
                      const ImageSet& set) {
-    ordered_json line{{"image", i}, {"camera_from_scene", pose_numbers(camera_from_scene)}};
+    Json line{{"image", i}, {"camera_from_scene", pose_numbers(camera_from_scene)}};
     std::vector<Rigid> camera_from_markers;
     for (const Rigid& scene_from_marker : scene_from_markers)
         camera_from_markers.push_back(camera_from_scene * scene_from_marker);
@@ -357,10 +340,10 @@ SetResult render_set(const RenderArguments& arguments, std::stop_token stop, Pro
     PoseReader poses(arguments.pose_file);
     const PosesCopy copy(arguments.pose_file);
     const ViewRenderer renderer(arguments);
-    const ordered_json names{{"camera", arguments.camera.string()},
-                             {"markers", arguments.markers},
-                             {"background", arguments.background},
-                             {"poses", arguments.pose_file.string()}};
+    const Json names{{"camera", arguments.camera.string()},
+                     {"markers", arguments.markers},
+                     {"background", arguments.background},
+                     {"poses", arguments.pose_file.string()}};
     ImageSet set(arguments.out, settings_of(arguments, renderer, placed, copy, shard),
                  text_of(names, -1), arguments.linear ? ".tiff" : ".png", count);
     copy.write(set.folder() / "poses.csv");

@@ -10,11 +10,6 @@
 // file and its line are. Layout of the files: docs/files.md.
 #pragma once
 
-#include <optional>
-#include <stop_token>
-#include <string>
-#include <vector>
-
 #include "core/file/file_writing.h"
 #include "core/time/progress.h"
 #include "station/render/commands.h"
@@ -42,7 +37,6 @@ public:
     void add(const std::string& line);
 
 private:
-    void open_manifest();
     bool keeps(const std::string& line);
 
     std::filesystem::path folder_;

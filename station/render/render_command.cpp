@@ -7,7 +7,6 @@
 #include "report/json_text.h"
 #include "report/number_text.h"
 #include "sim/marker/marker_print.h"
-#include "station/render/commands.h"
 #include "station/render/image_set.h"
 #include "station/render/render_view.h"
 #include "station/shell/command.h"
@@ -15,8 +14,6 @@
 
 namespace etalon {
 namespace {
-
-using nlohmann::ordered_json;
 
 void check_output(const RenderArguments& arguments) {
     const std::string extension = arguments.out.extension().string();
@@ -42,11 +39,11 @@ Scene place_markers(const ViewRenderer& renderer, const RenderArguments& argumen
 
 void print_json(const RenderArguments& arguments, const CameraModel& camera,
                 const std::vector<Rigid>& camera_from_marker, const View& view) {
-    ordered_json markers = ordered_json::array();
+    Json markers = Json::array();
     for (std::size_t i = 0; i < camera_from_marker.size(); ++i)
         markers.push_back({{"marker", arguments.markers[i]},
                            {"camera_from_marker", pose_numbers(camera_from_marker[i])}});
-    ordered_json json = {
+    Json json = {
         {"etalon", "render/1"},
         {"file", arguments.out.string()},
         {"camera", arguments.camera.string()},
@@ -62,8 +59,7 @@ void print_json(const RenderArguments& arguments, const CameraModel& camera,
     };
     if (!arguments.linear)
         json["bits"] = camera.sensor ? camera.sensor->bits : 8;
-    if (arguments.noise_seed)
-        json["noise_seed"] = *arguments.noise_seed;
+    add_present(json, "noise_seed", arguments.noise_seed);
     add_method(view, json);
     fmt::print("{}\n", text_of(json));
 }
@@ -100,18 +96,16 @@ int render_one(const RenderArguments& arguments) {
 
 // `etalon marker`: a marker in its true size, ready to print.
 
-// Where the marker's points are, in the marker frame: what somebody else's software has to know
-// about the print.
-ordered_json marker_json(const Marker& marker, const PrintPage& page,
-                         const MarkerArguments& arguments) {
-    ordered_json json = {{"etalon", "marker/1"},
-                         {"marker", marker.spec},
-                         {"file", arguments.out.string()},
-                         {"page_mm", {page.width_mm, page.height_mm}},
-                         {"scale_bar_mm", page.scale_bar_mm.width},
-                         {"cells", {marker.grid.columns(), marker.grid.rows()}},
-                         {"cell_mm", {marker.grid.cell_mm.x(), marker.grid.cell_mm.y()}},
-                         {"points_mm", ordered_json::array()}};
+// Where the marker's points are, in the marker frame, for somebody else's software.
+Json marker_json(const Marker& marker, const PrintPage& page, const MarkerArguments& arguments) {
+    Json json = {{"etalon", "marker/1"},
+                 {"marker", marker.spec},
+                 {"file", arguments.out.string()},
+                 {"page_mm", {page.width_mm, page.height_mm}},
+                 {"scale_bar_mm", page.scale_bar_mm.width},
+                 {"cells", {marker.grid.columns(), marker.grid.rows()}},
+                 {"cell_mm", {marker.grid.cell_mm.x(), marker.grid.cell_mm.y()}},
+                 {"points_mm", Json::array()}};
     for (const Eigen::Vector3d& point : marker.points_mm)
         json["points_mm"].push_back({point.x(), point.y(), point.z()});
     return json;
@@ -128,10 +122,10 @@ int run_render_merge(const RenderMergeArguments& arguments) {
     fmt::print(stderr, "{}: {} images merged, {} poses refused\n", arguments.out.string(),
                merged.images, merged.refused);
     if (arguments.json)
-        fmt::print("{}\n", text_of(ordered_json{{"etalon", "render-merge/1"},
-                                                {"folder", arguments.out.string()},
-                                                {"images", merged.images},
-                                                {"refused", merged.refused}}));
+        fmt::print("{}\n", text_of(Json{{"etalon", "render-merge/1"},
+                                        {"folder", arguments.out.string()},
+                                        {"images", merged.images},
+                                        {"refused", merged.refused}}));
     return 0;
 }
 

@@ -6,14 +6,11 @@
 
 #include "calib/files/camera_file.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {
-
-using nlohmann::ordered_json;
 
 namespace {
 
@@ -97,8 +94,6 @@ CodeImage with_bits_of(const CodeImage& file, const SensorModel& sensor) {
     return image;
 }
 
-// ---- what was done, in words and as JSON
-
 const char* short_name(RenderMethod method) {
     using Word = std::pair<const char*, RenderMethod>;
     return std::ranges::find(method_words, method, &Word::second)->first;
@@ -109,8 +104,7 @@ std::string row(const std::string& name, const std::string& text) {
     return wrapped_text(fmt::format("  {:<14}", name), text, 80);
 }
 
-// Of several markers: the tiles that were sampled alike together, of each omission the one that
-// counts most.
+// Of several markers: tiles sampled alike together, of each omission the largest.
 std::vector<TileUse> added_up(const std::vector<TileUse>& used) {
     std::vector<TileUse> sums;
     for (const TileUse& use : used) {
@@ -150,14 +144,14 @@ std::string words(const TileUse& use) {
     return text;
 }
 
-ordered_json plan_json(const RenderPlan& plan) {
-    const auto use_json = [](const TileUse& use) -> ordered_json {
+Json plan_json(const RenderPlan& plan) {
+    const auto use_json = [](const TileUse& use) -> Json {
         return {{"method", short_name(use.method)},
                 {"k", use.points_per_pixel_side},
                 {"lens_points", use.lens_points},
                 {"tiles", use.tiles}};
     };
-    const auto left_json = [](const LeftOut& left) -> ordered_json {
+    const auto left_json = [](const LeftOut& left) -> Json {
         return {{"what", name_of(left.what)}, {"why", left.why}, {"gray", left.gray}};
     };
     return {{"summary", plan.describe()},
@@ -334,7 +328,7 @@ std::string plan_table(const RenderPlan& plan) {
     return text;
 }
 
-void add_method(const View& view, ordered_json& json) {
+void add_method(const View& view, Json& json) {
     if (view.plan) {
         json["pixels_without_ray"] = view.pixels_without_ray;
         json["plan"] = plan_json(*view.plan);

@@ -1,8 +1,7 @@
 // One view as `etalon render` was asked for it: what a single image and an image set share.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "report/json_text.h"
 #include "sim/marker/marker.h"
 #include "sim/render/motion_blur.h"
 #include "station/render/commands.h"
@@ -25,16 +24,14 @@ std::vector<Rigid> parse_poses(const std::vector<std::string>& poses);
 // One per command. render() and write() are safe from every thread.
 class ViewRenderer {
 public:
-    // Reads the camera, the markers and the background. Throws ConfigError with the option's name
-    // (or the file's) for whatever cannot be used.
+    // Reads camera, markers and background. Throws ConfigError with the option's or file's name.
     explicit ViewRenderer(const RenderArguments& arguments);
 
     const CameraModel& camera() const { return camera_; }
     const std::vector<Marker>& markers() const { return markers_; }
 
     // The markers at these transforms, in the order of the command line. Throws NumericalError, in
-    // words for people, where they cannot be rendered so: behind the camera, seen from the back, or
-    // one before another (which the reference integrator can).
+    // words for people, behind the camera, from the back, or for one before another.
     Scene scene(const std::vector<Rigid>& camera_from_marker) const;
 
     // Throws NumericalError as Renderer::render() does.
@@ -62,12 +59,10 @@ private:
     std::optional<Renderer> renderer_;   // none for the reference integrator
 };
 
-// A render's plan for people, what was left out and by which bound: lines of at most 80 columns,
-// the last one ended too.
+// A render's plan, with what was left out and by which bound; lines of at most 80 columns.
 std::string plan_table(const RenderPlan& plan);
 
-// The same for programs: "plan" and "pixels_without_ray", or of the reference integrator
-// "largest_standard_error_gray".
-void add_method(const View& view, nlohmann::ordered_json& json);
+// "plan" and "pixels_without_ray", or "largest_standard_error_gray" of the reference integrator.
+void add_method(const View& view, Json& json);
 
 }  // namespace etalon

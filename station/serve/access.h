@@ -19,8 +19,7 @@ namespace etalon {
 
 // ---- what is asked and answered, free of any library: http_server.h translates
 
-// Hostile until checked; bounded by ServerLimits. A header that is absent is empty, one that came
-// twice is refused before.
+// Hostile until checked, bounded by ServerLimits. An absent header is empty.
 struct WebRequest {
     std::string method;                         // "GET", "POST"
     std::string path;                           // decoded, "/api/state"

@@ -151,8 +151,7 @@ public:
             const int yes = 1;
             setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
         });
-        // Before any route, so that none of the library's own is ever reached. The body of a POST
-        // is read after it.
+        // Before any route: none of the library's own is reached. A POST's body is read after it.
         set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& reply) {
             if (request.method == "POST" && has_plain_json(request))
                 return HandlerResponse::Unhandled;
@@ -255,8 +254,7 @@ private:
         }
     }
 
-    // A connection that is closed with unread bytes is reset, and its answer lost: what comes in
-    // the next moment is thrown away.
+    // Closing with unread bytes resets the connection and loses the answer: they are thrown away.
     static void drain(int socket) {
         shutdown(socket, SHUT_WR);
         std::array<char, 4096> waste{};

@@ -1,5 +1,4 @@
-// HTTP/1.1 by cpp-httplib, with bounds for everything that a stranger can send or keep waiting. One
-// request a connection. What is asked and answered is access.h's.
+// HTTP/1.1 by cpp-httplib, with bounds for all that a stranger can do. One request a connection.
 #pragma once
 
 #include <chrono>
@@ -25,8 +24,7 @@ public:
     // Port 0: any. Returns the port. Throws ConfigError when it cannot be had.
     virtual int open(const std::string& address, int port) = 0;
 
-    // Answers until close(), from any thread, and until all connections have ended. Throws
-    // DeviceError when the network takes the port away.
+    // Answers until close() and the end of all connections. Throws DeviceError without network.
     virtual void serve() = 0;
     virtual void close() noexcept = 0;
 };

@@ -1,6 +1,5 @@
-// The camera's picture while a station is set up: a frame ten times a second on a thread of its
-// own, made small, with the marker's outline and what a person adjusts by. It holds the camera; it
-// lets it go when nobody has looked for a while.
+// The camera's picture while a station is set up: ten small frames a second, with the marker's
+// outline. It lets the camera go when nobody has looked for a while.
 #pragma once
 
 #include <atomic>
@@ -11,8 +10,7 @@
 
 namespace etalon {
 
-// The newest of values that change while many threads read: a slow reader misses what lay between
-// and delays no other.
+// The newest of changing values: a slow reader misses what lay between and delays no other.
 template <class Value>
 class LatestValue {
 public:

@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 
 #include "compare/qualification/judged_quantities.h"
-#include "core/geometry/units.h"
 #include "core/program/version.h"
 #include "report/json_text.h"
 #include "report/result_table.h"
@@ -11,8 +10,6 @@
 
 namespace etalon {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 double unit_factor(const Axis& axis) {
     return axis.kind == Axis::Kind::rotary ? deg_per_rad : 1.0;
@@ -50,17 +47,16 @@ Json list_at(const Json& json, const char* key) {
 
 // The cause that is more probable than not, and what to do about it.
 Json named_cause(const Json& run) {
-    const Json ranked = value_at(value_at(run, "causes"), "ranked");
-    if (!ranked.is_array() || ranked.empty())
+    const Json ranked = list_at(value_at(run, "causes"), "ranked");
+    if (ranked.empty())
         return {};
     const Json probability = value_at(ranked[0], "probability");
     if (!probability.is_number() || !(probability.get<double>() > 0.5))
         return {};
     Json remedies = Json::array();
-    if (const Json errors = value_at(ranked[0], "errors"); errors.is_array())
-        for (const Json& error : errors)
-            if (const Json list = value_at(error, "remedies"); list.is_array() && !list.empty())
-                remedies.push_back(list[0]);
+    for (const Json& error : list_at(ranked[0], "errors"))
+        if (const Json list = list_at(error, "remedies"); !list.empty())
+            remedies.push_back(list[0]);
     return {{"text", value_at(ranked[0], "text")},
             {"probability", probability},
             {"remedies", remedies}};
@@ -111,8 +107,8 @@ Json shown_run_json(const ShownRun& run, const RunMonitor* watch) {
     json["latest_pose"] = seen.latest_pose;
     json["visited"] = seen.visited;
     json["seen"] = seen.seen;
-    json["seconds_left"] = optional_number(watch->seconds_left());
-    json["corner_noise_px"] = optional_number(seen.corner_noise_px);
+    json["seconds_left"] = or_null(watch->seconds_left());
+    json["corner_noise_px"] = or_null(seen.corner_noise_px);
     json["rejected_frames"] = seen.rejected_frames;
     json["remarks"] = seen.remarks;
     return json;

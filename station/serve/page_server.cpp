@@ -12,7 +12,6 @@ namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
-using Json = nlohmann::ordered_json;
 
 // The page's own files and nothing else: no script in the page's text, no other server, no frame.
 constexpr const char* page_policy =
@@ -75,50 +74,6 @@ std::size_t station_in(const JsonEntry& body) {
     return static_cast<std::size_t>(body.at("station").integer(0, 1000));
 }
 
-// ---- what changes something
-
-using Action = void (*)(StationControl&, const WebRequest&);
-const std::map<std::string, Action> actions = {
-    {"/api/run/start",
-     [](StationControl& control, const WebRequest& request) {
-         const JsonEntry body = body_of(request, {"station", "serial", "operator"});
-         control.start_run(station_in(body), body.at("serial").text(), body.at("operator").text());
-     }},
-    {"/api/run/resume",
-     [](StationControl& control, const WebRequest& request) {
-         const JsonEntry body = body_of(request, {"record", "operator"});
-         control.resume_run(body.at("record").text(), body.at("operator").text());
-     }},
-    {"/api/run/pause", [](StationControl& control, const WebRequest&) { control.pause_run(); }},
-    {"/api/stop",
-     [](StationControl& control, const WebRequest& request) {
-         body_of(request);
-         control.stop();
-     }},
-    {"/api/stage/home",
-     [](StationControl& control, const WebRequest& request) {
-         const JsonEntry body = body_of(request, {"station", "operator"});
-         control.home(station_in(body), body.at("operator").text());
-     }},
-    {"/api/stage/jog",
-     [](StationControl& control, const WebRequest& request) {
-         const JsonEntry body = body_of(request, {"station", "operator", "axis", "step"});
-         control.jog(station_in(body), body.at("operator").text(), body.at("axis").text(),
-                     body.at("step").number({-1000.0, 1000.0}));
-     }},
-    {"/api/live/start",
-     [](StationControl& control, const WebRequest& request) {
-         control.start_live(station_in(body_of(request)));
-     }},
-    {"/api/live/set",
-     [](StationControl& control, const WebRequest& request) {
-         const JsonEntry body = body_of(request, {"exposure_us", "gain_db"});
-         if (const auto live = control.live())
-             live->set(body.at("exposure_us").number({1.0, 60e6}),
-                       body.at("gain_db").number({0.0, 100.0}));
-     }},
-    {"/api/live/end", [](StationControl& control, const WebRequest&) { control.end_live(); }}};
-
 }  // namespace
 
 std::map<std::string, PageServer::PageFile> PageServer::page_files() {
@@ -160,9 +115,17 @@ WebReply PageServer::answer(const WebRequest& request) {
     return reply;
 }
 
-// What looks, and what changes something and answers more than that it is done.
 struct PageServer::Routes {
     using Route = std::function<WebReply(PageServer&, const WebRequest&)>;
+
+    // Changes something, and answers only that it is done.
+    static Route action(void (*change)(StationControl&, const WebRequest&)) {
+        return [change](PageServer& page, const WebRequest& request) {
+            change(page.control_, request);
+            return done();
+        };
+    }
+
     const std::map<std::string, Route> by_request = {
         {"GET /api/session",
          [](PageServer& page, const WebRequest&) {
@@ -195,26 +158,54 @@ struct PageServer::Routes {
         {"GET /api/forecast", &PageServer::forecast},
         {"GET /report", &PageServer::report},
         {"POST /api/devices", &PageServer::find_devices},
-        {"POST /api/forecast", &PageServer::start_forecast}};
+        {"POST /api/forecast", &PageServer::start_forecast},
+        {"POST /api/run/start", action([](StationControl& control, const WebRequest& request) {
+             const JsonEntry body = body_of(request, {"station", "serial", "operator"});
+             control.start_run(station_in(body), body.at("serial").text(),
+                               body.at("operator").text());
+         })},
+        {"POST /api/run/resume", action([](StationControl& control, const WebRequest& request) {
+             const JsonEntry body = body_of(request, {"record", "operator"});
+             control.resume_run(body.at("record").text(), body.at("operator").text());
+         })},
+        {"POST /api/run/pause",
+         action([](StationControl& control, const WebRequest&) { control.pause_run(); })},
+        {"POST /api/stop", action([](StationControl& control, const WebRequest& request) {
+             body_of(request);
+             control.stop();
+         })},
+        {"POST /api/stage/home", action([](StationControl& control, const WebRequest& request) {
+             const JsonEntry body = body_of(request, {"station", "operator"});
+             control.home(station_in(body), body.at("operator").text());
+         })},
+        {"POST /api/stage/jog", action([](StationControl& control, const WebRequest& request) {
+             const JsonEntry body = body_of(request, {"station", "operator", "axis", "step"});
+             control.jog(station_in(body), body.at("operator").text(), body.at("axis").text(),
+                         body.at("step").number({-1000.0, 1000.0}));
+         })},
+        {"POST /api/live/start", action([](StationControl& control, const WebRequest& request) {
+             control.start_live(station_in(body_of(request)));
+         })},
+        {"POST /api/live/set", action([](StationControl& control, const WebRequest& request) {
+             const JsonEntry body = body_of(request, {"exposure_us", "gain_db"});
+             if (const auto live = control.live())
+                 live->set(body.at("exposure_us").number({1.0, 60e6}),
+                           body.at("gain_db").number({0.0, 100.0}));
+         })},
+        {"POST /api/live/end",
+         action([](StationControl& control, const WebRequest&) { control.end_live(); })}};
 };
 
 WebReply PageServer::routed(const WebRequest& request) {
     static const Routes routes;
     const auto route = routes.by_request.find(request.method + " " + request.path);
-    const auto action = actions.find(request.path);
-    const bool is_post = request.method == "POST";
     try {
-        std::optional<WebReply> reply;
         if (route != routes.by_request.end()) {
-            reply = route->second(*this, request);
-        } else if (is_post && action != actions.end()) {
-            action->second(control_, request);
-            reply = done();
+            WebReply reply = route->second(*this, request);
+            if (request.method == "POST")
+                refresh();  // who asks next sees what was done
+            return reply;
         }
-        if (reply && is_post)
-            refresh();  // who asks next sees what was done
-        if (reply)
-            return *reply;
     } catch (const NotNow& error) {
         return error_reply(409, error.what());
     } catch (const ConfigError& error) {

@@ -1,9 +1,7 @@
-// What the page asks for and what it gets: docs/serve.md has the table. Every route is written here
-// once; a path that is not in the table does not exist.
+// What the page asks for and gets: docs/serve.md. Only the routes that are written here exist.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
-
+#include "report/json_text.h"
 #include "station/history/run_index.h"
 #include "station/serve/access.h"
 #include "station/serve/station_control.h"
@@ -12,8 +10,7 @@ namespace etalon {
 
 class PageServer {
 public:
-    // Reads the page's files: no request reaches the file system for one. Throws ConfigError when
-    // they are not installed.
+    // Reads the page's files, before any request. Throws ConfigError when they are not installed.
     PageServer(AccessRules rules, Workplace workplace);
 
     // Asks what goes on to end, and lets nothing more begin.
@@ -80,17 +77,16 @@ private:
 // page puts it into text nodes only.
 
 // What does not change while the server lives.
-nlohmann::ordered_json session_json(const Workplace& workplace, const std::string& action_token);
+Json session_json(const Workplace& workplace, const std::string& action_token);
 
-nlohmann::ordered_json work_json(const ControlState& state);
+Json work_json(const ControlState& state);
 // `watch`: of the shown run; null before its log is there.
-nlohmann::ordered_json shown_run_json(const ShownRun& run, const RunMonitor* watch);
-nlohmann::ordered_json live_json(const LivePicture& picture, long dropped);
-nlohmann::ordered_json runs_json(const std::vector<HistoricRun>& runs);
-nlohmann::ordered_json plan_positions_json(const RunMonitor& watch, const std::vector<Axis>& axes);
+Json shown_run_json(const ShownRun& run, const RunMonitor* watch);
+Json live_json(const LivePicture& picture, long dropped);
+Json runs_json(const std::vector<HistoricRun>& runs);
+Json plan_positions_json(const RunMonitor& watch, const std::vector<Axis>& axes);
 
-// Of a run that has ended: verdict, quantities, findings, the most probable cause and what to do,
-// from its run.json. Null without one.
-nlohmann::ordered_json result_json(const std::filesystem::path& record);
+// Verdict, quantities, findings and named cause of a run that has ended, or null.
+Json result_json(const std::filesystem::path& record);
 
 }  // namespace etalon

@@ -1,6 +1,5 @@
-// How far a run is, from its record alone: what the log (station/record/run_events.h) has told
-// since the last look. Watching costs the run nothing, and a server that was started again sees
-// what the one before saw.
+// How far a run is, from its log alone (station/record/run_events.h). Watching costs the run
+// nothing, and a server that was started again sees what the one before saw.
 #pragma once
 
 #include "compare/expect/expected_view.h"
@@ -38,8 +37,7 @@ class RunMonitor {
 public:
     explicit RunMonitor(std::filesystem::path record) : record_(std::move(record)) {}
 
-    // Reads what was appended; true when there was something. A log that is not there yet has
-    // nothing. Throws ConfigError for one that no run wrote.
+    // Reads what was appended; true if any. Throws ConfigError for a log that no run wrote.
     bool look();
 
     const std::filesystem::path& record() const { return record_; }
@@ -66,13 +64,11 @@ private:
     long freedoms_ = 0;
 };
 
-// A pose's photograph beside what the calibration says it should look like: JPEG, at most 640 px
-// wide.
+// A pose's photograph beside its render, as JPEG of at most 640 px width.
 struct PosePictures {
     int pose = -1;
     std::string photo, render;  // JPEG; empty: there is none
-    // How far the marker's corners lie from where the calibration has them, at the best pose; only
-    // where it was seen.
+    // Distance of the corners from the calibration's, at the best pose; only where it was seen.
     std::optional<double> reprojection_rms_px;
 };
 
@@ -80,15 +76,13 @@ struct PosePictures {
 std::string small_jpeg(const cv::Mat& gray_or_bgr);
 cv::Mat eight_bits(const CodeImage& image);
 
-// Of one run. Safe from every thread; the last pair is kept, so that it is rendered once for
-// however many look at it.
+// Of one run. Safe from every thread. Keeps the last pair, which is rendered once for all readers.
 class PosePictureMaker {
 public:
     // Reads the station from the record's copies. Throws ConfigError when they cannot be read.
     PosePictureMaker(const std::filesystem::path& record, const std::vector<InputFile>& inputs);
 
-    // Some 30 ms of CPU time per megapixel for a pose that is new. A photograph that cannot be read
-    // is left out.
+    // Some 30 ms of CPU time per megapixel for a new pose. Leaves out an unreadable photograph.
     std::shared_ptr<const PosePictures> of(int index, const WatchedPose& pose);
 
 private:

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "station/serve/http_server.h"
 #include "station/serve/page_server.h"
 #include "station/shell/command.h"

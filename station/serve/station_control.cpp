@@ -129,8 +129,6 @@ const StationSession& StationControl::station_at(std::size_t index) const {
     return workplace_.stations[index];
 }
 
-// ---- one at a time
-
 void StationControl::begin(Work work, std::size_t station, const std::string& who,
                            const std::vector<std::string>& arguments, std::optional<ShownRun> run) {
     std::unique_ptr<Subprocess> over;  // joined when the lock is gone: its thread may want it
@@ -252,8 +250,6 @@ std::size_t StationControl::station_of(const Path& copy) const {
                       fmt::format("names the stage {}, which this page does not serve", stage));
 }
 
-// ---- stop
-
 void StationControl::stop() {
     const std::lock_guard lock(mutex_);
     if (program_)
@@ -270,8 +266,7 @@ void StationControl::close() {
         program_->send(SIGTERM);
 }
 
-// All at once: a controller that does not answer must not keep the others moving. Empty, or why it
-// is not known that one stands still.
+// All at once, as one may not answer. Why it is not known that one stands still, or empty.
 std::string StationControl::stop_stages() const {
     std::set<std::string> stages;
     std::vector<std::pair<std::string, std::future<SubprocessResult>>> stops;
@@ -308,8 +303,6 @@ void StationControl::stop_all(const std::stop_token& closing) {
     }
     state_.stop = failure.empty() ? "confirmed" : failure;
 }
-
-// ---- looking
 
 std::string StationControl::stage_status(std::size_t station) {
     const StationSession& served = station_at(station);

@@ -15,9 +15,8 @@
 
 namespace etalon {
 
-// The file of ours (`etalon: camera/1`) in the folder that has this serial number. Throws
-// ConfigError when none has it, with those that are there, and when several have. Reads them all:
-// some 0.2 ms each.
+// The file (`etalon: camera/1`) in the folder that has this serial number. Throws ConfigError when
+// none has it, naming those there, or several. Reads them all, 0.2 ms each.
 std::filesystem::path calibration_of(const std::filesystem::path& folder,
                                      const std::string& serial);
 
@@ -70,8 +69,7 @@ public:
     explicit StationControl(Workplace workplace);
     ~StationControl();  // ends what goes on, in order
 
-    // Each throws NotNow when something else goes on, ConfigError for what cannot be; who: the
-    // operator's name, 1 to 60 characters.
+    // Throws NotNow while something goes on, ConfigError for what cannot be. who: 1 to 60 letters.
     void start_run(std::size_t station, const std::string& serial, const std::string& who);
     void resume_run(const std::string& record, const std::string& who);
     void pause_run();
@@ -84,8 +82,7 @@ public:
     // Asks what goes on to end, and lets nothing more begin: the server is about to end.
     void close();
 
-    // `etalon stage status --json`, at most once a second however many ask; what it said last while
-    // something moves. Empty: not known.
+    // `etalon stage status --json`, asked once a second and while nothing moves. Empty: not known.
     std::string stage_status(std::size_t station);
 
     void start_live(std::size_t station);

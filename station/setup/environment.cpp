@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "compare/qualification/qualification.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {
@@ -27,11 +26,13 @@ SensorRegister read_register(const Value& section, const Range& possible) {
     return place;
 }
 
-GivenClimate read_given(const Value& value, const Range& possible) {
+// Anything between is as likely (GUM 4.3.7).
+ClimateSummary read_given(const Value& value, const Range& possible) {
     const std::vector<double> bounds = value.numbers(2, possible);
     if (bounds[0] > bounds[1])
         value.fail(fmt::format("must be [lowest, highest], not [{}, {}]", bounds[0], bounds[1]));
-    return {bounds[0], bounds[1]};
+    return {bounds[0], bounds[1], (bounds[0] + bounds[1]) / 2.0,
+            (bounds[1] - bounds[0]) / std::sqrt(12.0)};
 }
 
 RoomSensor read_sensor(const Value& section) {
@@ -41,12 +42,6 @@ RoomSensor read_sensor(const Value& section) {
     if (const auto place = section.find("humidity"))
         sensor.humidity_percent = read_register(*place, possible_humidity_percent);
     return sensor;
-}
-
-// Anything between is as likely (GUM 4.3.7).
-ClimateSummary summary_of(const GivenClimate& given) {
-    return {given.lowest, given.highest, (given.lowest + given.highest) / 2.0,
-            (given.highest - given.lowest) / std::sqrt(12.0)};
 }
 
 std::optional<ClimateSummary> summary_of(const std::vector<double>& readings) {
@@ -101,8 +96,7 @@ std::optional<ClimateSummary> room_temperature(const StationFile& station,
     std::vector<double> readings;
     for (const ClimateReading& reading : environment.readings)
         readings.push_back(reading.temperature_c);
-    return station.environment->sensor ? summary_of(readings)
-                                       : summary_of(station.environment->temperature_c);
+    return station.environment->sensor ? summary_of(readings) : station.environment->temperature_c;
 }
 
 std::optional<ClimateSummary> room_humidity(const StationFile& station,
@@ -110,7 +104,7 @@ std::optional<ClimateSummary> room_humidity(const StationFile& station,
     if (!station.environment)
         return std::nullopt;
     if (const auto& given = station.environment->humidity_percent)
-        return summary_of(*given);
+        return *given;
     std::vector<double> readings;
     for (const ClimateReading& reading : environment.readings)
         if (reading.humidity_percent)

@@ -31,15 +31,16 @@ struct RoomSensor {
     std::optional<SensorRegister> humidity_percent;
 };
 
-// Given by hand.
-struct GivenClimate {
-    double lowest = 0.0, highest = 0.0;
+// Of readings, or of what was given: then the middle, and the deviation of a uniform distribution.
+struct ClimateSummary {
+    double lowest = 0.0, highest = 0.0, mean = 0.0, deviation = 0.0;
+    int readings = 0;  // 0: given by hand
 };
 
 struct StationEnvironment {
-    std::optional<RoomSensor> sensor;  // otherwise:
-    GivenClimate temperature_c;
-    std::optional<GivenClimate> humidity_percent;
+    std::optional<RoomSensor> sensor;  // otherwise given by hand:
+    ClimateSummary temperature_c;
+    std::optional<ClimateSummary> humidity_percent;
 };
 
 struct ClimateReading {
@@ -52,12 +53,6 @@ struct ClimateReading {
 struct RunEnvironment {
     std::vector<ClimateReading> readings;
     std::string lost;  // why the sensor was given up, as of when it last was; empty: it never was
-};
-
-// Of readings, or of what was given: then the middle, and the deviation of a uniform distribution.
-struct ClimateSummary {
-    double lowest = 0.0, highest = 0.0, mean = 0.0, deviation = 0.0;
-    int readings = 0;  // 0: given by hand
 };
 
 // Throws ConfigError with file, line and key.

@@ -23,17 +23,15 @@ struct Plan {
 // Whether a target is of use; empty: every one is.
 using TargetFilter = std::function<bool(const std::vector<double>& target)>;
 
-// Deterministic in the request. Points of the sequence in or too near to a forbidden box are left
-// out, and those that `is_useful` refuses. Throws ConfigError at request.place, naming the axis and
-// the pose, when a pose lies outside a soft limit or no way leads to it, when hardly any of the
-// volume is left, when a split of the poses leaves either side empty, and for more repeats than
-// hold-out poses.
+// Deterministic in the request. Leaves out points in or near forbidden boxes and those that
+// `is_useful` refuses. Throws ConfigError at request.place, naming axis and pose, for a pose beyond
+// a soft limit or without a way, hardly any volume left, an empty side of the split, and more
+// repeats than hold-out poses.
 Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
                std::chrono::microseconds exposure, const MotionRules& rules = {},
                const TargetFilter& is_useful = {});
 
-// The station's plan. Where it states its camera_mount, targets at which the marker would not be
-// wholly in the image by 2 % of its width are left out.
+// The station's plan; with camera_mount only targets with the marker 2 % within the image.
 Plan plan_of(const StationFile& station);
 
 // camera_from_marker at a target as drawn; the station must state its camera_mount.

@@ -80,8 +80,7 @@ void add_direction_terms(std::vector<DeclaredStageTerm>& terms, std::span<const 
                       });
 }
 
-// The carriage where all that an axis carries stands aside by `shift_mm`, in the frame that its
-// direction is given in.
+// The carriage where all that an axis carries stands aside, in the frame of its direction.
 std::vector<Rigid> moved_aside(std::span<const Axis> axes, const std::vector<VisitedPose>& poses,
                                std::size_t axis, const Eigen::Vector3d& shift) {
     std::vector<Rigid> all;

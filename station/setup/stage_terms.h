@@ -20,13 +20,11 @@ std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> 
                                                           const std::vector<VisitedPose>& poses,
                                                           const Rigid& carriage_from_marker);
 
-// Per axis its positions and sides of approach, and where the carriage would be had the axis gone
-// further than it read, or stood aside of its line.
+// Per axis positions, sides of approach, and the carriage had it gone further or stood aside.
 std::vector<StageAxisMotion> stage_axis_motions(std::span<const Axis> axes,
                                                 const std::vector<VisitedPose>& poses);
 
-// Per axis with an error map, how far the map's uncertainty leaves the marker's centre apart, RMS
-// over the visits and at most.
+// Per axis with an error map: shift of the marker's centre by its uncertainty, RMS and largest.
 std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
                                                   const std::vector<VisitedPose>& poses,
                                                   const Rigid& carriage_from_marker);

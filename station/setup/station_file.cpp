@@ -8,7 +8,6 @@
 #include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
-#include "core/geometry/units.h"
 #include "stage/profile/profile.h"
 
 namespace etalon {
@@ -104,11 +103,11 @@ Rigid read_mount(const Value& mount) {
 }
 
 PlanRequest::Interval read_interval(const Value& value, const Axis& axis) {
-    const bool rotary = axis.kind == Axis::Kind::rotary;
-    const auto bounds = value.numbers(2, (rotary ? units::deg : units::mm).either_sign());
+    const AxisUnits units(axis.kind);
+    const auto bounds = value.numbers(2, units.large().either_sign());
     if (bounds[0] > bounds[1])
         value.fail(fmt::format("must be [low, high], not [{}, {}]", bounds[0], bounds[1]));
-    const double unit = rotary ? rad_per_deg : 1.0;
+    const double unit = units.per_large();
     const double low = bounds[0] * unit, high = bounds[1] * unit;
     if (low < axis.low || high > axis.high)
         value.fail(fmt::format("[{}, {}] leaves the soft limits [{}, {}] of axis {}", bounds[0],
@@ -159,8 +158,7 @@ std::string read_day(const Value& value) {
     return value.text();
 }
 
-// A certificate must not leave more than the standard uncertainty that the station declares under
-// `declared_key`, in the certificate's unit.
+// It must not leave more uncertainty than `declared_key` declares, in the certificate's unit.
 struct ReferenceKind {
     std::string name;
     Unit unit;

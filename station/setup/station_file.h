@@ -99,8 +99,7 @@ StationFile read_station(const std::filesystem::path& path,
 // What the station's camera should see (compare/expect/expected_view.h).
 ExpectedScene expected_scene(const StationFile& station);
 
-// The stage's section alone, whatever the rest of the file is: stopping the axes must not depend on
-// a calibration. Unknown keys are not looked for.
+// The stage's section alone: stopping the axes must not depend on the rest of the file.
 StationStage read_station_stage(const std::filesystem::path& path);
 
 // The files that a station was read from, and their copies in a record. Copies lie under inputs/ as
@@ -108,8 +107,7 @@ StationStage read_station_stage(const std::filesystem::path& path);
 // a file that is named with its absolute path, but the calibration, reading back opens the
 // original: it must still be the same.
 
-// Copies the inputs into `record`/inputs and sets their `copy`. Throws ConfigError when one cannot
-// be copied or is not any more what was read.
+// Copies the inputs, sets their `copy`. Throws ConfigError, also for what was changed since.
 void copy_inputs(std::vector<InputFile>& inputs, const std::filesystem::path& record);
 
 // The station from these copies, with the inputs as given. Throws ConfigError for a copy outside of

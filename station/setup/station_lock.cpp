@@ -20,8 +20,7 @@
 namespace etalon {
 namespace {
 
-// A host by its number, IPv4's where it has one, as it is written where nobody knows it: localhost
-// and 127.0.0.1 are one.
+// A host by its number, IPv4's where it has one, or as it is written: localhost is 127.0.0.1.
 std::string numeric(const std::string& host) {
     for (const int family : {AF_INET, AF_INET6}) {
         addrinfo hints{};
@@ -99,7 +98,6 @@ std::string words_in(int descriptor) {
     return count > 0 ? std::string(text.data(), static_cast<std::size_t>(count)) : "another";
 }
 
-// Its descriptor.
 int locked(const std::filesystem::path& path, const StageLink& stage, const std::string& holder) {
     const int descriptor = opened(path);
     if (descriptor >= 0 && flock(descriptor, LOCK_EX | LOCK_NB) == 0) {

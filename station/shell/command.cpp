@@ -7,7 +7,6 @@
 #include <algorithm>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

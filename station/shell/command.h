@@ -1,6 +1,9 @@
-// What a command is called, asked and says in its help: declared by each command beside its action
-// (station/*/commands.h), listed in main.cpp. A thin layer over CLI11, which takes seconds to
-// compile and is parsed in command.cpp alone.
+// What a command is called, asked and says in its help: declared by each command beside its action,
+// listed in station/commands.cpp. A thin layer over CLI11, which takes seconds to compile and is
+// parsed in command.cpp alone.
+//
+// An action gets what is asked (station/*/commands.h). It returns the exit code or throws
+// (core/program/errors.h). Stable words and --json go to stdout, everything else to stderr.
 #pragma once
 
 #include <filesystem>
@@ -39,8 +42,7 @@ private:
 template <class Arguments>
 struct Declared;
 
-// A command, or the program itself; both can have commands below them. Lines of help end at column
-// 80: what is declared here is printed as it is.
+// A command, or the program, with commands below it. Help is printed as it is: 80 columns.
 class Command {
 public:
     // The chosen command's action is put into `run`, which outlives the command.
@@ -58,8 +60,7 @@ public:
     // A name for several commands, of which one must be chosen.
     Command add_group(const std::string& name, const std::string& summary);
 
-    // `target` keeps its value where the option is not given. Types: std::string, path, double, int
-    // and std::optional and std::vector of some of them.
+    // `target` keeps its value without the option. Text, path, numbers; optional, vector of some.
     template <class Type>
     Option option(const std::string& name, Type& target, const std::string& help,
                   const std::string& type_name = "");
@@ -90,9 +91,8 @@ struct ProgramText {
     std::function<std::string()> version;
 };
 
-// Parses the command line. What is returned runs the chosen command, throws what that throws, and
-// returns its exit code: 0 after --help and --version, which have printed, ExitCode::usage_error
-// after a line on stderr.
+// Parses the command line. What is returned runs the chosen command and returns its exit code: 0
+// after --help and --version, ExitCode::usage_error after a line on stderr.
 std::function<int()> parse_command_line(int argc, char** argv, const ProgramText& text,
                                         const std::function<void(Command&)>& declare);
 
@@ -114,8 +114,7 @@ struct DescribedCommand {
 // The whole program; nothing of it is run.
 DescribedCommand describe_program(const std::function<void(Command&)>& declare);
 
-// Commands that declare themselves and have nothing else to share; the others are declared in
-// commands.h of their module.
+// Of commands that share nothing else; the others are in commands.h of their module.
 void declare_certify(Command& program);
 void declare_demo(Command& program);
 void declare_expect(Command& program);
@@ -148,8 +147,7 @@ private:
     std::mutex mutex_;
 };
 
-// The folder of the program that runs: no path is compiled in, so that it can be installed
-// anywhere.
+// The folder of the running program: no path is compiled in, so it can be installed anywhere.
 std::filesystem::path program_folder();
 
 // `name` below share/etalon, for instance "examples/demo/station.yaml": of the prefix that the

@@ -4,12 +4,10 @@
 #include <glob.h>
 
 #include <set>
-#include <system_error>
 
 #include "core/file/text.h"
 #include "core/image/image.h"
 #include "core/image/opencv_plugin.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

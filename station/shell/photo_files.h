@@ -1,6 +1,5 @@
-// Photographs as they are named on a command line: files; patterns ("photos/*.jpg") that no shell
-// has replaced; and films ("video:FILE?every=10"), whose frames are files for as long as this
-// lives.
+// Photographs as a command line names them: files, patterns ("photos/*.jpg") and films
+// ("video:FILE?every=10"), whose frames are files for as long as this lives.
 #pragma once
 
 #include <filesystem>

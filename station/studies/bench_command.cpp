@@ -1,12 +1,8 @@
 // `etalon bench`: error against run time, for every method and setting.
 #include <fmt/format.h>
 
-#include <cstdio>
-
-#include "bench/bench_methods.h"
 #include "bench/bench_report.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 #include "sim/scene/pose_volume.h"
 #include "station/shell/command.h"
 #include "station/studies/commands.h"
@@ -80,7 +76,6 @@ void write_files(const std::filesystem::path& folder, const BenchResult& result)
     write_text(folder / "bench.json", bench_json(result) + "\n");
 }
 
-// Returns whether all were reached.
 bool print_checks(const std::vector<BenchCheck>& checks, std::FILE* stream) {
     bool all = true;
     fmt::print(stream, "\npromised figures:\n");
@@ -92,7 +87,6 @@ bool print_checks(const std::vector<BenchCheck>& checks, std::FILE* stream) {
     return all;
 }
 
-// Returns whether nothing got slower.
 bool print_against(const BenchBefore& before, const BenchResult& result, double margin,
                    std::FILE* stream) {
     const std::vector<SpeedChange> changes = speed_changes(before, result, margin);

@@ -1,7 +1,6 @@
 // `etalon stability`: every stiff and extreme case of rendering and projection, as a table.
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "bench/stability/stability_case.h"
@@ -44,7 +43,7 @@ void print_row(const Row& row) {
     std::fflush(stdout);
 }
 
-nlohmann::ordered_json json_of(const Row& row) {
+Json json_of(const Row& row) {
     return {{"case", row.one.name},         {"expectation", row.one.expectation},
             {"outcome", row.outcome.words}, {"figure", row.outcome.figure},
             {"bound", row.outcome.bound},   {"ok", row.outcome.passed},
@@ -63,10 +62,10 @@ int run_stability(const StabilityArguments& arguments) {
             print_row(rows.back());
     }
     if (arguments.json)
-        std::puts(nlohmann::ordered_json{
-            {"cases", json_list(rows, json_of)}, {"count", rows.size()}, {"failed", failed}}
-                      .dump(1)
-                      .c_str());
+        std::puts(
+            Json{{"cases", json_list(rows, json_of)}, {"count", rows.size()}, {"failed", failed}}
+                .dump(1)
+                .c_str());
     else
         fmt::print("{} cases, {} failed\n", rows.size(), failed);
     return failed == 0 ? 0 : 1;

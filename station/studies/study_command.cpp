@@ -1,13 +1,10 @@
 // `etalon study`: detectors compared on rendered poses; and `etalon study merge`.
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "core/file/text.h"
-#include "core/program/errors.h"
-#include "core/time/clock.h"
 #include "report/json_text.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
@@ -33,8 +30,6 @@ struct StudyMergeArguments {
     bool json = false;
 };
 
-using nlohmann::ordered_json;
-
 std::string rate(double part, double whole) {
     return fmt::format("{:.1f} %", whole > 0.0 ? 100.0 * part / whole : 0.0);
 }
@@ -59,21 +54,20 @@ std::string times_text(const StudyRun& run, const StudyFile& study) {
 }
 
 void write_times(const StudyRun& run, const StudyFile& study, const std::filesystem::path& folder) {
-    ordered_json detectors = ordered_json::object();
+    Json detectors = Json::object();
     for (std::size_t i = 0; i < study.detectors.size(); ++i)
         detectors[study.detectors[i].name] = run.times.detectors[i];
-    const ordered_json json{{"etalon", "study-times/1"},
-                            {"poses", run.poses},
-                            {"wall_ms", run.wall_ms},
-                            {"cpu_ms", run.cpu_ms},
-                            {"render_ms", run.times.render},
-                            {"sensor_ms", run.times.sensor},
-                            {"estimate_ms", run.times.estimate},
-                            {"detectors_ms", detectors}};
+    const Json json{{"etalon", "study-times/1"},
+                    {"poses", run.poses},
+                    {"wall_ms", run.wall_ms},
+                    {"cpu_ms", run.cpu_ms},
+                    {"render_ms", run.times.render},
+                    {"sensor_ms", run.times.sensor},
+                    {"estimate_ms", run.times.estimate},
+                    {"detectors_ms", detectors}};
     write_text(folder / "times.json", text_of(json) + "\n");
 }
 
-// The report, and what stdout gets of it.
 void finish(const std::filesystem::path& folder, bool json) {
     const StudyResults results = read_results(folder);
     const StudySummary summary = summarise(results);

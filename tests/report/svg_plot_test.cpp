@@ -100,7 +100,7 @@ TEST(SvgPlot, RoundScalesAreOneTwoOrFiveAndNotAboveTheValue) {
 }
 
 TEST(SvgPlot, ArrowsAreDrawnMagnified) {
-    Arrows arrows;
+    Series arrows;
     arrows.add({3.0, 5.0}, {0.3, -0.4}, "first");
     arrows.add({7.0, 5.0}, {0.0, 0.2});
     EXPECT_DOUBLE_EQ(arrows.longest(), 0.5);
@@ -134,11 +134,11 @@ TEST(SvgPlot, OfManyPointsDrawsWhatCanBeToldApartAndSaysSo) {
 }
 
 TEST(SvgPlot, OfManyArrowsDrawsTheLongestOfASquare) {
-    Arrows arrows;
+    Series arrows;
     for (int i = 0; i < 500; ++i)
         arrows.add({std::fmod(0.618034 * i, 1.0), std::fmod(0.754878 * i, 1.0)}, {0.001, 0.0},
                    i == 377 ? "kept" : "");
-    arrows.dxs[377] = 0.02;
+    arrows.us[377] = 0.02;
     SvgPlot plot("x", "y");
     plot.add_arrows(arrows, 1.0, Color::blue, "arrows");
     EXPECT_NE(plot.svg().find("<title>kept</title>"), std::string::npos);

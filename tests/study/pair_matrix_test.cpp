@@ -67,7 +67,7 @@ TEST(PairMatrix, ShowsAnErrorThatGrowsWithDepth) {
     }
     const PairMatrix matrix = pair_matrix("tag", truth, errors);
     const PairPanel& panel = matrix.panels[2][2];
-    const PairAxis& z = matrix.freedoms[2];
+    const Interval& z = matrix.freedoms[2];
     const double width = (z.high - z.low) / PairMatrix::bins;
     for (std::size_t i = 0; i < PairMatrix::bins; ++i)
         EXPECT_NEAR(*panel.bins[i].inside.mean(),
@@ -92,7 +92,7 @@ TEST(PairMatrix, KeepsWhatLiesBeyondAnAxis) {
     EXPECT_EQ(matrix.above[0], 1u);
     EXPECT_EQ(matrix.below[0], 2u);
     EXPECT_LT(matrix.errors[0].high, 10.0);
-    const PairAxis& yaw = matrix.freedoms[5];
+    const Interval& yaw = matrix.freedoms[5];
     const double along = (pose_components(poses[7])[5] - yaw.low) / (yaw.high - yaw.low);
     const auto column = static_cast<std::size_t>(along * columns);
     EXPECT_EQ(matrix.panels[0][5].counts[column], 1u);

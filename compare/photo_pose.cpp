@@ -48,10 +48,9 @@ CodeImage taken_by(const CameraModel& camera, CodeImage image, const std::string
     double highest = 0.0;
     cv::minMaxLoc(image.pixels, nullptr, &highest);
     if (highest > image.full_scale())
-        throw ConfigError({photo},
-                          fmt::format("holds the code value {:.0f}, too large for the camera's {} "
-                                      "bits",
-                                      highest, image.bits));
+        throw ConfigError(
+            {photo}, fmt::format("holds the code value {:.0f}, too large for the camera's {} bits",
+                                 highest, image.bits));
     return image;
 }
 

@@ -174,10 +174,9 @@ public:
                 continue;
             }
             if (pose->reprojection_rms_px > 2.0) {
-                result_.remarks.push_back(
-                    fmt::format("{}: the calibration misses the target's points by {:.1f} px RMS: "
-                                "not used",
-                                photo.name, pose->reprojection_rms_px));
+                result_.remarks.push_back(fmt::format(
+                    "{}: the calibration misses the target's points by {:.1f} px RMS: not used",
+                    photo.name, pose->reprojection_rms_px));
                 continue;
             }
             poses_.back() = pose->camera_from_marker;
@@ -419,9 +418,8 @@ private:
             [&](const EdgeModulation& one) { return (one.centre_px - middle).norm(); });
         const SlantedEdge& edge = central->edge;
         const std::string how = fmt::format(
-            "ISO 12233, edge at ({:.0f}, {:.0f}) of {}, {:.1f} "
-            "degrees",
-            central->centre_px.x(), central->centre_px.y(), central->photo, edge.angle_deg);
+            "ISO 12233, edge at ({:.0f}, {:.0f}) of {}, {:.1f} degrees", central->centre_px.x(),
+            central->centre_px.y(), central->photo, edge.angle_deg);
         if (edge.mtf50_cycles_per_px > 0.0)
             result_.values.push_back({"mtf50_cycles_per_px", "MTF50", "cycles/px",
                                       edge.mtf50_cycles_per_px, edge.mtf50_standard_uncertainty,

@@ -205,11 +205,11 @@ void require_times(std::span<const ExposedPhoto> photos) {
         times.insert(photo.exposure_us);
     }
     if (times.size() < min_times || *times.rbegin() < min_time_range * *times.begin())
-        throw NumericalError(fmt::format(
-            "exposures: {} different times over a factor of {:.3g}; {} over a factor of {:.0f} are "
-            "needed",
-            times.size(), times.empty() ? 0.0 : *times.rbegin() / *times.begin(), min_times,
-            min_time_range));
+        throw NumericalError(
+            fmt::format("exposures: {} different times over a factor of {:.3g}; {} over a factor "
+                        "of {:.0f} are needed",
+                        times.size(), times.empty() ? 0.0 : *times.rbegin() / *times.begin(),
+                        min_times, min_time_range));
 }
 
 // Of a mosaic only the green pixels of every second row: one curve needs one colour.
@@ -298,10 +298,9 @@ std::optional<double> light_drift(std::span<const ExposedPhoto> photos,
             drift = std::max(drift.value_or(0.0), (*most - *least) / *most);
     }
     if (drift.value_or(0.0) > max_drift)
-        throw NumericalError(
-            fmt::format("exposures: photos of equal exposure time differ by {:.2g} %: the light is "
-                        "not steady",
-                        100.0 * *drift));
+        throw NumericalError(fmt::format(
+            "exposures: photos of equal exposure time differ by {:.2g} %: the light is not steady",
+            100.0 * *drift));
     return drift;
 }
 

@@ -286,9 +286,8 @@ std::vector<AxisBin> binned_statistics(const DetectorErrors& errors, std::span<c
                                        std::size_t most_bins) {
     if (axis.size() != errors.size() || most_bins < 1)
         throw NumericalError(
-            fmt::format("pose statistics: {} values of an axis for {} poses, {} "
-                        "bins",
-                        axis.size(), errors.size(), most_bins));
+            fmt::format("pose statistics: {} values of an axis for {} poses, {} bins", axis.size(),
+                        errors.size(), most_bins));
     if (!std::ranges::all_of(axis, [](double value) { return std::isfinite(value); }))
         throw NumericalError("pose statistics: a value of an axis is not finite");
     const std::vector<double> edges = axis_edges(axis, most_bins);

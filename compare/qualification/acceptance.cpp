@@ -59,11 +59,11 @@ AcceptanceCondition poses_that_fit(const Qualification& result) {
         outlying.push_back(pose.text);
     return checked(
         "poses that fit", outlying.empty(), static_cast<double>(outlying.size()), 0.0, "1",
-        outlying.empty() ? "no pose lies where no field puts it"
-                         : fmt::format("the stage was not where it said, the camera showed an old "
-                                       "frame, or the detector took something else for the "
-                                       "marker: {}; left out",
-                                       fmt::join(outlying, ", ")));
+        outlying.empty()
+            ? "no pose lies where no field puts it"
+            : fmt::format("the stage was not where it said, the camera showed an old frame, or the "
+                          "detector took something else for the marker: {}; left out",
+                          fmt::join(outlying, ", ")));
 }
 
 AcceptanceCondition residuals(const Qualification& result) {
@@ -89,14 +89,14 @@ AcceptanceCondition residuals_over_image(const QualificationInput& input,
     return checked(
         "residuals over the image", found.deviations <= coherence_deviations || size_mm <= least_mm,
         found.deviations, coherence_deviations, "1",
-        fmt::format(
-            "residuals of different poses within {:.0f} px of each other in the image have "
-            "{:.0f} % of their power in common ({:.1f} standard deviations from none; {:.1f} "
-            "is the most), some {:.3f} mm RMS of position{}",
-            found.bin_px, 100.0 * found.share, found.deviations, coherence_deviations, size_mm,
-            found.deviations > coherence_deviations
-                ? ": a distortion, or an error of the stage, that no named error follows"
-                : ""));
+        fmt::format("residuals of different poses within {:.0f} px of each other in the image have "
+                    "{:.0f} % of their power in common ({:.1f} standard deviations from none; "
+                    "{:.1f} is the most), some {:.3f} mm RMS of position{}",
+                    found.bin_px, 100.0 * found.share, found.deviations, coherence_deviations,
+                    size_mm,
+                    found.deviations > coherence_deviations
+                        ? ": a distortion, or an error of the stage, that no named error follows"
+                        : ""));
 }
 
 // "20 ppm", "2.75 mrad", "0.02 mm".
@@ -127,11 +127,10 @@ AcceptanceCondition declared_inputs(const Qualification& result) {
         largest = std::max(largest, input.deviations);
     }
     return checked("declared inputs", texts.empty(), largest, contradiction_deviations, "1",
-                   texts.empty()
-                       ? fmt::format("nothing that is declared is off by more than {:.0f} "
-                                     "of its standard uncertainties",
-                                     contradiction_deviations)
-                       : fmt::format("{}", fmt::join(texts, "; ")));
+                   texts.empty() ? fmt::format("nothing that is declared is off by more than "
+                                               "{:.0f} of its standard uncertainties",
+                                               contradiction_deviations)
+                                 : fmt::format("{}", fmt::join(texts, "; ")));
 }
 
 // A field that some errors make by themselves against the limits of the judged one.
@@ -142,17 +141,17 @@ AcceptanceCondition alone(const char* title, const char* whose, const FieldSumma
     const Outcome rms = decide(field.rms, field.rms_uncertainty, rms_limit, input.limits.rule),
                   max = decide(field.max, field.max_uncertainty, max_limit, input.limits.rule);
     const std::string text = fmt::format(
-        "{}: {:.3f} mm RMS with U = {:.3f} mm, limit {:.3f} mm; {:.3f} mm at most with "
-        "U = {:.3f} mm, limit {:.3f} mm",
+        "{}: {:.3f} mm RMS with U = {:.3f} mm, limit {:.3f} mm; {:.3f} mm at most with U = {:.3f} "
+        "mm, limit {:.3f} mm",
         whose, field.rms, field.rms_uncertainty, rms_limit, field.max, field.max_uncertainty,
         max_limit);
     const bool is_within = rms == Outcome::pass && max == Outcome::pass;
     if (is_within || rms == Outcome::fail || max == Outcome::fail)
         return checked(title, is_within, field.rms, rms_limit, "mm", text);
-    return not_checked(title,
-                       "this run does not tell whether it is within its limits, "
-                       "as other errors could hide it; " +
-                           text);
+    return not_checked(
+        title,
+        "this run does not tell whether it is within its limits, as other errors could hide it; " +
+            text);
 }
 
 AcceptanceCondition edges_alone(const QualificationInput& input, const Qualification& result) {
@@ -256,11 +255,10 @@ AcceptanceCondition repeatability(const QualificationInput& input, const Qualifi
         return not_checked(title, "no pose was seen twice by corners whose noise is known");
     const double freedom = 3.0 * pairs;
     const double ratio = sum / freedom, limit = chi_square_limit(freedom);
-    return checked(
-        title, ratio <= limit, ratio, limit, "1",
-        fmt::format("{} poses visited again: chi-square per degree of freedom is {:.2f}; "
-                    "{:.2f} is the most",
-                    pairs, ratio, limit));
+    return checked(title, ratio <= limit, ratio, limit, "1",
+                   fmt::format("{} poses visited again: chi-square per degree of freedom is "
+                               "{:.2f}; {:.2f} is the most",
+                               pairs, ratio, limit));
 }
 
 }  // namespace

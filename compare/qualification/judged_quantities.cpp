@@ -17,8 +17,7 @@ using Monte = MonteCarloUncertainty;
 
 constexpr const char* no_noise =
     "the noise is not known: it takes two frames per pose that differ, or a calibration that "
-    "states "
-    "it";
+    "states it";
 constexpr const char* no_photometric = "too few hold-out poses have a photometric pose";
 
 constexpr const char* no_pixels =

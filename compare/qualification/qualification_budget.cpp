@@ -329,8 +329,7 @@ private:
         if (!calibration.empty()) {
             row.standard_uncertainty = 1.0;
             row.basis = fmt::format(
-                "stated by the calibration, {} directions, not in U: its error "
-                "is what is measured",
+                "stated by the calibration, {} directions, not in U: its error is what is measured",
                 calibration.size());
         }
         for (const ErrorSignature& direction : calibration) {

@@ -45,8 +45,7 @@ void require_usable(std::span<const FieldSample> samples, FieldBasis basis) {
         if (!finite || !has_value_at(basis, sample.position_mm) || sample.sigma_along <= 0.0 ||
             sample.sigma_across <= 0.0 || !(std::abs(sample.axis.norm() - 1.0) < 1e-6))
             throw NumericalError(
-                "smooth field: a sample is not finite, behind the camera or "
-                "without a noise level");
+                "smooth field: a sample is not finite, behind the camera or without a noise level");
     }
 }
 

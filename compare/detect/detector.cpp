@@ -12,10 +12,10 @@
 
 namespace etalon {
 
-std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const DetectedCorners& corners) {
+ObjectPoints seen_points_mm(const Marker& marker, const DetectedCorners& corners) {
     if (corners.is_whole())
         return marker.points_mm;
-    std::vector<Eigen::Vector3d> seen;
+    ObjectPoints seen;
     for (const int point : corners.points)
         seen.push_back(marker.points_mm.at(static_cast<std::size_t>(point)));
     return seen;
@@ -90,9 +90,6 @@ Eigen::Vector3d principal_spreads(const std::vector<Eigen::Vector3d>& points) {
 
 namespace {
 
-using Points = std::vector<Eigen::Vector3d>;
-using Pixels = std::vector<Eigen::Vector2d>;
-
 template <class Vectors>
 bool all_finite(const Vectors& vectors) {
     return std::ranges::all_of(vectors, [](const auto& v) { return v.allFinite(); });
@@ -102,9 +99,9 @@ bool all_finite(const Vectors& vectors) {
 // 2014) on undistorted points; empty when a pixel has no ray or the library gives up. Those of a
 // wide lens are of a camera that looks along the points' mean ray. Not IPPE_SQUARE: it silently
 // returns Z = 0 for a point order that is not its own.
-std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& points,
-                                     const Pixels& pixels) {
-    Points rays;
+std::vector<Rigid> closed_form_poses(const Projector& projector, const ObjectPoints& points,
+                                     const ImagePoints& pixels) {
+    std::vector<Eigen::Vector3d> rays;
     for (const Eigen::Vector2d& pixel : pixels) {
         const auto ray = projector.ray(pixel);
         if (!ray)
@@ -142,8 +139,9 @@ std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& p
 }
 
 // The pixels' residuals, px, for a left perturbation of the pose; nothing when one is unseen.
-std::optional<ResidualsAndJacobian> linearised(const Projector& projector, const Points& points,
-                                               const Pixels& pixels,
+std::optional<ResidualsAndJacobian> linearised(const Projector& projector,
+                                               const ObjectPoints& points,
+                                               const ImagePoints& pixels,
                                                const Rigid& camera_from_marker) {
     ResidualsAndJacobian all{Eigen::VectorXd(2 * std::ssize(points)),
                              Eigen::MatrixXd(2 * std::ssize(points), 6)};
@@ -164,8 +162,8 @@ using Refined = Fitted<Rigid>;
 // Nothing when a point cannot be seen from the start. The last step, which promises next to
 // nothing, is taken in full and unseen: what it does to the loss is lost in rounding, but not what
 // it does to the pose, which so does not depend on the start.
-std::optional<Refined> refine(const Projector& projector, const Points& points,
-                              const Pixels& pixels, const Rigid& start,
+std::optional<Refined> refine(const Projector& projector, const ObjectPoints& points,
+                              const ImagePoints& pixels, const Rigid& start,
                               const LeastSquaresRule& rule = {}) {
     const auto equations = [&](const Rigid& at) {
         return linearised(projector, points, pixels, at);
@@ -185,7 +183,7 @@ std::optional<Refined> refine(const Projector& projector, const Points& points,
     return there ? Refined{end, *there, robust_loss(*there, rule)} : place;
 }
 
-bool usable(const Projector& projector, const Points& points_mm, const Pixels& pixels) {
+bool usable(const Projector& projector, const ObjectPoints& points_mm, const ImagePoints& pixels) {
     require_point_of_view(projector.camera(), "estimating a marker's pose");
     if (points_mm.size() < 4 || pixels.size() != points_mm.size() || !all_finite(points_mm) ||
         !all_finite(pixels))
@@ -195,12 +193,12 @@ bool usable(const Projector& projector, const Points& points_mm, const Pixels& p
     return spread[0] > 0 && spread[1] > 1e-4 * spread[0] && spread[2] < 1e-6 * spread[0];
 }
 
-double rms_px(const Refined& pose, const Points& points) {
+double rms_px(const Refined& pose, const ObjectPoints& points) {
     return std::sqrt(2.0 * pose.loss() / static_cast<double>(points.size()));
 }
 
 // Without the other solution.
-std::optional<PoseEstimate> estimate_of(const Refined& pose, const Points& points) {
+std::optional<PoseEstimate> estimate_of(const Refined& pose, const ObjectPoints& points) {
     const auto covariance =
         covariance_from_information(pose.at.jacobian.transpose() * pose.at.jacobian);
     if (!covariance)
@@ -217,8 +215,8 @@ bool same_pose(const Rigid& a, const Rigid& b) {
 
 }  // namespace
 
-std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Points& points_mm,
-                                          const Pixels& pixels) {
+std::optional<PoseEstimate> estimate_pose(const Projector& projector, const ObjectPoints& points_mm,
+                                          const ImagePoints& pixels) {
     if (!usable(projector, points_mm, pixels))
         return std::nullopt;
     std::vector<Refined> found;
@@ -237,8 +235,9 @@ std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Poin
     return estimate;
 }
 
-std::optional<PoseEstimate> estimate_pose_near(const Projector& projector, const Points& points_mm,
-                                               const Pixels& pixels, const Rigid& start) {
+std::optional<PoseEstimate> estimate_pose_near(const Projector& projector,
+                                               const ObjectPoints& points_mm,
+                                               const ImagePoints& pixels, const Rigid& start) {
     if (!usable(projector, points_mm, pixels))
         return std::nullopt;
     LeastSquaresRule rule;

@@ -16,10 +16,13 @@
 
 namespace etalon {
 
+using ImagePoints = std::vector<Eigen::Vector2d>;   // px
+using ObjectPoints = std::vector<Eigen::Vector3d>;  // mm, marker frame
+
 // The corners of one marker in one image.
 struct DetectedCorners {
     int id = 0;
-    std::vector<Eigen::Vector2d> pixels;  // in the order of Marker::points_mm
+    ImagePoints pixels;  // in the order of Marker::points_mm
     // Of a marker that is seen in part: the index into Marker::points_mm of each pixel, ascending.
     // Empty when all points are seen. Only boards of tags can be seen in part.
     std::vector<int> points = {};
@@ -28,7 +31,7 @@ struct DetectedCorners {
 };
 
 // The points of the marker that these pixels show: what estimate_pose() needs with them.
-std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const DetectedCorners& corners);
+ObjectPoints seen_points_mm(const Marker& marker, const DetectedCorners& corners);
 
 // What a detector finds in one image.
 struct Detection {
@@ -87,15 +90,13 @@ struct PoseEstimate {
 // the points are degenerate (collinear, not coplanar, not finite), a pixel has no ray, the pixels
 // do not fix all six components, or no solution has the marker in front of the camera. Safe from
 // every thread; about 0.1 ms for four points.
-std::optional<PoseEstimate> estimate_pose(const Projector& projector,
-                                          const std::vector<Eigen::Vector3d>& points_mm,
-                                          const std::vector<Eigen::Vector2d>& pixels);
+std::optional<PoseEstimate> estimate_pose(const Projector& projector, const ObjectPoints& points_mm,
+                                          const ImagePoints& pixels);
 
 // The one solution that least squares reach from `start`, in a fifth of the time. Nothing also when
 // a point cannot be seen from there.
 std::optional<PoseEstimate> estimate_pose_near(const Projector& projector,
-                                               const std::vector<Eigen::Vector3d>& points_mm,
-                                               const std::vector<Eigen::Vector2d>& pixels,
-                                               const Rigid& start);
+                                               const ObjectPoints& points_mm,
+                                               const ImagePoints& pixels, const Rigid& start);
 
 }  // namespace etalon

@@ -13,7 +13,7 @@ namespace etalon {
 // only where the stage was and which are held out counts.
 struct SignatureChain {
     const Projector& projector;  // the calibration under test
-    std::vector<Eigen::Vector3d> points_mm;
+    ObjectPoints points_mm;
     Rigid camera_from_base, carriage_from_marker;
     std::vector<AnalysedPose> poses;
 
@@ -53,7 +53,7 @@ std::vector<CameraError> further_camera_errors(const CameraModel& camera);
 
 // The marker as it is printed and bent, and what moves its corners in photographs alone.
 struct TrueMarker {
-    std::vector<Eigen::Vector3d> points_mm;
+    ObjectPoints points_mm;
     Eigen::Vector3d offset_mm = Eigen::Vector3d::Zero();  // of every pose, camera frame
     Eigen::Vector2d corner_shift_px = Eigen::Vector2d::Zero();
     double edges_inwards_px = 0.0;  // of a single tag; 0: none
@@ -63,7 +63,7 @@ struct TrueMarker {
     void twist(double size_mm);
     void bow(double size_mm);
     // The corners in an image. Throws NumericalError when one has no projection.
-    std::vector<Eigen::Vector2d> seen(const Projector& projector, Rigid camera_from_marker) const;
+    ImagePoints seen(const Projector& projector, Rigid camera_from_marker) const;
 };
 using MarkerError = ChangingError<TrueMarker>;
 // Of a marker of so many points: print size, half pixel, edge shrink (a single tag), twist, bow
@@ -72,8 +72,7 @@ std::vector<MarkerError> marker_errors(std::size_t points);
 
 // The corners of a square, in order, when each of its edges is seen moved inwards by `by_px`: each
 // corner goes to where its two edges then meet.
-std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector2d>& corners,
-                                                 double by_px);
+ImagePoints edges_moved_inwards(const ImagePoints& corners, double by_px);
 
 // What a named error does to the corners of a chain, which must outlive it: the pixels of pose i
 // when the error has `size`. Throws NumericalError when a corner has no projection.

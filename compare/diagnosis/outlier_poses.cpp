@@ -68,7 +68,7 @@ std::vector<OutlierPose> outlying_samples(std::span<const FieldSample> samples,
 }
 
 std::vector<OutlierPose> outlying_registered(const Projector& projector,
-                                             const std::vector<Eigen::Vector3d>& points_mm,
+                                             const ObjectPoints& points_mm,
                                              const BiasCorrectedRegistration& registration,
                                              std::span<const RegistrationPose> poses,
                                              double least_mm) {

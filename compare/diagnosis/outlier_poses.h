@@ -28,7 +28,7 @@ std::vector<OutlierPose> outlying_samples(std::span<const FieldSample> samples,
 // Of the `poses` given to the registration those whose corners lie more than 8 times as far from
 // the predicted ones as the median pose's, and the marker by more than `least_mm`.
 std::vector<OutlierPose> outlying_registered(const Projector& projector,
-                                             const std::vector<Eigen::Vector3d>& points_mm,
+                                             const ObjectPoints& points_mm,
                                              const BiasCorrectedRegistration& registration,
                                              std::span<const RegistrationPose> poses,
                                              double least_mm);

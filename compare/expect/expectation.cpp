@@ -18,10 +18,6 @@
 namespace etalon {
 namespace {
 
-Eigen::VectorXd stacked(const std::vector<Eigen::Vector2d>& corners) {
-    return Eigen::Map<const Eigen::VectorXd>(corners.front().data(), 2 * std::ssize(corners));
-}
-
 // Has each pose studied with a detector, in parallel. Isolated: a thread that waits in its detector
 // must not begin another pose with it.
 void study_poses(const ExpectedScene& scene, const std::string& place, std::size_t poses,

@@ -30,8 +30,6 @@ public:
     // section, and growth.
     static std::array<bool, deviation::count> asked_of(const CameraModel& calibration);
 
-    const PixelDeviation& deviating() const { return deviating_; }
-
     // `photo` as PhotometricDetector::photo_at() gives it at this pose; `whole` is the marker's
     // whole printed area, nothing where its surroundings are not known. Residuals beyond three
     // times `noise_scale` (nothing: the scale that they show) are limited. Throws NumericalError

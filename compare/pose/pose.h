@@ -51,8 +51,8 @@ struct VisitedPose : PlannedPose {
     Matrix6d stage_covariance = Matrix6d::Zero();
 
     std::vector<FrameRecord> frames = {};
-    std::vector<Eigen::Vector2d> corners = {};  // mean over the frames that saw it; empty: none did
-    int detections = 0;                         // number of such frames
+    ImagePoints corners = {};  // mean over the frames that saw it; empty: none did
+    int detections = 0;        // number of such frames
     // Nothing with a single such frame, and when all are alike: then rounding hides the noise, and
     // repeats do not show rounding.
     std::optional<CornerNoise> corner_noise = {};
@@ -62,7 +62,7 @@ struct VisitedPose : PlannedPose {
     // Where the photograph's pixels show the marker (its photometric pose), and of a render there
     // the corners less the truth, px; nothing and empty: not known.
     std::optional<Rigid> seen_at = {};
-    std::vector<Eigen::Vector2d> detector_bias_px = {};
+    ImagePoints detector_bias_px = {};
 
     bool is_detected() const { return !corners.empty(); }
 };

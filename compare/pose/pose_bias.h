@@ -29,28 +29,30 @@ PoseError pose_error(const Rigid& estimated, const Rigid& truth);
 
 // Renders the marker at this pose as the camera under test should see it (sensor included) and
 // detects it, in exactly the way that the photographs were detected. Nothing when not detected.
-using RenderAndDetect =
-    std::function<std::optional<std::vector<Eigen::Vector2d>>(const Rigid& camera_from_marker)>;
+using RenderAndDetect = std::function<std::optional<ImagePoints>(const Rigid& camera_from_marker)>;
 
 // Where the marker's points are seen. Throws NumericalError for one outside the camera's valid
 // region.
-std::vector<Eigen::Vector2d> projected(const Projector& projector,
-                                       const std::vector<Eigen::Vector3d>& points_mm,
-                                       const Rigid& camera_from_marker);
+ImagePoints projected(const Projector& projector, const ObjectPoints& points_mm,
+                      const Rigid& camera_from_marker);
 
 struct BiasCorrectedRegistration {
     Registration registration;
     std::vector<std::size_t> used;  // indices of the given poses: seen in photo and render
     // Of each of those, the photo's corners less the detector's bias of the last round.
-    std::vector<std::vector<Eigen::Vector2d>> corrected_px;
+    std::vector<ImagePoints> corrected_px;
     int rounds = 0;                  // of rendering poses whose bias is not known
     double last_change_px = 0.0;     // largest move of a predicted corner in the last round
     std::vector<double> changes_px;  // the same of each round
 };
 
+// Corners one after another, x and y of each.
+inline Eigen::VectorXd stacked(const ImagePoints& corners) {
+    return Eigen::Map<const Eigen::VectorXd>(corners.front().data(), 2 * std::ssize(corners));
+}
+
 // Corners less others, in order. Throws NumericalError for different numbers.
-std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& corners,
-                                         const std::vector<Eigen::Vector2d>& others);
+ImagePoints differences(const ImagePoints& corners, const ImagePoints& others);
 
 // Registers on corners(photo) - bias. `known_bias`: of each pose, from a render where the
 // photograph shows the marker (an empty one, or none at all: not known). One that is not known is
@@ -58,11 +60,13 @@ std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& cor
 // by more than 0.002 px or `max_rounds` are done (two rounds are usual). Calls `render_and_detect`
 // once per such pose and round. Throws what register_stage throws, and NumericalError for sizes
 // that do not agree.
-BiasCorrectedRegistration register_bias_corrected(
-    const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
-    std::span<const RegistrationPose> poses, const Rigid& nominal_carriage_from_marker,
-    const RenderAndDetect& render_and_detect,
-    std::span<const std::vector<Eigen::Vector2d>> known_bias = {}, int max_rounds = 3);
+BiasCorrectedRegistration register_bias_corrected(const Projector& projector,
+                                                  const ObjectPoints& points_mm,
+                                                  std::span<const RegistrationPose> poses,
+                                                  const Rigid& nominal_carriage_from_marker,
+                                                  const RenderAndDetect& render_and_detect,
+                                                  std::span<const ImagePoints> known_bias = {},
+                                                  int max_rounds = 3);
 
 // One pose seen by the photograph and by the render at the predicted pose.
 struct PoseBias {
@@ -72,13 +76,13 @@ struct PoseBias {
     std::optional<PoseError> b4;  // where the photograph has a photometric pose
     // The photograph's corners less those expected at `predicted`, the detector's bias included: of
     // training and hold-out poses that were used. Empty where one of the two is missing.
-    std::vector<Eigen::Vector2d> difference_px = {};
+    ImagePoints difference_px = {};
 };
 
 // A planar marker has two local solutions; the one nearer to `predicted` is taken in both images,
 // so that a flip is never compared with a non-flip. No corners: not detected.
-PoseBias pose_bias(const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
-                   const Rigid& predicted, const std::vector<Eigen::Vector2d>& photo_corners,
-                   const std::vector<Eigen::Vector2d>& render_corners);
+PoseBias pose_bias(const Projector& projector, const ObjectPoints& points_mm,
+                   const Rigid& predicted, const ImagePoints& photo_corners,
+                   const ImagePoints& render_corners);
 
 }  // namespace etalon

@@ -106,10 +106,6 @@ Eigen::MatrixXd declared_fields(const DeclaredStation& station,
 
 namespace {
 
-Eigen::VectorXd stacked_pixels(const std::vector<Eigen::Vector2d>& pixels) {
-    return Eigen::Map<const Eigen::VectorXd>(pixels.front().data(), 2 * std::ssize(pixels));
-}
-
 // Turns the x axis of every point's pixels to where the marker's x axis points in the image.
 Eigen::MatrixXd marker_axes_from_image(const SignatureChain& chain, std::size_t pose) {
     const Eigen::MatrixXd by_shift = chain.pose_jacobian(pose).rightCols<3>();
@@ -143,8 +139,7 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
         for (const FrameRecord& frame : pose.frames) {
             if (frame.corners.size() != pose.corners.size())
                 continue;
-            const Eigen::VectorXd off =
-                turned * stacked_pixels(differences(frame.corners, pose.corners));
+            const Eigen::VectorXd off = turned * stacked(differences(frame.corners, pose.corners));
             sum += off * off.transpose() / frame_variance;
         }
         freedom += pose.detections - 1;
@@ -167,7 +162,7 @@ void widen_where_slipped(const SignatureChain& chain, std::vector<Eigen::MatrixX
             continue;
         const auto expected = projected(chain.projector, chain.points_mm, *pose.seen_at);
         const Eigen::VectorXd slip =
-            stacked_pixels(differences(differences(pose.corners, expected), pose.detector_bias_px));
+            stacked(differences(differences(pose.corners, expected), pose.detector_bias_px));
         squares[i] = slip.dot(noise_px2[i].llt().solve(slip));
     }
     const double usual = std::max(1.0, median(squares) / freedom);
@@ -213,7 +208,7 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
         if (pose.settled_s)
             evidence.request.times_s.push_back(*pose.settled_s);
         const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
-        evidence.difference_px.push_back(stacked_pixels(pose.bias.difference_px));
+        evidence.difference_px.push_back(stacked(pose.bias.difference_px));
         evidence.corner_modes.push_back(turned.transpose() * modes);
         // Where noise is not known, it is what registration has left.
         const double left_px = result.registration->registration.residual_rms_px;

@@ -30,7 +30,7 @@ void require_usable(const QualificationInput& input) {
                 "a stage position is not finite");
         if (!pose.is_detected())
             continue;
-        const std::vector<Eigen::Vector2d>& bias = pose.detector_bias_px;
+        const ImagePoints& bias = pose.detector_bias_px;
         if (pose.corners.size() != input.points_mm.size())
             throw NumericalError(fmt::format("qualification: {} corners for a marker of {} points",
                                              pose.corners.size(), input.points_mm.size()));
@@ -105,13 +105,12 @@ Qualification overexposed(Qualification result) {
 }
 
 // With the marker at `predicted`: where the detector's bias is known, that is what it adds there.
-std::optional<std::vector<Eigen::Vector2d>> expected_corners(const QualificationInput& input,
-                                                             const Projector& projector,
-                                                             const AnalysedPose& pose,
-                                                             const Rigid& predicted) {
+std::optional<ImagePoints> expected_corners(const QualificationInput& input,
+                                            const Projector& projector, const AnalysedPose& pose,
+                                            const Rigid& predicted) {
     if (pose.detector_bias_px.empty())
         return input.render_and_detect(predicted);
-    std::vector<Eigen::Vector2d> corners = projected(projector, input.points_mm, predicted);
+    ImagePoints corners = projected(projector, input.points_mm, predicted);
     for (std::size_t k = 0; k < corners.size(); ++k)
         corners[k] += pose.detector_bias_px[k];
     return corners;
@@ -120,7 +119,7 @@ std::optional<std::vector<Eigen::Vector2d>> expected_corners(const Qualification
 // Those to register on, and their indices among the input's.
 struct TrainingPoses {
     std::vector<RegistrationPose> poses;
-    std::vector<std::vector<Eigen::Vector2d>> known_bias;
+    std::vector<ImagePoints> known_bias;
     std::vector<std::size_t> indices;
 };
 
@@ -217,11 +216,11 @@ int find_biases(const QualificationInput& input, const Projector& projector,
     int usable = 0;
     for (AnalysedPose& pose : result.poses) {
         const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
-        std::optional<std::vector<Eigen::Vector2d>> expected;
+        std::optional<ImagePoints> expected;
         if (pose.hold_out && pose.is_detected())
             expected = expected_corners(input, projector, pose, predicted);
         pose.bias = pose_bias(projector, input.points_mm, predicted, pose.corners,
-                              expected.value_or(std::vector<Eigen::Vector2d>{}));
+                              expected.value_or(ImagePoints{}));
         if (pose.photometric)
             pose.bias.b4 = pose_error(pose.photometric->camera_from_marker, predicted);
         if (pose.hold_out) {
@@ -395,10 +394,8 @@ std::vector<PoseResiduals> residuals_in_image(const DiagnosisInput& evidence, co
     std::vector<PoseResiduals> all;
     const std::vector<AnalysedPose>& poses = evidence.request.chain.poses;
     for (std::size_t i = 0; i < poses.size(); ++i) {
-        const Eigen::Map<const Eigen::VectorXd> place(poses[i].corners.front().data(),
-                                                      2 * std::ssize(poses[i].corners));
         const double deviation = std::sqrt(evidence.covariance_px2[i].diagonal().mean());
-        all.push_back({place, fit.residual_px[i] / deviation});
+        all.push_back({stacked(poses[i].corners), fit.residual_px[i] / deviation});
     }
     return all;
 }

@@ -55,9 +55,9 @@ struct DeclaredTemperature {
 
 // What the station and the calibration under test say, and how a render of it is made.
 struct DeclaredStation {
-    const CameraModel* camera = nullptr;     // the calibration under test
-    std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
-    Rigid nominal_carriage_from_marker;      // as mounted by design: fixes the gauge freedoms only
+    const CameraModel* camera = nullptr;  // the calibration under test
+    ObjectPoints points_mm;               // of the marker, as its detector reports them
+    Rigid nominal_carriage_from_marker;   // as mounted by design: fixes the gauge freedoms only
     // What the plan's volume lets the stage do (calib/registration/stage_motion.h); training poses
     // that move less are degenerate. Empty: not checked.
     std::vector<Rigid> stage_reach;

@@ -173,8 +173,7 @@ private:
     int steps_ = 0;
 };
 
-// What a photograph says of the camera's parameters, in the form that covariances are made of
-// (calib/intrinsics/calibration_covariance.h); `rest` is not set.
+// What a photograph says of the camera's parameters; `rest` is not set.
 ViewEquations camera_equations(const PhotoEquations& equations, std::size_t parameters) {
     const Damped one(equations, static_cast<Eigen::Index>(parameters), 0.0);
     const Eigen::MatrixXd information = one.information();

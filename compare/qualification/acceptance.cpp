@@ -85,7 +85,7 @@ AcceptanceCondition residuals_over_image(const QualificationInput& input,
     constexpr double of_limit = 0.25;  // what is less adds a thirtieth to the limit's square
     const ImageCoherence& found = result.corners->coherence;
     const double size_mm = result.corners->coherent_rms_mm,
-                 least_mm = of_limit * input.limits.b3_position_field_rms_mm.value();
+                 least_mm = of_limit * input.limits.by_quantity.at(quantity::position_rms);
     return checked(
         "residuals over the image", found.deviations <= coherence_deviations || size_mm <= least_mm,
         found.deviations, coherence_deviations, "1",
@@ -136,8 +136,8 @@ AcceptanceCondition declared_inputs(const Qualification& result) {
 // A field that some errors make by themselves against the limits of the judged one.
 AcceptanceCondition alone(const char* title, const char* whose, const FieldSummary& field,
                           const QualificationInput& input) {
-    const double rms_limit = input.limits.b3_position_field_rms_mm.value(),
-                 max_limit = input.limits.b3_position_field_max_mm.value();
+    const double rms_limit = input.limits.by_quantity.at(quantity::position_rms),
+                 max_limit = input.limits.by_quantity.at(quantity::position_max);
     const Outcome rms = decide(field.rms, field.rms_uncertainty, rms_limit, input.limits.rule),
                   max = decide(field.max, field.max_uncertainty, max_limit, input.limits.rule);
     const std::string text = fmt::format(
@@ -157,7 +157,7 @@ AcceptanceCondition alone(const char* title, const char* whose, const FieldSumma
 AcceptanceCondition edges_alone(const QualificationInput& input, const Qualification& result) {
     const char* title = "edges alone";
     if (!result.corners->edges_alone)
-        return checked(title, true, 0.0, input.limits.b3_position_field_rms_mm.value(), "mm",
+        return checked(title, true, 0.0, input.limits.by_quantity.at(quantity::position_rms), "mm",
                        "edges are not seen to lie elsewhere than in the renders");
     return alone(title, "the field that edges make which lie elsewhere than in the renders",
                  *result.corners->edges_alone, input);
@@ -210,7 +210,7 @@ AcceptanceCondition drift(const QualificationInput& input, const Qualification& 
         throw NumericalError("acceptance: times and samples do not agree");
     const Drift found = fitted_drift(*result.position_field, samples, times);
     const double size = found.first_to_last_mm.norm(),
-                 limit = input.limits.b3_position_field_rms_mm.value();
+                 limit = input.limits.by_quantity.at(quantity::position_rms);
     if (!std::isfinite(size) || !std::isfinite(found.uncertainty_mm))
         return not_checked(title, "the poses' order does not let drift be told from the field");
     return checked(title, size - found.uncertainty_mm <= limit, size, limit, "mm",

@@ -73,15 +73,15 @@ void find_equal_frames(const QualificationInput& input, Qualification& result) {
 // All quantities in the documented order: those with a limit are judged, the others reported.
 void list_quantities(const QualificationInput& input, Qualification& result) {
     for (const QuantityKind& kind : quantity_kinds()) {
-        const std::optional<double>& limit = input.limits.*kind.limit;
-        if (!limit && !input.options.measure_reported)
+        const auto limit = input.limits.by_quantity.find(kind.name);
+        const bool is_judged = limit != input.limits.by_quantity.end();
+        if (!is_judged && !input.options.measure_reported)
             continue;
-        JudgedQuantity quantity;
-        quantity.name = kind.name;
-        quantity.unit = kind.unit;
-        quantity.limit = limit.value_or(0.0);
-        quantity.reason = limit ? "" : "the limits have none for it";
-        (limit ? result.quantities : result.reported).push_back(quantity);
+        (is_judged ? result.quantities : result.reported)
+            .push_back({.name = kind.name,
+                        .unit = kind.unit,
+                        .limit = is_judged ? limit->second : 0.0,
+                        .reason = is_judged ? "" : "the limits have none for it"});
     }
     result.risk = family_risk(result.quantities, input.limits.rule);
 }
@@ -197,7 +197,7 @@ bool registered(const QualificationInput& input, const Projector& projector,
     register_all();
     const auto outliers =
         outlying_registered(projector, input.points_mm, *result.registration, training.poses,
-                            input.limits.b3_position_field_rms_mm.value());
+                            input.limits.by_quantity.at(quantity::position_rms));
     if (leave_out(input, outliers, training.indices, result)) {
         training = training_poses(input, projector, result);
         register_all();
@@ -304,7 +304,7 @@ void fit_position_field(const QualificationInput& input, Qualification& result) 
         if (result.poses[i].is_judged())
             judged.push_back(i);
     const auto outliers = outlying_samples(positions, *result.position_field,
-                                           input.limits.b3_position_field_rms_mm.value());
+                                           input.limits.by_quantity.at(quantity::position_rms));
     if (leave_out(input, outliers, judged, result))
         result.position_field = fit_smooth_field(position_samples(result.poses), basis);
 }
@@ -365,7 +365,7 @@ void find_signatures(const QualificationInput& input, const SignatureChain& chai
         noise.across_mm.push_back(result.position_field->scale_across * sample.sigma_across);
     }
     result.signatures = error_signatures(chain, stage_errors_of(input, result.poses), noise,
-                                         input.limits.b3_position_field_rms_mm.value());
+                                         input.limits.by_quantity.at(quantity::position_rms));
 }
 
 // Whether these are of as many poses, and of the same pixel errors.

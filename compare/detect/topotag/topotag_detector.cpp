@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <limits>
-#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detect/detector_adaptors.h"
@@ -110,18 +109,6 @@ std::optional<std::array<Eigen::Vector2d, 4>> largest_quadrangle(const Points& h
     return result;
 }
 
-Eigen::Matrix3d homography_of_corners(const std::array<Eigen::Vector2d, 4>& from,
-                                      const std::array<Eigen::Vector2d, 4>& to) {
-    std::array<cv::Point2f, 4> a, b;
-    for (std::size_t i = 0; i < 4; ++i) {
-        a[i] = {static_cast<float>(from[i].x()), static_cast<float>(from[i].y())};
-        b[i] = {static_cast<float>(to[i].x()), static_cast<float>(to[i].y())};
-    }
-    Eigen::Matrix3d result;
-    cv::cv2eigen(cv::getPerspectiveTransform(a.data(), b.data()), result);
-    return result;
-}
-
 // The point nearest to a place, taken out; nothing when none is near.
 std::optional<Eigen::Vector2d> take_nearest(Points& points, const Eigen::Vector2d& place,
                                             double reach) {
@@ -159,11 +146,13 @@ std::optional<Points> in_order(const Candidate& candidate, int order) {
     std::rotate(corners->begin(), first, corners->end());
     const Points cells = topotag_vertices(order);
     const auto n = static_cast<std::size_t>(order);
-    const Eigen::Matrix3d h = homography_of_corners(
-        {cells[0], cells[n - 1], cells[n * n - 1], cells[n * (n - 1)]}, *corners);
+    const auto h = homography({cells[0], cells[n - 1], cells[n * n - 1], cells[n * (n - 1)]},
+                              {corners->begin(), corners->end()});
+    if (!h)
+        return std::nullopt;
     Points expected, vertices;
     for (const Eigen::Vector2d& cell : cells)
-        expected.push_back(seen_at(h, cell));
+        expected.push_back(seen_at(*h, cell));
     Points dots(candidate.baseline.begin(), candidate.baseline.end()), nodes = candidate.nodes;
     for (std::size_t i = 0; i < expected.size(); ++i) {
         const auto vertex = take_nearest(i < 2 ? dots : nodes, expected[i],

@@ -96,9 +96,8 @@ bool all_finite(const Vectors& vectors) {
 }
 
 // The closed-form solutions (Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV
-// 2014) on undistorted points; empty when a pixel has no ray or the library gives up. Those of a
-// wide lens are of a camera that looks along the points' mean ray. Not IPPE_SQUARE: it silently
-// returns Z = 0 for a point order that is not its own.
+// 2014) on undistorted points, of a wide lens from a camera along the points' mean ray; empty when
+// a pixel has no ray or the library gives up. Not IPPE_SQUARE: it returns Z = 0 for another order.
 std::vector<Rigid> closed_form_poses(const Projector& projector, const ObjectPoints& points,
                                      const ImagePoints& pixels) {
     std::vector<Eigen::Vector3d> rays;
@@ -159,9 +158,8 @@ std::optional<ResidualsAndJacobian> linearised(const Projector& projector,
 
 using Refined = Fitted<Rigid>;
 
-// Nothing when a point cannot be seen from the start. The last step, which promises next to
-// nothing, is taken in full and unseen: what it does to the loss is lost in rounding, but not what
-// it does to the pose, which so does not depend on the start.
+// Nothing when a point cannot be seen from the start. The last step is taken in full and unseen: it
+// changes the loss by less than rounding, and makes the pose independent of the start.
 std::optional<Refined> refine(const Projector& projector, const ObjectPoints& points,
                               const ImagePoints& pixels, const Rigid& start,
                               const LeastSquaresRule& rule = {}) {

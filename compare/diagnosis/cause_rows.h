@@ -1,5 +1,5 @@
-// What a run observed, as rows: in units of their standard deviations, and freed of what X and Y
-// can absorb (compare/diagnosis/causes.h has the method).
+// What a run observed, as rows in units of their standard deviations, freed of what X and Y can
+// absorb (method: compare/diagnosis/causes.h).
 #pragma once
 
 #include <Eigen/Cholesky>

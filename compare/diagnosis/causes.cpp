@@ -103,9 +103,8 @@ public:
             std::max(1.0, fit.rest / (of_.freedom - static_cast<double>(fit.numbers.size()))));
     }
 
-    // Log of the posterior odds against everything else, up to a constant: the likelihood under the
-    // covariance, with the corners' scatter at its best value from 1 up, Schwarz's price of each
-    // number, and the prior.
+    // Log of the posterior odds, up to a constant: the likelihood, with the corners' scatter at its
+    // best value from 1 up, Schwarz's price of each number, and the prior.
     double score(const Set& set) const {
         const auto found = fit(set);
         if (!found)
@@ -415,8 +414,8 @@ std::vector<ErrorCandidate> best_periods(const DiagnosisInput& evidence,
     return best;
 }
 
-// The search under one covariance: all candidates, and of periods and misplaced poses the
-// best alone and the best beside the best explanation.
+// The search under one covariance: all candidates, and of periods and misplaced poses the best
+// alone and the best beside the best explanation.
 class Search {
 public:
     Search(const DiagnosisInput& evidence, const std::vector<ErrorCandidate>& known)

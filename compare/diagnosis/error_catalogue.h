@@ -9,8 +9,8 @@
 
 namespace etalon {
 
-// The run as named errors need it: geometry only. X and Y are the registered ones. Of the poses
-// only where the stage was and which are held out counts.
+// The run's geometry. X and Y are the registered ones. Of the poses only base_from_carriage and
+// hold_out count.
 struct SignatureChain {
     const Projector& projector;  // the calibration under test
     ObjectPoints points_mm;
@@ -45,9 +45,9 @@ struct ChangingError {
 
 // The true camera differs from the calibration.
 using CameraError = ChangingError<CameraModel>;
-// Those that have a signature in every report, and those that only causes are looked for among:
-// aspect, rational, prism and tilt terms. A wide lens has no tilt; among the first are its k7 and
-// the projection's own parameters, unless one is at the end of its range.
+// Those that have a signature, and those that only causes are looked for among: aspect, rational,
+// prism and tilt terms. A wide lens has no tilt; among the first are its k7 and the projection's
+// own parameters, unless one is at the end of its range.
 std::vector<CameraError> named_camera_errors(const CameraModel& camera);
 std::vector<CameraError> further_camera_errors(const CameraModel& camera);
 
@@ -70,8 +70,7 @@ using MarkerError = ChangingError<TrueMarker>;
 // (any other), constant pose offset.
 std::vector<MarkerError> marker_errors(std::size_t points);
 
-// The corners of a square, in order, when each of its edges is seen moved inwards by `by_px`: each
-// corner goes to where its two edges then meet.
+// The corners of a square, in order, when each of its edges is seen moved inwards by `by_px`.
 ImagePoints edges_moved_inwards(const ImagePoints& corners, double by_px);
 
 // What a named error does to the corners of a chain, which must outlive it: the pixels of pose i
@@ -82,8 +81,8 @@ struct NamedError {
     std::function<Eigen::VectorXd(std::size_t pose, double size)> pixels;
     bool one_sided = false;  // only `size` and 0 can be asked for (stage errors come at one size)
 
-    // Of the corners of the first `poses`, stacked, at `size`: by central differences there, or
-    // that part of what the error does when it is `at` so large (of stage errors the same).
+    // Of the corners of the first `poses`, stacked, at `size`: by central differences, or that part
+    // of what the error does at size `at` (of stage errors the same).
     Eigen::VectorXd motion(std::size_t poses, std::optional<double> at = std::nullopt) const;
 };
 NamedError named_error(const SignatureChain& chain, const CameraError& error);

@@ -149,9 +149,9 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
     return sum / (freedom + prior);
 }
 
-// A detector slips now and then: its corners are off by several times their noise from where the
-// pixels of the same photograph put them. In poses beyond 99.9 % of what most poses show the
-// corners' noise is as large as the slip. A marker that was elsewhere slips by nothing.
+// A detector slips where its corners are off by several times their noise from where the pixels of
+// the same photograph put them. Beyond 99.9 % of what most poses show the noise is made as large as
+// the slip.
 void widen_where_slipped(const SignatureChain& chain, std::vector<Eigen::MatrixXd>& noise_px2) {
     const auto freedom = static_cast<double>(2 * chain.points_mm.size());
     constexpr double normal_999 = 3.0902;

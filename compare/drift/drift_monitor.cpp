@@ -255,6 +255,17 @@ void push(std::deque<Item>& items, const Item& item, std::size_t most) {
         items.pop_front();
 }
 
+// Where the last frames fall into two parts, and how far apart these are.
+TargetJump largest_step(std::span<const Movement> frames) {
+    const auto step = [&](std::size_t i) { return (frames[i] - frames[i - 1]).norm(); };
+    std::size_t first_after = 1;
+    for (std::size_t i = 2; i < frames.size(); ++i)
+        if (step(i) > step(first_after))
+            first_after = i;
+    return {static_cast<int>(frames.size() - first_after),
+            medians(frames.subspan(first_after)) - medians(frames.first(first_after))};
+}
+
 }  // namespace
 
 double JumpFinder::noise_of_difference(int component_index) const {
@@ -276,19 +287,6 @@ bool JumpFinder::is_jump(const Movement& difference) const {
     return false;
 }
 
-// Where the last frames fall into two parts, and how far apart these are.
-TargetJump JumpFinder::largest_step() const {
-    const std::vector<Movement> frames(recent_.begin(), recent_.end());
-    const auto step = [&](std::size_t i) { return (frames[i] - frames[i - 1]).norm(); };
-    std::size_t first_after = 1;
-    for (std::size_t i = 2; i < frames.size(); ++i)
-        if (step(i) > step(first_after))
-            first_after = i;
-    const std::span all(frames);
-    return {static_cast<int>(frames.size() - first_after),
-            medians(all.subspan(first_after)) - medians(all.first(first_after))};
-}
-
 std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
     if (!recent_.empty())
         push<Movement>(steps_, movement - recent_.back(), max_steps);
@@ -299,7 +297,7 @@ std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
     const std::span all(frames);
     const Movement difference = medians(all.last(half)) - medians(all.first(half));
     if (is_jump(difference))
-        return largest_step();
+        return largest_step(all);
     push(differences_, difference, max_steps);
     return std::nullopt;
 }

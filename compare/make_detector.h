@@ -6,8 +6,6 @@
 #include <vector>
 
 #include "compare/detect/detector.h"
-#include "core/image/image.h"
-#include "sim/marker/marker.h"
 
 namespace etalon {
 

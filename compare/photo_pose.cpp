@@ -6,8 +6,6 @@
 
 #include "calib/files/camera_file.h"
 #include "compare/detect/board/calibration_target.h"
-#include "core/config/strict_reader.h"
-#include "core/program/errors.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "compare/edges/edge_spread.h"
 
 namespace etalon {

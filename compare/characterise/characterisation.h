@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/characterise/photon_transfer.h"

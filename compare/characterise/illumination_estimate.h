@@ -15,10 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "calib/camera/projector.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

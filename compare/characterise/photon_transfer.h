@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/image/image.h"
 
 namespace etalon {
 

@@ -17,7 +17,6 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/image/image.h"
 
 namespace etalon {
 

@@ -11,7 +11,6 @@
 
 #include "calib/camera/projector.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

@@ -4,8 +4,6 @@
 
 #include <Eigen/Dense>
 
-#include "core/program/errors.h"
-
 namespace etalon {
 namespace {
 

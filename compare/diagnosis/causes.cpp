@@ -12,7 +12,6 @@
 #include <numeric>
 
 #include "compare/diagnosis/cause_rows.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

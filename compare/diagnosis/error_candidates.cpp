@@ -7,7 +7,6 @@
 #include <numbers>
 
 #include "compare/diagnosis/pixel_evidence.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -5,8 +5,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 
-#include "core/program/errors.h"
-
 namespace etalon {
 namespace {
 

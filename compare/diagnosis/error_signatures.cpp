@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "calib/intrinsics/calibration_model.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 double rms_norm(const Eigen::VectorXd& field) {

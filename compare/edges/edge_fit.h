@@ -12,7 +12,6 @@
 #include <span>
 #include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "compare/edges/edge_spread.h"
 #include "sim/scene/marker_view.h"
 

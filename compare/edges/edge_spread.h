@@ -11,10 +11,7 @@
 #include <span>
 #include <vector>
 
-#include "calib/camera/projector.h"
 #include "compare/photometric/compared_area.h"
-#include "core/image/image.h"
-#include "sim/marker/cell_grid.h"
 
 namespace etalon {
 

@@ -12,7 +12,6 @@
 
 #include "compare/expect/pose_statistics.h"
 #include "compare/make_detector.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 
 namespace etalon {

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "compare/expect/expected_view.h"
-#include "compare/pose/pose_bias.h"
 #include "sim/scene/pose_volume.h"
 
 namespace etalon {

@@ -4,7 +4,6 @@
 #include <tbb/task_arena.h>
 
 #include "compare/make_detector.h"
-#include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 
 namespace etalon {

@@ -9,7 +9,6 @@
 
 #include "compare/pose/pose.h"
 #include "sim/render/renderer.h"
-#include "sim/sensor/sensor_model.h"
 
 namespace etalon {
 

@@ -12,10 +12,7 @@
 #include <vector>
 
 #include "compare/detect/detector.h"
-#include "compare/photometric/compared_area.h"
 #include "compare/photometric/photo_match.h"
-#include "core/image/image.h"
-#include "sim/marker/marker.h"
 
 namespace etalon {
 

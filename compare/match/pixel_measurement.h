@@ -15,7 +15,6 @@
 
 #include "compare/diagnosis/pixel_evidence.h"
 #include "compare/match/photo_findings.h"
-#include "compare/photometric/photometric_detector.h"
 
 namespace etalon {
 

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "compare/photometric/photo_match.h"
-#include "compare/photometric/photometric_equations.h"
 
 namespace etalon {
 

@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "core/program/errors.h"
-#include "sim/sensor/sensor_model.h"
 
 namespace etalon {
 namespace {

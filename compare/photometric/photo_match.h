@@ -8,9 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "compare/photometric/compared_area.h"
 #include "compare/photometric/photometric_detector.h"
-#include "core/image/image.h"
 
 namespace etalon {
 

@@ -17,8 +17,6 @@
 
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photometric_equations.h"
-#include "core/image/image.h"
-#include "sim/marker/marker.h"
 
 namespace etalon {
 

@@ -17,7 +17,6 @@
 
 #include "calib/camera/camera_model.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 
 namespace etalon {
 

@@ -21,9 +21,7 @@
 #include <vector>
 
 #include "calib/intrinsics/calibration_covariance.h"
-#include "calib/intrinsics/camera_fit.h"
 #include "compare/photometric/compared_area.h"
-#include "core/image/image.h"
 
 namespace etalon {
 

@@ -9,8 +9,6 @@
 
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/qualification.h"
-#include "compare/uncertainty/uncertainty_budget.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

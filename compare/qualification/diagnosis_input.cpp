@@ -6,7 +6,6 @@
 #include <algorithm>
 
 #include "compare/qualification/qualification.h"
-#include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 
 namespace etalon {

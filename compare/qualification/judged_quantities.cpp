@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "compare/qualification/qualification.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

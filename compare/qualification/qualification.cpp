@@ -12,7 +12,6 @@
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
 #include "compare/qualification/qualification_budget.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

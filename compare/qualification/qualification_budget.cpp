@@ -7,7 +7,6 @@
 
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -14,7 +14,6 @@
 #include "calib/camera/camera_model.h"
 #include "calib/intrinsics/calibration_view.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

@@ -7,7 +7,6 @@
 #include "compare/detect/board/saddle_point.h"
 #include "compare/detect/detector_adaptors.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "compare/detect/detector.h"
-#include "core/image/image.h"
 #include "sim/marker/stag_pattern.h"
 
 namespace etalon {

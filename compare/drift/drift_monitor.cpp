@@ -388,18 +388,15 @@ void DriftMonitor::note_noise(const TargetReference::Look& look) {
 
 void DriftMonitor::put_into_block(Minutes time, const TargetReference::Look& look) {
     const auto number = static_cast<long>(std::floor((time - part_start_) / plan_.block));
-    if (number != block_number_ && !block_.empty())
-        close_block();
+    if (number != block_number_ && !block_.empty()) {
+        blocks_.push_back(median_of(block_));
+        block_.clear();
+        if (blocks_.size() > windows.back())
+            blocks_.erase(blocks_.begin());
+        judge();
+    }
     block_number_ = number;
     block_.emplace_back(time, look);
-}
-
-void DriftMonitor::close_block() {
-    blocks_.push_back(median_of(block_));
-    block_.clear();
-    if (blocks_.size() > windows.back())
-        blocks_.erase(blocks_.begin());
-    judge();
 }
 
 void DriftMonitor::judge() {

@@ -199,7 +199,6 @@ private:
     void look(const Seen& seen);
     void note_noise(const TargetReference::Look& look);
     void put_into_block(Minutes time, const TargetReference::Look& look);
-    void close_block();
     void judge();
     void start_anew(const TargetJump& jump);
 

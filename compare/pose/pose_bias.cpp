@@ -49,13 +49,6 @@ CorrectedPoses bias_corrected(const Projector& projector, const ObjectPoints& po
     return corrected;
 }
 
-void keep(const CorrectedPoses& corrected, BiasCorrectedRegistration& result) {
-    result.used = corrected.used;
-    result.corrected_px.clear();
-    for (const RegistrationPose& pose : corrected.poses)
-        result.corrected_px.push_back(pose.pixels);
-}
-
 double largest_move_px(const Projector& projector, const ObjectPoints& points,
                        std::span<const RegistrationPose> poses, const Registration& before,
                        const Registration& after) {
@@ -115,25 +108,25 @@ BiasCorrectedRegistration register_bias_corrected(const Projector& projector,
                                                   int max_rounds) {
     if (!known_bias.empty() && known_bias.size() != poses.size())
         throw NumericalError("pose bias: the known biases are not of these poses");
-    const auto registered = [&](const CorrectedPoses& corrected) {
+    BiasCorrectedRegistration result;
+    const auto registered = [&](const Registration* from) {
+        const CorrectedPoses corrected =
+            bias_corrected(projector, points_mm, poses, known_bias, from, render_and_detect);
+        result.used = corrected.used;
+        result.corrected_px.clear();
+        for (const RegistrationPose& pose : corrected.poses)
+            result.corrected_px.push_back(pose.pixels);
         return register_stage(projector, points_mm, corrected.poses, nominal_carriage_from_marker);
     };
-    const CorrectedPoses known =
-        bias_corrected(projector, points_mm, poses, known_bias, nullptr, render_and_detect);
-    BiasCorrectedRegistration result;
-    result.registration = registered(known);
-    keep(known, result);
+    result.registration = registered(nullptr);
     if (!known_bias.empty() && std::ranges::none_of(known_bias, &ImagePoints::empty))
         return result;
     do {
-        const CorrectedPoses corrected = bias_corrected(projector, points_mm, poses, known_bias,
-                                                        &result.registration, render_and_detect);
-        const Registration next = registered(corrected);
+        const Registration next = registered(&result.registration);
         result.last_change_px =
             largest_move_px(projector, points_mm, poses, result.registration, next);
         result.changes_px.push_back(result.last_change_px);
         result.registration = next;
-        keep(corrected, result);
         ++result.rounds;
     } while (result.rounds < max_rounds && result.last_change_px > settled_px);
     return result;

@@ -5,15 +5,9 @@
 //     b3_position_field_rms_mm: {limit: 0.06, unit: mm}
 //     b3_position_field_max_mm: {limit: 0.20, unit: mm}
 //
-// and, optional, each judged where it is there and otherwise only reported:
+// and, optional, all other quantities of judged_quantities.h, judged where they are there and
+// otherwise only reported, and:
 //
-//     b3_rotation_field_rms_mrad: {limit: 1.0, unit: mrad}
-//     b3_rotation_field_max_mrad: {limit: 3.0, unit: mrad}
-//     b3_position_rest_rms_mm: {limit: 0.05, unit: mm}     # what the smooth field leaves
-//     b3_length_error_max_mm: {limit: 0.25, unit: mm}      # between any two hold-out poses
-//     b4_position_field_rms_mm, b4_position_field_max_mm   # of photometric poses
-//     pixel_residual_gray, pixel_blur_px, pixel_tone_gray, pixel_shading_percent (unit: "%"),
-//     pixel_noise_ratio (unit: "1"), pixel_edge_px, pixel_background_gray, pixel_black_gray
 //     pixels: must_match     # any difference of photographs and renders that is shown is a FAIL
 //     decision_rule: guarded         # or simple, or {guard_band: 0.5}, a factor of U
 //     may_be_unchecked: [repeatability]   # conditions of a PASS that a run may leave unchecked

@@ -49,12 +49,11 @@ void count_detections(const QualificationInput& input, Qualification& result) {
     DetectionCounts& counts = result.detection;
     for (const VisitedPose& pose : input.poses) {
         (pose.hold_out ? counts.hold_out : counts.training) += 1;
-        if (pose.is_detected())
-            (pose.hold_out ? counts.hold_out_detected : counts.training_detected) += 1;
+        (pose.hold_out ? counts.hold_out_detected : counts.training_detected) += pose.is_detected();
     }
-    if (result.detection.rate() < 1.0)
-        result.reasons.push_back(fmt::format("the marker was detected in {:.1f} % of the poses",
-                                             100.0 * result.detection.rate()));
+    if (counts.rate() < 1.0)
+        result.reasons.push_back(
+            fmt::format("the marker was detected in {:.1f} % of the poses", 100.0 * counts.rate()));
 }
 
 // A camera that gives one picture again and again may give an old one.
@@ -208,7 +207,8 @@ bool registered(const QualificationInput& input, const Projector& projector,
     return std::ssize(result.registration->used) >= min_training_poses;
 }
 
-// Biases of all poses; B3 only of hold-out poses. Returns how many hold-out poses have B3.
+// Biases of all poses; B3 only of hold-out poses, and the training poses' differences of the
+// registration's last round. Returns how many hold-out poses have B3.
 int find_biases(const QualificationInput& input, const Projector& projector,
                 Qualification& result) {
     const Registration& registration = result.registration->registration;
@@ -227,18 +227,12 @@ int find_biases(const QualificationInput& input, const Projector& projector,
             usable += pose.used ? 1 : 0;
         }
     }
-    return usable;
-}
-
-// Of the training poses, from the registration's last round.
-void find_training_differences(const QualificationInput& input, const Projector& projector,
-                               Qualification& result) {
-    const BiasCorrectedRegistration& registration = *result.registration;
-    for (std::size_t i = 0; i < registration.used.size(); ++i) {
-        PoseBias& bias = result.poses[registration.used[i]].bias;
-        bias.difference_px = differences(registration.corrected_px[i],
+    for (std::size_t i = 0; i < result.registration->used.size(); ++i) {
+        PoseBias& bias = result.poses[result.registration->used[i]].bias;
+        bias.difference_px = differences(result.registration->corrected_px[i],
                                          projected(projector, input.points_mm, bias.predicted));
     }
+    return usable;
 }
 
 // `covariance` gives the levels of noise along the axis and across it.
@@ -309,10 +303,8 @@ void fit_position_field(const QualificationInput& input, Qualification& result) 
 }
 
 bool is_listed(const Qualification& result, const char* quantity) {
-    const auto holds = [&](const std::vector<JudgedQuantity>& list) {
-        return std::ranges::find(list, quantity, &JudgedQuantity::name) != list.end();
-    };
-    return holds(result.quantities) || holds(result.reported);
+    return std::ranges::count(result.quantities, quantity, &JudgedQuantity::name) > 0 ||
+           std::ranges::count(result.reported, quantity, &JudgedQuantity::name) > 0;
 }
 
 void fit_fields(const QualificationInput& input, const NoiseDraws& draws, Qualification& result) {
@@ -598,7 +590,6 @@ Qualification qualify(const QualificationInput& input) {
         !registered(input, projector, result))
         return skipped(std::move(result), too_few);
     const int usable = find_biases(input, projector, result);
-    find_training_differences(input, projector, result);
     if (usable < min_hold_out_poses)
         return skipped(std::move(result),
                        "too few hold-out poses whose render is detected as well");

@@ -2,12 +2,9 @@
 // blur grows away from focus. Fitted to the pixels of all edges at once (compare/edges/edge_fit.h).
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <optional>
-#include <span>
 #include <string>
-#include <vector>
 
 #include "compare/edges/edge_spread.h"
 

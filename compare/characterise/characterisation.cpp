@@ -354,9 +354,8 @@ private:
         uncertainty().f_number = defocus.f_number_standard_uncertainty;
     }
 
-    // With the defocus determined its own width at focus is written, which shares its covariance; a
-    // measured pattern holds the blur of the depths that were photographed, and stands only where
-    // that blur could not be told apart.
+    // With the defocus determined its own width at focus is written. A measured pattern holds the
+    // blur of the photographed depths: only where that could not be told apart.
     void take_point_spread() {
         const PointSpreadEstimate& spread = *result_.point_spread;
         const bool can_write = can_write_lens();

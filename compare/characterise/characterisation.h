@@ -3,10 +3,6 @@
 // edges (docs/characterising.md).
 #pragma once
 
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/characterise/photon_transfer.h"

@@ -1,8 +1,6 @@
 // What code values do to statistics: rounding, and the ends of the scale.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include <span>
 #include <string>
 #include <vector>

@@ -9,11 +9,8 @@
 // uniform, cos^4 of the field angle, and the polynomial.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <span>
-#include <string>
-#include <vector>
 
 #include "calib/camera/projector.h"
 #include "core/geometry/rigid.h"

@@ -5,7 +5,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <cmath>
 
 #include "compare/characterise/code_statistics.h"
 #include "core/program/errors.h"

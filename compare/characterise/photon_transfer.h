@@ -11,7 +11,6 @@
 #include <Eigen/Core>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "calib/camera/camera_model.h"

@@ -9,10 +9,7 @@
 // edge, linear in the signal between them.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include <string>
-#include <vector>
 
 #include "compare/edges/edge_spread.h"
 
@@ -29,8 +26,7 @@ struct SlantedEdge {
     std::vector<ModulationRow> modulation;  // 0 .. 1 cycle per px in steps of 1/width, 0 first
     // The frequency where the modulation falls to one half; 0 when it does not.
     double mtf50_cycles_per_px = 0.0, mtf50_standard_uncertainty = 0.0;
-    // At half a cycle per px.
-    double at_nyquist = 0.0, at_nyquist_standard_uncertainty = 0.0;
+    double at_nyquist = 0.0, at_nyquist_standard_uncertainty = 0.0;  // at half a cycle per px
 };
 
 // One edge across a rectangle of a linear photograph, at least 16 px wide and high. The edge

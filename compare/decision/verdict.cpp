@@ -2,11 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <functional>
-#include <numbers>
-#include <vector>
 
 #include "compare/uncertainty/uncertainty_budget.h"
 #include "core/program/errors.h"

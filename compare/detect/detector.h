@@ -3,11 +3,8 @@
 // frame of sim/marker/marker.h.
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "calib/camera/projector.h"
 #include "core/geometry/rigid.h"

@@ -2,12 +2,8 @@
 // all finders share.
 #pragma once
 
-#include <Eigen/Core>
 #include <memory>
 #include <opencv2/core.hpp>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "compare/detect/detector.h"
 

@@ -29,8 +29,7 @@ Set without(Set set, std::size_t member) {
     return set;
 }
 
-// Products of the columns of all candidates with each other and with what was observed. The
-// candidates must outlive it.
+// Products of all candidates' columns with each other and with the observed. They must outlive it.
 class HypothesisSet {
 public:
     explicit HypothesisSet(Observation of) : of_(std::move(of)) {}
@@ -60,8 +59,7 @@ public:
     std::size_t size() const { return candidates_.size(); }
     const ErrorCandidate& candidate(std::size_t i) const { return *candidates_[i].candidate; }
 
-    // Numbers of a set's columns, in units of the candidates' sizes; nothing where they cannot be
-    // told apart at all.
+    // In units of the candidates' sizes; nothing where columns cannot be told apart at all.
     struct Fit {
         Eigen::VectorXd numbers;
         double rest = 0.0;  // sum of squares that is left
@@ -198,8 +196,7 @@ CausingError described(const HypothesisSet& comparison, const Set& set, std::siz
             {candidate.remedy}};
 }
 
-// Where a set explains no more than one of its subsets is worth, it is that subset with a member
-// too many: its probability is the subset's.
+// A set that scores no more than one of its subsets gives its probability to that.
 Scores probabilities(const Scores& scores, double log_total) {
     Scores of_needed;
     for (const auto& [set, score] : scores) {
@@ -215,8 +212,7 @@ Scores probabilities(const Scores& scores, double log_total) {
     return of_needed;
 }
 
-// Takes sets of as many members as these or more that are as good as the best and hold none of
-// these, the best ones first.
+// Takes sets of as many members or more that are as good and hold none of these, best first.
 void claim_instead(const HypothesisSet& comparison, const std::vector<Set>& these, double least,
                    Scores& left, Cause& cause) {
     std::vector<std::pair<double, Set>> others;
@@ -265,8 +261,7 @@ Cause claimed(const HypothesisSet& comparison, const Set& best, Scores& left) {
     return cause;
 }
 
-// Any smooth change over the volume: linear and quadratic in the position, linear in the rotation;
-// constants are X's and Y's.
+// Any smooth change over the volume: linear and quadratic in the position, linear in the rotation.
 ErrorCandidate smooth_change(const SignatureChain& chain) {
     Eigen::Matrix3Xd positions(3, std::ssize(chain.poses));
     for (std::size_t i = 0; i < chain.poses.size(); ++i)
@@ -538,8 +533,7 @@ std::vector<double> sizes_up_to(double largest) {
     return sizes;
 }
 
-// The random error that makes the observed most probable beside what is explained already; nothing
-// where none is worth its price.
+// The random error that makes the observed most probable; nothing where none is worth its price.
 std::optional<Scattered> best_scatter(const DiagnosisInput& evidence,
                                       const std::vector<RandomErrorCandidate>& error_candidates,
                                       const std::vector<double>& sizes,
@@ -570,8 +564,7 @@ std::optional<Scattered> best_scatter(const DiagnosisInput& evidence,
     return best;
 }
 
-// Corners scatter where the detector's biases in photograph and render differ. Nothing where a
-// random error of the stage explains it as well.
+// By the detector's biases in photograph and render. Nothing where a stage's explains it as well.
 std::optional<Scattered> corner_scatter(const DiagnosisInput& evidence,
                                         const std::vector<ErrorCandidate>& beside,
                                         std::size_t known) {

@@ -42,9 +42,8 @@ double widening(const RunEvidence& pixels, const PixelDeviation& step,
     return std::max(1.0, scatter / photos) + tolerance * count / photos;
 }
 
-// Standard deviation by renders that are all off by their tolerance where a deviation changes most.
-// A photograph weighs by the square of its changes c, its error is tolerance / c: tolerance sum c /
-// sum c^2.
+// Standard deviation by renders that are all off by their tolerance where a deviation changes most,
+// by c: a photograph weighs by c^2 and errs by tolerance / c.
 double of_renders(const std::vector<PhotoEvidence>& photos, int i) {
     constexpr double full_scale_gray = 255.0;
     double sum = 0.0, squares = 0.0;

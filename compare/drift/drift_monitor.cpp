@@ -5,7 +5,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <array>
-#include <numbers>
 
 #include "compare/detect/board/calibration_target.h"
 #include "compare/make_detector.h"

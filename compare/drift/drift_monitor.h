@@ -10,8 +10,6 @@
 #include <chrono>
 #include <deque>
 #include <functional>
-#include <map>
-#include <opencv2/core.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -85,8 +83,7 @@ struct DriftRate {
     Minutes from{}, to{};           // the first and the last block
     Movement per_min;               // px/min, see Movement
     Movement standard_uncertainty;  // of each
-    // The largest drift over the image, at one of its four corners.
-    double worst_px_per_min = 0.0;
+    double worst_px_per_min = 0.0;  // the largest drift over the image, at one of its four corners
     Eigen::Vector2d worst_pixel = Eigen::Vector2d::Zero();
     double standard_uncertainty_px_per_min = 0.0;  // of the worst
     double coverage_factor = 0.0;

@@ -7,10 +7,7 @@
 // from the normal equations (Schur complement).
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
-#include <span>
-#include <vector>
 
 #include "compare/edges/edge_spread.h"
 #include "sim/scene/marker_view.h"

@@ -11,9 +11,6 @@
 // to 3 %.
 #pragma once
 
-#include <Eigen/Core>
-#include <vector>
-
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photometric_equations.h"
 

@@ -5,9 +5,6 @@
 // turn (compare/edges/edge_fit.h).
 #pragma once
 
-#include <opencv2/core.hpp>
-
-#include <Eigen/Core>
 #include <span>
 #include <vector>
 

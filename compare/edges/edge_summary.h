@@ -3,12 +3,8 @@
 // EdgeShift::is_beyond_range are counted and enter no other figure.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include <optional>
-#include <span>
 #include <string>
-#include <vector>
 
 #include "compare/edges/edge_shifts.h"
 #include "compare/edges/edge_spread.h"

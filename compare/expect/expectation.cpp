@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compare/expect/pose_statistics.h"
 #include "compare/make_detector.h"
 #include "core/statistics/random.h"
 

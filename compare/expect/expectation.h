@@ -6,14 +6,13 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <cstdint>
 #include <functional>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
 #include "compare/expect/expected_view.h"
+#include "compare/expect/pose_statistics.h"
 #include "sim/scene/pose_volume.h"
 
 namespace etalon {
@@ -97,11 +96,7 @@ private:
 };
 
 // The six components of a pose error, in directions that mean the same all over the image.
-struct ErrorComponent {
-    const char* name;
-    const char* unit;  // "mm", "mrad"
-};
-inline constexpr std::array<ErrorComponent, 6> error_components = {{
+inline constexpr std::array<MeasureName, 6> error_components = {{
     {"along the line of sight", "mm"},  // away from the camera
     {"outwards in the image", "mm"},    // across the line of sight, away from the optical axis
     {"around the axis", "mm"},          // across both

@@ -5,7 +5,6 @@
 #include <tbb/enumerable_thread_specific.h>
 
 #include <cstdint>
-#include <memory>
 
 #include "compare/pose/pose.h"
 #include "sim/render/renderer.h"

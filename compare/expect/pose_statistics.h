@@ -9,9 +9,7 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <span>
-#include <vector>
 
 #include "compare/detect/detector.h"
 #include "core/statistics/distributions.h"

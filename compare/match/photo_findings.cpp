@@ -313,9 +313,8 @@ struct CoveredAreas {
     cv::Mat pixels;             // CV_8UC1, 255: in such a window, or within a pixel of it
 };
 
-// The residual is averaged over square windows of this side away from edges. Cells of 4 px and less
-// have no such places. `limit` in parts of the contrast (white minus black of the photometric
-// model).
+// The residual is averaged over square windows of this side away from edges; cells of 4 px and less
+// have none. `limit` in parts of the photometric model's contrast.
 CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, double window_px,
                            double limit) {
     constexpr int enough_steps = 12;  // in a window
@@ -347,9 +346,8 @@ CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, doubl
 }
 
 // RMS difference of neighbouring pixels' residuals, gray, across the borders of JPEG's blocks of
-// 8 x 8 px and inside them; 0 without flat pairs: of the compared pixels whose prediction changes
-// by less than 1 % of `contrast_gray` per px. Only for whole photographs: a cut or scaled one has
-// its blocks elsewhere.
+// 8 x 8 px and inside them; 0 without flat pairs, whose prediction changes by less than 1 % of
+// `contrast_gray` per px. Not for cut or scaled photographs.
 struct BlockSteps {
     double across_gray = 0.0, inside_gray = 0.0;
 };

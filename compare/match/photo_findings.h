@@ -8,9 +8,6 @@
 // of the print: marker and distance twice as large give the same photograph.
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "compare/detect/detector.h"
 #include "compare/photometric/photo_match.h"
 

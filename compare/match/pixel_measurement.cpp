@@ -1,7 +1,6 @@
 #include "compare/match/pixel_measurement.h"
 
 #include <Eigen/Cholesky>
-#include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 

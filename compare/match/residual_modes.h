@@ -9,7 +9,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
 #include "compare/photometric/photo_match.h"
 
@@ -40,9 +39,8 @@ struct ModeFit {
 class ResidualModes {
 public:
     // Of the pixels where `counted` (CV_8UC1) is not 0. Pose and noise scale are those of the fit.
-    // The modes are derived from its prediction, by differences on the pixel grid: right to some
-    // 10 %. Throws NumericalError for sizes that differ, fewer than 128 pixels and what is not
-    // finite.
+    // The modes are derived from its prediction, by differences on the pixel grid: right to some 10
+    // %. Throws NumericalError for sizes that differ, fewer than 128 pixels and what is not finite.
     ResidualModes(const PhotoFit& fit, const cv::Mat& counted, const PhotometricCamera& camera,
                   const Rigid& camera_from_marker, double noise_scale);
 

@@ -2,7 +2,6 @@
 // fitting the photometric model, the other for scoring it.
 #pragma once
 
-#include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <optional>
 

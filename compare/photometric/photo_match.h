@@ -3,8 +3,6 @@
 // marker's cells; the other half is scored. Perspective cameras.
 #pragma once
 
-#include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 

@@ -13,7 +13,6 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photometric_equations.h"

@@ -112,9 +112,8 @@ public:
 
     double* next() { return rows_.col(count_).data(); }
 
-    // Takes the row that was written to next(), of a pixel in this block of the image. The
-    // information is Newton's: Huber's loss is straight beyond its threshold and has no curvature
-    // there.
+    // Takes the row that was written to next(), of a pixel in this block of the image. Beyond its
+    // threshold Huber's loss has no curvature, and the row no information.
     void add(double noise, double residual, int image_block) {
         const double limited = std::clamp(residual, -huber_threshold, huber_threshold);
         const double size = std::abs(residual);

@@ -6,10 +6,6 @@
 // Huber's loss limits residuals beyond 3.
 #pragma once
 
-#include <Eigen/Core>
-#include <optional>
-#include <vector>
-
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "compare/photometric/photometric_model.h"

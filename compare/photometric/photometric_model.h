@@ -11,7 +11,6 @@
 
 #include <opencv2/core.hpp>
 
-#include <Eigen/Core>
 #include <optional>
 #include <vector>
 

@@ -70,9 +70,8 @@ public:
     Adjuster(std::span<const PhotoOfMarker> photos, const CalibrationModel& parameters)
         : photos_(photos), parameters_(parameters), scales_(photos.size(), 1.0) {}
 
-    // The noise scale of each photograph is 1.4826 times the median size of its residuals, not
-    // below 1 where the camera knows its noise, found again until it no longer changes. The same
-    // result for any number of threads.
+    // Noise scales are found again until they no longer change. The same result for any number of
+    // threads.
     Place run(const std::shared_ptr<const PhotometricCamera>& camera,
               const std::vector<PhotoState>& start) {
         constexpr int max_rounds = 3;

@@ -10,8 +10,6 @@
 // photograph's photometric pose; `detector(render)` is then the projected truth and that bias.
 #pragma once
 
-#include <functional>
-
 #include "calib/registration/registration.h"
 #include "compare/detect/detector.h"
 

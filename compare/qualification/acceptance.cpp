@@ -166,8 +166,7 @@ struct Drift {
     double uncertainty_mm = 0.0;  // U, k = 2, in its worst direction
 };
 
-// A shift that grows with time, fitted beside the field: its three columns are freed of what the
-// field can take, then weighted least squares on the field's residuals.
+// A shift that grows with time, by weighted least squares beside the field.
 Drift fitted_drift(const BiasField& field, std::span<const FieldSample> samples,
                    std::span<const double> times) {
     const auto [first, last] = std::minmax_element(times.begin(), times.end());
@@ -217,8 +216,7 @@ AcceptanceCondition drift(const QualificationInput& input, const Qualification& 
                                size, found.uncertainty_mm, limit));
 }
 
-// Of both poses at the same target: camera model, detector and stage errors other than random ones
-// are alike and drop out.
+// Of both poses at the same target: all but random errors are alike and drop out.
 AcceptanceCondition repeatability(const QualificationInput& input, const Qualification& result) {
     const char* title = "repeatability";
     const auto usable = [](const AnalysedPose& pose) {

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 
 #include "compare/qualification/qualification.h"
 #include "core/statistics/distributions.h"
@@ -122,9 +121,8 @@ Eigen::MatrixXd marker_axes_from_image(const SignatureChain& chain, std::size_t 
     return all;
 }
 
-// Correlation of the noise of a marker's corners, with the mean variance 1: corners where two
-// fitted edges meet do not move on their own. Pooled over the frames of all poses in the marker's
-// axes, drawn towards independence by one frame's weight a coordinate.
+// Correlation of the noise of a marker's corners, with the mean variance 1, pooled over the frames
+// of all poses in the marker's axes, drawn towards independence by one frame's weight a coordinate.
 Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
     const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows, rows);

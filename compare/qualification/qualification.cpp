@@ -142,8 +142,7 @@ TrainingPoses training_poses(const QualificationInput& input, const Projector& p
     return training;
 }
 
-// Whether the photograph's pixels show the marker elsewhere, too: where only its corners lie off,
-// the detector slipped, and that the field's robust fit can bear.
+// Whether the photograph's pixels show the marker elsewhere, too: else the detector slipped.
 bool was_elsewhere(const VisitedPose& pose, const Registration& registration,
                    const Eigen::Vector3d& off_mm) {
     const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
@@ -151,8 +150,7 @@ bool was_elsewhere(const VisitedPose& pose, const Registration& registration,
            (pose.seen_at->translation - predicted.translation).norm() > 0.5 * off_mm.norm();
 }
 
-// Leaves out those of these outliers (`indices`: which of the result's poses each is) that were
-// elsewhere; false where none was.
+// Leaves out the outliers (`indices`: among the result's poses) that were elsewhere; false: none.
 bool leave_out(const QualificationInput& input, const std::vector<OutlierPose>& outliers,
                const std::vector<std::size_t>& indices, Qualification& result) {
     const Registration& registration = result.registration->registration;
@@ -173,8 +171,7 @@ bool leave_out(const QualificationInput& input, const std::vector<OutlierPose>& 
     return is_any;
 }
 
-// Registers on the training poses with a pose estimate, but for those that are outlying; false when
-// there are too few of them.
+// On the training poses with a pose estimate that are not outlying; false for too few of them.
 bool registered(const QualificationInput& input, const Projector& projector,
                 Qualification& result) {
     TrainingPoses training = training_poses(input, projector, result);
@@ -421,8 +418,7 @@ void find_corner_figures(const QualificationInput& input, const SignatureChain& 
         residual_rms_mm(chain, figures.fit) * std::sqrt(figures.coherence.share);
 }
 
-// What the noise of each used hold-out pose's corners makes of its position, with the declared
-// stage noise and the error maps' uncertainty on top. Nothing when it is not known.
+// Of each judged pose's position, by corners, stage and error maps. Nothing when it is not known.
 std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input,
                                                        const Qualification& result) {
     std::vector<SampleNoise> noise;

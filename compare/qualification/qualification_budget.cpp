@@ -277,8 +277,7 @@ private:
         }
     }
 
-    // Marker and stage grow together as far as they are of one material: their effects are added
-    // with their signs.
+    // Marker and stage grow together: their effects are added with their signs.
     void add_temperature() {
         BudgetRow row = declared("temperature", "K", std::nullopt);
         const Effect marker = effect_of(*signature("marker print size"));
@@ -302,8 +301,8 @@ private:
         add_effect(std::move(row), effect);
     }
 
-    // A bound, not a scatter: anything within it is as likely. Corners of a chessboard are saddle
-    // points and stay where they are when edges move.
+    // A bound: anything within it is as likely. Saddle points of a chessboard do not move with
+    // edges.
     void add_render() {
         const double bound_px = input_.render_edge_bound_px;
         const ErrorSignature* edges = signature("edge shrink", true);

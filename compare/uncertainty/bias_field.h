@@ -4,10 +4,7 @@
 // The power that noise alone gives it is taken out of the RMS.
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
-#include <span>
-#include <vector>
 
 #include "calib/camera/lens_projection.h"
 

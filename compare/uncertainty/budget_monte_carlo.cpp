@@ -5,8 +5,6 @@
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
-#include <algorithm>
-#include <numbers>
 #include <numeric>
 
 #include "compare/uncertainty/length_error.h"
@@ -25,9 +23,8 @@ void throw_if_stopped(const std::stop_token& stop) {
         throw Interrupted();
 }
 
-// The largest length of a field at many positions, for one field after another. From the range of
-// the design's numbers in a box of positions follows what a field can reach there: few boxes can
-// hold its largest length.
+// The largest length of a field at many positions, for one field after another. The range of the
+// design's numbers in a box bounds it there: few boxes can hold the largest length.
 class LargestLength {
 public:
     LargestLength(const BiasField& field, std::vector<Eigen::Vector3d> positions)

@@ -9,11 +9,9 @@ namespace etalon {
 
 struct LengthErrors {
     int pairs = 0;
-    double longest_mm = 0.0;  // distance between two poses
-    // Of the single pairs, noise included.
-    double measured_rms_mm = 0.0, measured_max_mm = 0.0;
-    // Largest |error| that the field makes, over all pairs, and where.
-    double field_max_mm = 0.0;
+    double longest_mm = 0.0;                              // distance between two poses
+    double measured_rms_mm = 0.0, measured_max_mm = 0.0;  // of the single pairs, noise included
+    double field_max_mm = 0.0;  // largest |error| that the field makes, over all pairs, and where
     double field_max_length_mm = 0.0;  // distance of that pair
     // The 97.7 % quantile of what noise alone makes of it: a simultaneous band over all pairs.
     double field_max_uncertainty_mm = 0.0;

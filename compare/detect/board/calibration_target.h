@@ -5,11 +5,8 @@
 
 #include <opencv2/core.hpp>
 
-#include <Eigen/Core>
 #include <map>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "calib/camera/camera_model.h"
 #include "calib/intrinsics/calibration_view.h"

@@ -206,8 +206,7 @@ void add_quads(std::vector<Line> lines, bool closed, std::vector<Quad>& quads) {
 
 // Convex quadrilaterals in a CV_8UC1 image, good to a pixel or two, from edge segments (Edge
 // Drawing, parameter free: C. Akinlar, C. Topal, "EDPF", IJPRAI 26, 2012). A chain of pixels is cut
-// into straight lines; four in a row of which each meets the next make a quadrilateral. Many are no
-// markers. About 2 ms for 640x480.
+// into straight lines, of which four in a row may meet. About 2 ms for 640x480.
 std::vector<Quad> find_quads(const cv::Mat& image) {
     constexpr int min_side_px = 16;     // what the library's own filters need
     constexpr double max_gap_px = 5.0;  // where Edge Drawing begins and ends a closed curve

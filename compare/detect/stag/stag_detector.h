@@ -2,13 +2,8 @@
 // all edges. Method and figures: docs/stag.md. All functions are safe from every thread.
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
 #include <memory>
-#include <opencv2/core.hpp>
-#include <optional>
 #include <span>
-#include <vector>
 
 #include "compare/detect/detector.h"
 #include "sim/marker/stag_pattern.h"

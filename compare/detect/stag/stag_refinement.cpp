@@ -1,8 +1,5 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <numeric>
 
 #include "compare/detect/stag/stag_detector.h"

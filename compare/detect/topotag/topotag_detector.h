@@ -11,12 +11,8 @@
 //   5. fit_topotag(): sub-pixel vertices, and whether each dot is there.
 #pragma once
 
-#include <Eigen/Core>
 #include <memory>
 #include <opencv2/core.hpp>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "compare/detect/detector.h"
 

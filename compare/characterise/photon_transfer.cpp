@@ -219,7 +219,6 @@ constexpr double max_correlation = 0.05;
 constexpr double max_gain_uncertainty = 0.2;  // relative
 constexpr double max_misfit = 0.1;            // relative
 
-// Sums over the pixels of one level.
 struct Bin {
     double pixels = 0.0, clipped = 0.0, signal = 0.0, variance = 0.0, degrees_of_freedom = 0.0;
 };

@@ -39,7 +39,6 @@ BlackLevel measure_black_level(std::span<const CodeImage> dark_frames);
 // Photographs with the same settings of the same view, two at least.
 using RepeatedView = std::vector<CodeImage>;
 
-// Pixels of about the same signal.
 struct NoiseLevel {
     double signal_dn = 0.0;     // mean linear signal above black
     double variance_dn2 = 0.0;  // of that signal, rounding taken out

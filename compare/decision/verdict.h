@@ -52,7 +52,6 @@ enum class Outcome {
 // "PASS", "FAIL", "INCONCLUSIVE", "NOT_OBSERVABLE", "SKIPPED".
 const char* name(Outcome outcome);
 
-// One measured quantity against its limit.
 struct JudgedQuantity {
     std::string name;  // as in the limits file: "b3_position_field_rms_mm"
     std::string unit;

@@ -29,7 +29,6 @@ struct DetectedCorners {
 // The points of the marker that these pixels show: what estimate_pose() needs with them.
 ObjectPoints seen_points_mm(const Marker& marker, const DetectedCorners& corners);
 
-// What a detector finds in one image.
 struct Detection {
     std::optional<DetectedCorners> corners;
     std::string reason = {};  // why there are none, in words: "marker not found"

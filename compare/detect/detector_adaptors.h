@@ -9,7 +9,6 @@
 
 namespace etalon {
 
-// How libapriltag finds the outlines of tags.
 struct ApriltagOptions {
     double quad_decimate = 1.0;  // in an image reduced by 1, 1.5, or a whole number up to 8
     bool refine_edges = true;    // fitted anew to the whole image

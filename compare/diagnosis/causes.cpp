@@ -34,7 +34,6 @@ class HypothesisSet {
 public:
     explicit HypothesisSet(Observation of) : of_(std::move(of)) {}
 
-    // The same with these candidates alone.
     HypothesisSet only(const Set& set) const {
         HypothesisSet few(of_);
         for (const std::size_t i : set)

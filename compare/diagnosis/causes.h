@@ -18,7 +18,6 @@
 
 namespace etalon {
 
-// One error of an explanation.
 struct CausingError {
     // The best first, then those that the run cannot tell from it (over 1 to 100 against the best).
     std::vector<std::string> names;

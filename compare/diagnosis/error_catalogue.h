@@ -43,7 +43,6 @@ struct ChangingError {
     std::function<void(Changed&, double)> change;  // makes it wrong by this much
 };
 
-// The true camera differs from the calibration.
 using CameraError = ChangingError<CameraModel>;
 // Those that have a signature, and those that only causes are looked for among: aspect, rational,
 // prism and tilt terms. A wide lens has no tilt; among the first are its k7 and the projection's

@@ -30,7 +30,6 @@ using TargetPoints = std::map<int, Eigen::Vector2d>;
 // equal noise of every coordinate the four are uncorrelated and equally noisy.
 using Movement = Eigen::Vector4d;
 
-// The target as it was seen first.
 class TargetReference {
 public:
     // Throws NumericalError for fewer than 4 points or points that are all in one place.
@@ -72,7 +71,6 @@ TargetFinder make_target_finder(const std::string& spec, const std::string& plac
 
 using Minutes = std::chrono::duration<double, std::ratio<60>>;
 
-// One piece of time.
 struct DriftBlock {
     Minutes time{};          // mean of its frames
     Movement movement;       // median of its frames, each of the four

@@ -75,7 +75,6 @@ struct BlurModel {
         transfer;
 };
 
-// One edge's own part of the fit.
 struct FittedEdge {
     // dark, step, g_n, g_t, shift (px), turn
     Eigen::Matrix<double, 6, 1> own = Eigen::Matrix<double, 6, 1>::Zero();

@@ -189,7 +189,6 @@ private:
     Eigen::Matrix<double, places, places> coefficients_;
 };
 
-// One pixel of a band.
 struct BandPixel {
     double photo, black, white;  // gray: what is seen, and the prediction's two levels
     double distance;             // px along the normal
@@ -271,7 +270,6 @@ EdgePixels pixels_of(const Band& band, const PhotoOfMarker& photo, const Rendere
     return result;
 }
 
-// The fit of one edge.
 class EdgeRegression {
 public:
     EdgeRegression(const std::vector<BandPixel>& pixels, const Photometry& photometry,

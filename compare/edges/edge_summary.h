@@ -72,7 +72,6 @@ std::vector<EdgeBin> edges_by_depth(std::span<const EdgeShift> edges, int bins);
 // (a fx (1/z - 1/z_f) / 2)^2, a the aperture's radius. Over 1/z the widths lie close to a parabola,
 // lowest at the focus distance.
 
-// Edges between two depths.
 struct DepthBin {
     double low_mm = 0.0, high_mm = 0.0;
     int edges = 0;
@@ -83,7 +82,6 @@ struct DepthBin {
     double residual_rms_gray = 0.0;  // along the edges of edge_shifts() between these depths
 };
 
-// Where the widths are least.
 struct WidthMinimum {
     bool is_determined = false;
     std::string undetermined;  // when not, why; then the values are 0

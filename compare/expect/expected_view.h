@@ -20,7 +20,6 @@ struct ExpectedScene {
     double white_level = 1.0;  // of the marker's white in the photographs, 1 = full scale
 };
 
-// Whether the calibration states the sensor's noise.
 bool states_noise(const CameraModel& camera);
 
 // Whether the renderer takes the marker there: before a wide lens it has an end.

@@ -148,7 +148,6 @@ std::optional<MeasureStatistics> measure_statistics(std::span<const ErrorRow> ro
     return statistics;
 }
 
-// Edges of the bins of an axis
 std::vector<double> axis_edges(std::span<const double> axis, std::size_t most_bins) {
     std::vector<double> levels(axis.begin(), axis.end());
     std::sort(levels.begin(), levels.end());
@@ -169,7 +168,6 @@ std::vector<double> axis_edges(std::span<const double> axis, std::size_t most_bi
     return edges;
 }
 
-// Which poses lie in each bin.
 std::vector<std::vector<std::size_t>> members(std::span<const double> axis,
                                               std::span<const double> edges) {
     std::vector<std::vector<std::size_t>> bins(edges.empty() ? 0 : edges.size() - 1);

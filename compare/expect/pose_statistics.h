@@ -38,7 +38,6 @@ PoseComponents pose_components(const Rigid& camera_from_marker);
 
 using ErrorRow = std::array<double, error_measure_count>;
 
-// What a detector made of one pose.
 struct DetectedError {
     ErrorRow measures{};
     bool flip = false;

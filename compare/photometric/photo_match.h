@@ -21,7 +21,6 @@ struct ResidualStatistics {
     std::optional<double> significant;
 };
 
-// What residuals are compared with.
 enum class NoiseSource {
     camera,     // shot, read and rounding noise of the camera's file, by gray
     residuals,  // one standard deviation, robustly from the fitted half of this image

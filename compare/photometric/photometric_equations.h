@@ -117,7 +117,6 @@ struct PhotometricTerms {
     }
 };
 
-// A photograph and the marker in it.
 struct PhotoOfMarker {
     cv::Mat gray;  // CV_32FC1
     CellGrid grid;

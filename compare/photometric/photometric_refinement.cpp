@@ -275,7 +275,6 @@ void validate_fold(const Job& job, const CameraFit& corners, const Place& all, s
     }
 }
 
-// The paired comparison.
 void judge(PhotometricRefinement& result) {
     const double n = static_cast<double>(result.photos.size());
     double squares = 0.0;

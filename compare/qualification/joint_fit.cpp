@@ -279,7 +279,6 @@ private:
                 scatter * equations_.half_inverse(effects.transpose()).transpose()};
     }
 
-    // Of what was observed, in px.
     std::vector<Eigen::VectorXd> residuals() const {
         const Eigen::VectorXd all = equations_.residual();
         std::vector<Eigen::VectorXd> residuals;

@@ -25,7 +25,6 @@ struct ErrorEffects {
 // Throws as error_candidates() does. Some 10 ms for 70 poses of a tag.
 ErrorEffects error_effects(const CandidateRequest& request);
 
-// A declared input that the run contradicts.
 struct ContradictedInput {
     std::string name, unit;
     double declared = 0.0;               // standard uncertainty

@@ -84,7 +84,6 @@ struct RunMeasurements {
     std::optional<ImageAgreement> pixels = {};  // of hold-out photographs; nothing: not compared
 };
 
-// Of the calculation.
 struct QualificationOptions {
     std::uint64_t seed = 1;  // of the simultaneous band's draws
     // For studies of thousands of runs: signatures and effects of errors from another run of the
@@ -112,7 +111,6 @@ struct RejectedPose {
     std::string text;  // "pose 7 along x by 96.1 mm"
 };
 
-// The field of B4 on hold-out poses.
 struct PhotometricField {
     BiasField position_field;
     FieldSummary position_summary;

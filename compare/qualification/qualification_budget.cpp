@@ -200,7 +200,6 @@ private:
         const Matrix12d factor =
             eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
         double shift = 0.0, turn = 0.0, largest_shift = 0.0, largest_turn = 0.0;
-        // Of the hold-out poses.
         Eigen::MatrixXd shifts(3 * std::ranges::count_if(result_.poses, &AnalysedPose::is_judged),
                                12);
         Eigen::Index judged = 0;

@@ -25,7 +25,6 @@ CalibrationTarget parse_calibration_target(const std::string& spec, const std::s
 // The same of a marker that is at hand.
 CalibrationTarget calibration_target(const Marker& board, const std::string& place);
 
-// What a photograph shows of a target.
 struct ObservedTarget {
     std::optional<CalibrationView> view;
     std::string reason;         // why there is none, in words

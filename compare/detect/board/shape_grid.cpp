@@ -154,7 +154,6 @@ struct PlaceLess {
 // Shapes by their place in steps; the second step is clockwise of the first as seen.
 using Lattice = std::map<Eigen::Vector2i, std::size_t, PlaceLess>;
 
-// One lattice being grown.
 class Growth {
 public:
     Growth(const std::vector<DarkShape>& points, const Neighbourhood& near,

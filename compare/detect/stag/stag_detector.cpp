@@ -44,7 +44,6 @@ namespace {
 
 using Chain = std::vector<cv::Point>;
 
-// A straight part of a chain.
 struct Line {
     Eigen::Vector2d from, to;  // its ends, on the line
     Eigen::Vector2d along;     // unit

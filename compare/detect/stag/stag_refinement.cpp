@@ -242,7 +242,6 @@ std::vector<Row> measure(const cv::Mat& image, const StagView& view,
 // edges of 0.1 px: they decide only where the marker cannot tell.
 constexpr double usual_distortion = 0.3, usual_shift_px = 0.3, usual_edge_px = 0.1;
 
-// Least squares.
 std::optional<Solution> solve(const std::vector<Row>& rows, const StagView& view) {
     Information information = Information::Zero();
     Parameters gradient = Parameters::Zero();

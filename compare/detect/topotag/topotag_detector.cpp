@@ -12,7 +12,6 @@
 namespace etalon {
 namespace {
 
-// Connected regions of one colour.
 struct Labelled {
     cv::Mat labels, statistics, centroids;
     std::vector<int> region;  // by label, -1: not met yet

@@ -162,7 +162,6 @@ struct WindowFit {
     double residual_square = 0.0, variance = 0.0;
 };
 
-// What all windows of an iteration share.
 struct TagView {
     Eigen::Matrix3d pixel_from_cell, cell_from_pixel;
     std::vector<TopotagShape> shapes;

@@ -53,8 +53,7 @@ enum class ArucoRefinement {
 
 struct ArucoOptions {
     ArucoRefinement refinement = ArucoRefinement::subpixel;
-    std::optional<int> subpixel_half_window_px =
-        {};  // of `subpixel` only: 1 to 30, 3 when not given
+    std::optional<int> subpixel_half_window_px = {};  // of `subpixel`: 1 to 30, 3 when not given
 };
 
 // OpenCV's ArUco for one tag, named "aruco", or "aruco-none" and so on. Throws as

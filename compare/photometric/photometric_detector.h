@@ -42,9 +42,9 @@ struct PhotometricPose {
     double reduced_squares = 0.0;  // mean square of the limited residuals, 1 for pure noise
     double loss = 0.0;             // sum of Huber's function of the residuals over the noise
     int pixels = 0;
-    int renderings = 0;      // that it took, both solutions together
-    bool converged = false;  // the next step is below a hundredth of its formal uncertainty, or a
-                             // tenth of the stated one
+    int renderings = 0;  // that it took, both solutions together
+    // The next step is below a hundredth of its formal uncertainty, or a tenth of the stated one.
+    bool converged = false;
     // Nothing where both starts end in one pose: the marker is seen frontally.
     std::optional<OtherPose> other;
 };

@@ -43,7 +43,7 @@ struct VisitedPose : PlannedPose {
     // One after settling and one after each frame; of each axis, mm or rad.
     std::vector<std::vector<double>> readings = {};
     // Per axis, mm or rad: mean of the n readings, their standard deviation s, and the mean's
-    // standard uncertainty, s or the axis' declared noise over sqrt(n).
+    // standard uncertainty, the larger of s and the axis' declared noise over sqrt(n).
     std::vector<double> read_back = {}, read_back_deviation = {}, read_back_uncertainty = {};
     // Of the mean; its covariance as in stage/axes/kinematics.h.
     Rigid base_from_carriage = {};
@@ -54,8 +54,7 @@ struct VisitedPose : PlannedPose {
     int detections = 0;        // number of such frames
     // Nothing with a single such frame, and when all are alike, as rounding hides the noise.
     std::optional<CornerNoise> corner_noise = {};
-    std::optional<CornerNoise> stated_noise =
-        {};  // by the calibration's sensor, for as many frames
+    std::optional<CornerNoise> stated_noise = {};  // by the sensor section, for as many frames
     std::optional<PhotometricReading> photometric = {};  // of hold-out poses
     // The photometric pose, and of a render there the corners less the truth; nothing, empty: not
     // known.

@@ -46,7 +46,8 @@ std::vector<EdgeShift> edges_of(std::span<const EdgeShift> edges, PixelUse use);
 struct ShiftVector {
     Eigen::Vector2d position_px = Eigen::Vector2d::Zero();  // mean of the edges' middles
     Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();
-    Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();  // or by the scatter, where larger
+    Eigen::Matrix2d covariance_px2 =
+        Eigen::Matrix2d::Zero();  // by the edges' deviations or scatter
     int edges = 0;
 };
 

@@ -8,7 +8,6 @@
 #include "compare/detect/stag/stag_detector.h"
 #include "compare/detect/topotag/topotag_detector.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

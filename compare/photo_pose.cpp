@@ -6,8 +6,6 @@
 
 #include "calib/files/camera_file.h"
 #include "compare/detect/board/calibration_target.h"
-#include "core/config/strict_reader.h"
-#include "core/program/errors.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {
@@ -48,10 +46,9 @@ CodeImage taken_by(const CameraModel& camera, CodeImage image, const std::string
     double highest = 0.0;
     cv::minMaxLoc(image.pixels, nullptr, &highest);
     if (highest > image.full_scale())
-        throw ConfigError({photo},
-                          fmt::format("holds the code value {:.0f}, too large for the camera's {} "
-                                      "bits",
-                                      highest, image.bits));
+        throw ConfigError(
+            {photo}, fmt::format("holds the code value {:.0f}, too large for the camera's {} bits",
+                                 highest, image.bits));
     return image;
 }
 

@@ -3,9 +3,6 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "compare/detect/detector.h"
 
@@ -20,13 +17,12 @@ struct PhotoPose {
     std::string shown_as = {};  // as in Detection
 };
 
-// The camera for these photographs, of any lens: a foreign calibration without an image size takes
-// that of the first one. Throws ConfigError when the calibration or the photograph cannot be read.
+// A foreign calibration without an image size takes that of the first photograph. Throws
+// ConfigError when the calibration or the photograph cannot be read.
 CameraModel read_camera_for(const std::filesystem::path& camera_file,
                             const std::vector<std::filesystem::path>& photos);
 
-// One pose for each photograph. Throws ConfigError for a file that cannot be read or holds another
-// number of them.
+// One for each photograph; else throws ConfigError.
 std::vector<Rigid> read_poses_for(const std::filesystem::path& poses,
                                   const std::vector<std::filesystem::path>& photos);
 
@@ -42,8 +38,7 @@ CodeImage taken_by(const CameraModel& camera, CodeImage image, const std::string
 // By the file's first two bytes, not by its name.
 bool is_jpeg(const std::filesystem::path& photo);
 
-// What is seen of the marker in one photograph, without poses: an entry for each that looks like
-// it, or one that says why there is none.
+// Without poses: an entry for each that looks like the marker, or one that says why there is none.
 std::vector<PhotoPose> find_markers(const std::filesystem::path& photo, const CodeImage& image,
                                     Detector& detector);
 

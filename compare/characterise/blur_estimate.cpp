@@ -112,12 +112,12 @@ Mean largest_excess(std::span<const EdgeSpreadRow> rows, double sign) {
 Sharpening sharpening_of(std::span<const EdgeSpreadRow> rows) {
     constexpr double sigmas = 4.0;
     const Mean over = largest_excess(rows, 1.0), under = largest_excess(rows, -1.0);
-    Sharpening result{over.value, over.standard_uncertainty, under.value,
-                      under.standard_uncertainty, false};
-    for (const Mean& excess : {over, under})
-        if (excess.is_known && excess.value - sigmas * excess.standard_uncertainty > min_overshoot)
-            result.is_detected = true;
-    return result;
+    const auto is_significant = [&](const Mean& excess) {
+        return excess.is_known &&
+               excess.value - sigmas * excess.standard_uncertainty > min_overshoot;
+    };
+    return {over.value, over.standard_uncertainty, under.value,
+            is_significant(over) || is_significant(under)};
 }
 
 // Knots in steps of the blur's own width; no farther out than the edges' pixels.

@@ -1,28 +1,20 @@
 // The blur of a lens from the edges of a known target: how the lens spreads a point, and how the
-// blur grows away from focus. All of it is fitted to the pixels of all edges at once
-// (compare/edges/edge_fit.h): nothing is differentiated or binned.
+// blur grows away from focus. Fitted to the pixels of all edges at once (compare/edges/edge_fit.h).
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <optional>
-#include <span>
 #include <string>
-#include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "compare/edges/edge_spread.h"
 
 namespace etalon {
 
 // Point spread: what `lens: psf` of the camera file holds. A Gaussian in place of the Airy pattern
-// (psf: gaussian), without the defocus that the camera's lens section states; or any round pattern
-// whose density does not rise outwards (psf: measured), which holds the defocus: non-negative
-// weights of disks with sloping rims.
-//
-// No pattern of light overshoots an edge in linear radiance. A significant overshoot is sharpening
-// in the camera or a wrong transfer curve: sigma and profile then describe no lens and are not to
-// be written into a camera file.
+// (psf: gaussian), without the defocus that the lens section states; or any round pattern whose
+// density does not rise outwards (psf: measured), defocus included: non-negative weights of disks
+// with sloping rims. An overshoot is sharpening in the camera or a wrong transfer curve: sigma and
+// profile then describe no lens and are not to be written into a camera file.
 
 // A Gaussian's width, of the edges in one zone or of all. Uncertainty: EdgeFit::covariance.
 struct BlurWidth {
@@ -42,10 +34,8 @@ inline constexpr double min_overshoot = 0.01;  // of the contrast: less is not c
 struct Sharpening {
     // Largest mean over 0.5 px of the profile above the light side's level (below the dark side's),
     // in parts of the contrast, 0.5 to 4 px from the edge; negative: none.
-    double overshoot = 0.0, overshoot_standard_uncertainty = 0.0;
-    double undershoot = 0.0, undershoot_standard_uncertainty = 0.0;
-    // One of them is above min_overshoot by more than 4 standard uncertainties.
-    bool is_detected = false;
+    double overshoot = 0.0, overshoot_standard_uncertainty = 0.0, undershoot = 0.0;
+    bool is_detected = false;  // one is above min_overshoot by over 4 standard uncertainties
 };
 
 struct ProfileRow {
@@ -57,8 +47,7 @@ struct MeasuredSpread {
     Eigen::MatrixXd covariance;    // of the densities
     double residual_rms = 0.0;     // as BlurWidth's
 
-    // Modulation at a frequency in cycles per px along x (pixel box not included), and its standard
-    // uncertainty.
+    // At a frequency along x, pixel box not included, and its standard uncertainty.
     std::pair<double, double> modulation(double cycles_per_px) const;
 };
 
@@ -76,11 +65,9 @@ struct PointSpreadEstimate {
     Sharpening sharpening;
 };
 
-// Of the edges' mean profile alone, with the Gaussian that fits them: edges with clipped pixels
-// will do (EdgeSelection::with_clipped). Errors as below.
+// These two alone, edges and errors as below. Sharpening may have edges with clipped pixels
+// (EdgeSelection::with_clipped).
 Sharpening measure_sharpening(std::span<const StraightEdge> edges, const CameraModel& camera);
-
-// The width of the edges' blur alone; edges and errors as below.
 BlurWidth estimate_gaussian(std::span<const StraightEdge> edges, const CameraModel& camera);
 
 // Edges of one or several photographs (all with one camera). Throws NumericalError for fewer than 4
@@ -94,8 +81,7 @@ PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
 // Thin lens (calib/camera/camera_model.h): a point at depth z (of a wide lens: its distance) has a
 // blur disk of the radius R = fx (d/2) |1/z - 1/z_f| px. Fitted are aperture d, 1/z_f and the width
 // of a Gaussian point spread at focus. With d = f/N, 1/f = 1/z_f + 1/v and v = fx * pixel pitch the
-// aperture gives the engraved f-number N. Both sides of focus must be seen: one side alone does not
-// tell z_f, N and the width apart.
+// aperture gives the engraved f-number N. Both sides of focus must be seen.
 struct DefocusEstimate {
     bool is_determined = false;
     std::string undetermined;  // when not: what and why, in words; then the values below are 0
@@ -104,8 +90,7 @@ struct DefocusEstimate {
     double sigma_px = 0.0, sigma_standard_uncertainty_px = 0.0;  // of the point spread at focus
     // Of (focus distance mm, f-number, sigma^2 px^2).
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-    // Pieces of edges: nearer than focus and farther by a blur disk over 0.5 px; all that were
-    // used.
+    // Pieces of edges: nearer than focus or farther by a disk over 0.5 px; all that were used.
     int edges_nearer = 0, edges_farther = 0, edges = 0;
     double largest_blur_px = 0.0;  // radius, over the pieces used
     int degrees_of_freedom = 0;

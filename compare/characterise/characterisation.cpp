@@ -174,10 +174,9 @@ public:
                 continue;
             }
             if (pose->reprojection_rms_px > 2.0) {
-                result_.remarks.push_back(
-                    fmt::format("{}: the calibration misses the target's points by {:.1f} px RMS: "
-                                "not used",
-                                photo.name, pose->reprojection_rms_px));
+                result_.remarks.push_back(fmt::format(
+                    "{}: the calibration misses the target's points by {:.1f} px RMS: not used",
+                    photo.name, pose->reprojection_rms_px));
                 continue;
             }
             poses_.back() = pose->camera_from_marker;
@@ -355,9 +354,8 @@ private:
         uncertainty().f_number = defocus.f_number_standard_uncertainty;
     }
 
-    // With the defocus determined its own width at focus is written, which shares its covariance; a
-    // measured pattern holds the blur of the depths that were photographed, and stands only where
-    // that blur could not be told apart.
+    // With the defocus determined its own width at focus is written. A measured pattern holds the
+    // blur of the photographed depths: only where that could not be told apart.
     void take_point_spread() {
         const PointSpreadEstimate& spread = *result_.point_spread;
         const bool can_write = can_write_lens();
@@ -419,9 +417,8 @@ private:
             [&](const EdgeModulation& one) { return (one.centre_px - middle).norm(); });
         const SlantedEdge& edge = central->edge;
         const std::string how = fmt::format(
-            "ISO 12233, edge at ({:.0f}, {:.0f}) of {}, {:.1f} "
-            "degrees",
-            central->centre_px.x(), central->centre_px.y(), central->photo, edge.angle_deg);
+            "ISO 12233, edge at ({:.0f}, {:.0f}) of {}, {:.1f} degrees", central->centre_px.x(),
+            central->centre_px.y(), central->photo, edge.angle_deg);
         if (edge.mtf50_cycles_per_px > 0.0)
             result_.values.push_back({"mtf50_cycles_per_px", "MTF50", "cycles/px",
                                       edge.mtf50_cycles_per_px, edge.mtf50_standard_uncertainty,

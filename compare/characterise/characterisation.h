@@ -1,14 +1,8 @@
 // What `etalon characterise` measures, in the order in which each step needs the one before: black
 // level, transfer curve, photon transfer, relative illumination, then blur along the target's
-// edges. Files and printing are in station/calibrate/characterise_command.cpp, the page in
-// station/calibrate/characterise_command.h; the methods in compare/ (docs/characterising.md).
+// edges (docs/characterising.md).
 #pragma once
 
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "calib/camera/camera_model.h"
 #include "compare/characterise/blur_estimate.h"
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/characterise/photon_transfer.h"
@@ -30,8 +24,8 @@ struct CharacteriseInput {
     std::vector<NamedPhoto> photos, flats;  // the target in several places; a uniform field
     std::vector<CodeImage> repeats, darks;
     std::vector<ExposedPhoto> exposures;
-    // A JPEG file among repeats, darks and exposures, of which no noise is measured: at high
-    // quality its gain is a fifth too low and the pixels do not show it. Empty: none.
+    // A JPEG file among repeats, darks and exposures: no noise is measured, as its gain would be a
+    // fifth too low. Empty: none.
     std::string lossy_file;
 };
 

@@ -1,8 +1,6 @@
 // What code values do to statistics: rounding, and the ends of the scale.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include <span>
 #include <string>
 #include <vector>
@@ -14,10 +12,9 @@ namespace etalon {
 // Variance that rounding to whole code values adds, DN^2 (EMVA 1288 release 4, 2.3).
 inline constexpr double rounding_variance = 1.0 / 12.0;
 
-// Rounding a value with noise of standard deviation sigma (DN) leaves mean and variance (less
-// rounding_variance) right on average over all fractions of a code, not at each: the standard
-// deviations of these errors over the fractions (Widrow and Kollár, "Quantization noise", 2008). Of
-// the mean: 0.289 DN without noise, 0.04 at sigma 0.3, none above 1.
+// Errors of mean and variance (less rounding_variance) by rounding a value with noise of standard
+// deviation sigma (DN): their standard deviations over the fractions of a code (Widrow and Kollár,
+// "Quantization noise", 2008). Of the mean 0.289 DN without noise, 0.04 at sigma 0.3, 0 above 1.
 double rounding_uncertainty_of_mean(double sigma);
 double rounding_uncertainty_of_variance(double sigma);
 
@@ -36,8 +33,8 @@ void require_alike(std::span<const CodeImage> images, const std::string& what);
 
 struct PatchStatistics {
     double mean = 0.0;  // code value
-    // Of the mean: pixel noise over the square root of the pixels, and rounding. The noise is that
-    // of neighbours' differences: a slope is none, a fixed pattern is.
+    // Of the mean, by pixel noise and rounding. The noise is that of neighbours' differences, fixed
+    // pattern included.
     double standard_uncertainty = 0.0;
     double unevenness = 0.0;  // standard deviation of the pixels beyond that noise
     bool is_clipped = false;  // a pixel is at either end of the scale, or 5 times its noise from it
@@ -48,8 +45,8 @@ struct PatchStatistics {
 PatchStatistics patch_statistics(const CodeImage& image, const cv::Rect& block, int saturation,
                                  Mosaic mosaic);
 
-// Square blocks with an even side of about 1/`across` of the image's width, at least 4 px, that
-// cover the image but for a rest at its right and lower side.
+// Square blocks with an even side of about 1/`across` of the image's width, at least 4 px; a rest
+// at the right and lower side is left out.
 std::vector<cv::Rect> image_blocks(cv::Size image, int across);
 
 }  // namespace etalon

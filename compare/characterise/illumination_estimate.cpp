@@ -38,7 +38,6 @@ WhitePatch linear_patch(const CameraModel& camera, double mean, double uncertain
     return patch;
 }
 
-// What the fits need of a patch.
 struct Row {
     double squared_radius;
     double x, y;  // from the image's centre, half diagonals

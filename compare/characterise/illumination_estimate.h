@@ -1,26 +1,19 @@
-// Relative illumination: how the light falls off from the axis to the image's corners (natural
-// cos^4 falloff, vignetting, the sensor's angular response together), from photographs of a uniform
-// field or from the white squares of a target in many places.
+// Relative illumination: how the light falls off from the axis to the image's corners, from
+// photographs of a uniform field or from the white squares of a target in many places.
 //
 //     radiance = L_p (1 + a_p x + b_p y) P(r),   P = 1 + c1 r^2 + c2 r^4 + c3 r^6
 //
-// Every photograph p has its own level and its own plane (x, y from the image's centre in half
-// diagonals), which takes a field's unevenness of first order. Unevenness that is symmetric about
-// the principal point cannot be separated from the lens: it limits the result. Candidates: uniform,
-// cos^4 of the field angle, and the polynomial; chosen by Schwarz's criterion with the polynomial's
-// residuals as the scale of the scatter.
+// Every photograph p has its own level and plane (x, y from the image's centre in half diagonals),
+// which take a field's unevenness of first order. What is symmetric about the principal point looks
+// like the lens. Candidates, by Schwarz's criterion with the polynomial's residuals as the scatter:
+// uniform, cos^4 of the field angle, and the polynomial.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <span>
-#include <string>
-#include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "calib/camera/projector.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {
@@ -33,8 +26,7 @@ struct WhitePatch {
 };
 
 // Blocks of a flat-field photograph. Throws NumericalError, naming `name`, when over 0.1 % of the
-// pixels are saturated or at code 0, or when it is no flat field (its blocks differ by over a
-// factor of 20).
+// pixels are saturated or at code 0, or its blocks differ by over a factor of 20.
 std::vector<WhitePatch> flat_patches(const CodeImage& flat, const CameraModel& camera, int photo,
                                      const std::string& name);
 
@@ -61,10 +53,10 @@ struct IlluminationEstimate {
 // Standard uncertainty of the polynomial at a radius in half diagonals.
 double standard_uncertainty_at(const IlluminationEstimate& estimate, double radius);
 
-// Throws NumericalError for fewer than 20 patches, photographs with fewer than 4, patches that do
-// not reach beyond 0.6 half diagonals (the falloff would be extrapolated), residuals over 5 %, a
-// falloff in the corner that is known to less than 0.05 (k = 2), or a polynomial that is not
-// positive all over the image. Safe from every thread; some 10 ms for 20 photographs.
+// Photographs with fewer than 4 patches are left out. Throws NumericalError for fewer than 20
+// patches, none beyond 0.6 half diagonals, residuals over 5 %, U over 0.05 (k = 2) in the corner,
+// or a polynomial that is not positive all over the image. Safe from every thread; some 10 ms for
+// 20 photographs.
 IlluminationEstimate estimate_illumination(std::span<const WhitePatch> patches,
                                            const CameraModel& camera);
 

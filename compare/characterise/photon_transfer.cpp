@@ -5,7 +5,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <cmath>
 
 #include "compare/characterise/code_statistics.h"
 #include "core/program/errors.h"
@@ -60,8 +59,7 @@ struct ViewNoise {
 };
 
 // `signals`: CV_32FC1, linear, 0 without light. Each photograph's brightness and shift against the
-// mean are fitted to all used pixels (regression on the mean and its two derivatives) and taken
-// out. `step`: distance of neighbours of the same colour.
+// mean are taken out. `step`: distance of neighbours of the same colour.
 ViewNoise view_noise(std::span<const cv::Mat> signals, const cv::Mat& use, int step) {
     if (cv::countNonZero(use) == 0)
         throw NumericalError("repeats: two photos with pixels that are not clipped are needed");
@@ -101,9 +99,8 @@ cv::Mat smooth_pixels(const cv::Mat& mean, const cv::Mat& most, int step) {
     return smooth;
 }
 
-// Mean over the 5 x 5 used pixels around, at distances of `step`. A pixel's own mean over a few
-// photographs is noisy, and pixels that are sorted by it come with their noise: those at the end of
-// a tone's range would seem brighter than they are. 0 where no pixel is used.
+// Mean over the 5 x 5 used pixels around, at distances of `step`; 0 where no pixel is used. A
+// pixel's own mean is noisy: pixels sorted by it would seem brighter at the end of a tone's range.
 cv::Mat local_level(const cv::Mat& mean, const cv::Mat& use, int step) {
     cv::Mat kernel = cv::Mat::zeros(4 * step + 1, 4 * step + 1, CV_32FC1);
     for (int y = 0; y < 5; ++y)
@@ -222,7 +219,6 @@ constexpr double max_correlation = 0.05;
 constexpr double max_gain_uncertainty = 0.2;  // relative
 constexpr double max_misfit = 0.1;            // relative
 
-// Sums over the pixels of one level.
 struct Bin {
     double pixels = 0.0, clipped = 0.0, signal = 0.0, variance = 0.0, degrees_of_freedom = 0.0;
 };

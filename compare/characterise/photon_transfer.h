@@ -1,29 +1,25 @@
 // Gain and read noise from photographs of the same still view: the photon transfer method, EMVA
-// 1288 release 4, linear (section 6.6: variance of the difference of images against their mean). A
-// view has many levels at once: the pixels are sorted by their own mean. The dark photographs are
-// the point without light. The signal is linear (black level and transfer curve undone).
+// 1288 release 4, linear (section 6.6). The pixels of a view are sorted by their own mean. The dark
+// photographs are the point without light. Black level and transfer curve are undone.
 //
 //     variance = (read noise / gain)^2 + signal / gain + rounding      [DN^2], signal in DN
 //
-// Only smooth parts of the view are used. Between the photographs a change of the light of up to 2
-// % and a shift of up to 0.25 px are measured and taken out.
+// Only smooth parts of the view are used. Changes of light up to 2 % and shifts up to 0.25 px are
+// taken out.
 #pragma once
 
 #include <Eigen/Core>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/image/image.h"
 
 namespace etalon {
 
-// The mean code value of photographs that no light reached (lens cap on; exposure time, gain and
-// temperature of the photographs that it is for). EMVA 1288 release 4, section 7. Standard
-// uncertainty: the larger of what the temporal noise leaves of a mean and the scatter of the
-// frames' means, and the rounding (compare/characterise/code_statistics.h).
+// The mean code value of photographs without light, at the exposure time, gain and temperature of
+// the photographs that it is for. EMVA 1288 release 4, section 7. Standard uncertainty: the larger
+// of temporal noise over all pixels and scatter of the frames' means, and rounding.
 struct BlackLevel {
     double dn = 0.0, standard_uncertainty_dn = 0.0;
     // Of one pixel from frame to frame, rounding included; 0 with one frame.
@@ -43,7 +39,6 @@ BlackLevel measure_black_level(std::span<const CodeImage> dark_frames);
 // Photographs with the same settings of the same view, two at least.
 using RepeatedView = std::vector<CodeImage>;
 
-// Pixels of about the same signal.
 struct NoiseLevel {
     double signal_dn = 0.0;     // mean linear signal above black
     double variance_dn2 = 0.0;  // of that signal, rounding taken out

@@ -267,8 +267,7 @@ SlantedEdge slanted_edge(const LinearPhoto& photo, const cv::Rect& region) {
     edge.angle_deg = std::atan(std::abs(line.slope)) * (180.0 / pi);
     if (!(edge.angle_deg >= 1.0 && edge.angle_deg <= 44.0))
         throw NumericalError(
-            fmt::format("slanted edge: {:.2f} degrees from the pixels' axis, 1 "
-                        "to 44 are needed",
+            fmt::format("slanted edge: {:.2f} degrees from the pixels' axis, 1 to 44 are needed",
                         edge.angle_deg));
     // Rows for a whole number of pixels that the edge moves: every sub-pixel place counts alike.
     const double steepness = std::abs(line.slope);

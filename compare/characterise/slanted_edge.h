@@ -3,19 +3,13 @@
 // The centroid of the derivative locates the edge in each row; a straight line is fitted; the
 // pixels' distances along its normal are sorted into bins of 0.25 px. The mean profile is
 // differentiated, multiplied by a Tukey window (flat over the middle half) and Fourier transformed.
-// The loss of the two-sided difference is taken out as in the standard, and that of averaging over
-// a bin too (2.6 % at half a cycle per px). Frequencies are along the edge's normal, in cycles per
-// px (fx = fy assumed there). The result is that of lens, pixel and camera in linear radiance
-// (linear_photo()).
-//
-// The uncertainty is that of pixel noise, from both sides of the edge (linear in the signal between
-// them), propagated through every step.
+// The losses of the two-sided difference and of averaging over a bin are taken out. Frequencies are
+// along the edge's normal, cycles per px (fx = fy). The result is that of lens, pixel and camera in
+// linear radiance (linear_photo()). The uncertainty is that of pixel noise at both sides of the
+// edge, linear in the signal between them.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include <string>
-#include <vector>
 
 #include "compare/edges/edge_spread.h"
 
@@ -32,14 +26,13 @@ struct SlantedEdge {
     std::vector<ModulationRow> modulation;  // 0 .. 1 cycle per px in steps of 1/width, 0 first
     // The frequency where the modulation falls to one half; 0 when it does not.
     double mtf50_cycles_per_px = 0.0, mtf50_standard_uncertainty = 0.0;
-    // At half a cycle per px.
-    double at_nyquist = 0.0, at_nyquist_standard_uncertainty = 0.0;
+    double at_nyquist = 0.0, at_nyquist_standard_uncertainty = 0.0;  // at half a cycle per px
 };
 
 // One edge across a rectangle of a linear photograph, at least 16 px wide and high. The edge
 // crosses two opposite sides and stays 8 px away from the others, at 1..44 degrees to the pixels'
-// rows or columns (best: 2..10). Throws NumericalError with the values when a rectangle is not like
-// that, holds clipped pixels or no edge. Under a ms for 100 x 100 px. Safe from every thread.
+// rows or columns (best: 2..10). Throws NumericalError with the values for any other rectangle, and
+// for clipped pixels. Under a ms for 100 x 100 px. Safe from every thread.
 SlantedEdge slanted_edge(const LinearPhoto& photo, const cv::Rect& region);
 
 // The same of a target's edge with a band of at least 16 x 16 px, distortion taken out; its own

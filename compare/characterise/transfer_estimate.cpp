@@ -28,8 +28,9 @@ int patch_count(const std::vector<ExposedPatch>& observed) {
     return std::ranges::max(observed, {}, &ExposedPatch::patch).patch + 1;
 }
 
-// A sensor's inverse transfer curve: g(T) = E t for patches of unknown irradiance E. Cubic B-spline
-// with g(0) = 0 and g = 1 at the highest code observed, straight below 0, with its bend beyond.
+// A sensor's inverse transfer curve g(T) = E t for patches of unknown irradiance E: a cubic
+// B-spline with g(0) = 0 and g = 1 at the highest code observed, straight below 0, with its bend
+// beyond.
 class InverseCurve {
 public:
     InverseCurve(int pieces, double end)
@@ -205,11 +206,11 @@ void require_times(std::span<const ExposedPhoto> photos) {
         times.insert(photo.exposure_us);
     }
     if (times.size() < min_times || *times.rbegin() < min_time_range * *times.begin())
-        throw NumericalError(fmt::format(
-            "exposures: {} different times over a factor of {:.3g}; {} over a factor of {:.0f} are "
-            "needed",
-            times.size(), times.empty() ? 0.0 : *times.rbegin() / *times.begin(), min_times,
-            min_time_range));
+        throw NumericalError(
+            fmt::format("exposures: {} different times over a factor of {:.3g}; {} over a factor "
+                        "of {:.0f} are needed",
+                        times.size(), times.empty() ? 0.0 : *times.rbegin() / *times.begin(),
+                        min_times, min_time_range));
 }
 
 // Of a mosaic only the green pixels of every second row: one curve needs one colour.
@@ -298,10 +299,9 @@ std::optional<double> light_drift(std::span<const ExposedPhoto> photos,
             drift = std::max(drift.value_or(0.0), (*most - *least) / *most);
     }
     if (drift.value_or(0.0) > max_drift)
-        throw NumericalError(
-            fmt::format("exposures: photos of equal exposure time differ by {:.2g} %: the light is "
-                        "not steady",
-                        100.0 * *drift));
+        throw NumericalError(fmt::format(
+            "exposures: photos of equal exposure time differ by {:.2g} %: the light is not steady",
+            100.0 * *drift));
     return drift;
 }
 
@@ -350,51 +350,46 @@ Transfer::Kind chosen(std::vector<TransferCandidate>& candidates, std::size_t ob
     return best->kind;
 }
 
-struct Table {
-    std::vector<std::pair<double, double>> knots;
-    std::vector<double> uncertainties;
-};
-
-// The whole curve up to saturation, radiance 1 there.
-Table tabulated(const InverseCurve& curve, double top, double black_uncertainty) {
+// The whole curve up to saturation, radiance 1 there, as the estimate's table.
+void tabulate(const InverseCurve& curve, double top, double black_uncertainty,
+              TransferEstimate& estimate) {
     const double end = curve.radiance(top);
-    Table table;
+    auto& knots = estimate.transfer.table;
     for (int i = 0; i <= table_intervals; ++i) {
         const double code = top * i / table_intervals;
         const double slope = curve.slope(code) / end;
         const double u_radiance = curve.relative_uncertainty(code, top);
-        table.knots.emplace_back(curve.radiance(code) / end, code);
-        table.uncertainties.push_back(
+        knots.emplace_back(curve.radiance(code) / end, code);
+        estimate.code_standard_uncertainty.push_back(
             std::hypot(u_radiance / slope, (1.0 - code) * black_uncertainty));
     }
-    table.knots.front() = {0.0, 0.0};
-    table.knots.back().first = 1.0;
-    for (std::size_t i = 1; i < table.knots.size(); ++i)
-        if (!(table.knots[i].first > table.knots[i - 1].first))
+    knots.front() = {0.0, 0.0};
+    knots.back().first = 1.0;
+    for (std::size_t i = 1; i < knots.size(); ++i)
+        if (!(knots[i].first > knots[i - 1].first))
             throw NumericalError(
                 fmt::format("exposures: the transfer curve does not rise at {:.3g} of full scale: "
                             "more exposure times and patches are needed there",
-                            table.knots[i].second));
-    return table;
+                            knots[i].second));
 }
 
 // Departure from the least-squares line through black, from 5 to 95 % of the range (EMVA 1288).
-void take_nonlinearity(const Table& table, TransferEstimate& estimate) {
+void take_nonlinearity(TransferEstimate& estimate) {
     const auto is_in_range = [&](double code) {
         return code >= 0.05 * estimate.highest_code && code <= 0.95 * estimate.highest_code;
     };
     double product = 0.0, square = 0.0;
-    for (const auto& [radiance, code] : table.knots)
+    for (const auto& [radiance, code] : estimate.transfer.table)
         if (is_in_range(code)) {
             product += radiance * code;
             square += radiance * radiance;
         }
-    for (std::size_t i = 0; i < table.knots.size(); ++i) {
-        const auto [radiance, code] = table.knots[i];
+    for (std::size_t i = 0; i < estimate.transfer.table.size(); ++i) {
+        const auto [radiance, code] = estimate.transfer.table[i];
         const double departure = std::abs(code - radiance * product / square);
         if (is_in_range(code) && departure > estimate.nonlinearity) {
             estimate.nonlinearity = departure;
-            estimate.nonlinearity_standard_uncertainty = table.uncertainties[i];
+            estimate.nonlinearity_standard_uncertainty = estimate.code_standard_uncertainty[i];
         }
     }
 }
@@ -435,16 +430,16 @@ TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Se
     const double range = (1 << sensor.bits) - 1 - sensor.black_dn;
     const double top =
         std::max((estimate.saturation_code - sensor.black_dn) / range, estimate.highest_code);
-    const Table table = tabulated(curve, top, black_standard_uncertainty_dn / range);
-    take_nonlinearity(table, estimate);
+    tabulate(curve, top, black_standard_uncertainty_dn / range, estimate);
+    take_nonlinearity(estimate);
     for (const ExposedPatch& patch : observed)
         estimate.points.push_back({curve.irradiance[static_cast<std::size_t>(patch.patch)] *
                                        patch.exposure / curve.radiance(top),
                                    patch.code, patch.standard_uncertainty});
     estimate.transfer.kind = chosen(estimate.candidates, observed.size());
-    if (estimate.transfer.kind == Transfer::Kind::table) {
-        estimate.transfer.table = table.knots;
-        estimate.code_standard_uncertainty = table.uncertainties;
+    if (estimate.transfer.kind != Transfer::Kind::table) {
+        estimate.transfer.table.clear();
+        estimate.code_standard_uncertainty.clear();
     }
     return estimate;
 }

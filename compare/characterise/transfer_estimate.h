@@ -4,24 +4,18 @@
 //     code = black + (full scale - black) T(E t)      (sim/sensor/sensor_model.h)
 //
 // Uniform patches of the scene are followed through the series, each with its unknown irradiance E.
-// Candidates: a straight line, Rec. 709, and a monotone curve (the inverse curve as a cubic
-// B-spline in T with the fewest pieces that pay), by Schwarz's criterion (BIC); a known curve is
-// kept while its residuals are at most a fifth larger than those of the free one. Radiance 1 is
-// where the curve reaches saturation. Beyond the brightest code seen it goes on with the bend that
-// it has there, whose whole effect is counted as uncertainty. After Debevec and Malik (SIGGRAPH
-// 1997), with measured weights and a model choice.
-//
-// Relies on exposure times as commanded (an offset or jitter of the shutter is taken for a property
-// of the curve) and on steady light, which repeated exposure times prove.
+// Candidates, by Schwarz's criterion (BIC): a straight line, Rec. 709, and a monotone curve (its
+// inverse as a cubic B-spline in T). A known curve is kept while its residuals are at most a fifth
+// larger than those of the free one. Radiance 1 is where the curve reaches saturation. Beyond the
+// brightest code seen it keeps its bend, whose whole effect counts as uncertainty. After Debevec
+// and Malik (SIGGRAPH 1997). Relies on exposure times as commanded and on steady light.
 #pragma once
 
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/image/image.h"
 
 namespace etalon {
 
@@ -47,8 +41,8 @@ struct TransferEstimate {
     // Of each knot's code, parts of full scale; empty unless it is a table.
     std::vector<double> code_standard_uncertainty;
     std::vector<TransferCandidate> candidates;  // linear, Rec. 709, table
-    // Largest departure of the measured curve from the straight line through black that fits best,
-    // parts of full scale: of the table, whichever kind is chosen.
+    // Largest departure of the free curve from the best straight line through black, parts of full
+    // scale.
     double nonlinearity = 0.0, nonlinearity_standard_uncertainty = 0.0;
     double lowest_code = 0.0, highest_code = 0.0;  // seen, as T
     int saturation_code = 0;

@@ -2,11 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <functional>
-#include <numbers>
-#include <vector>
 
 #include "compare/uncertainty/uncertainty_budget.h"
 #include "core/program/errors.h"
@@ -150,14 +146,13 @@ Outcome decide(double value, double expanded_uncertainty, double limit, const De
 }
 
 Outcome combine(std::span<const JudgedQuantity> quantities) {
-    const auto is = [](Outcome outcome) {
-        return [outcome](const JudgedQuantity& quantity) { return quantity.outcome == outcome; };
+    const auto count = [&](Outcome outcome) {
+        return std::ranges::count(quantities, outcome, &JudgedQuantity::outcome);
     };
-    if (std::any_of(quantities.begin(), quantities.end(), is(Outcome::fail)))
+    if (count(Outcome::fail) > 0)
         return Outcome::fail;
-    if (!quantities.empty() && std::all_of(quantities.begin(), quantities.end(), is(Outcome::pass)))
-        return Outcome::pass;
-    return Outcome::inconclusive;
+    const bool all_pass = !quantities.empty() && count(Outcome::pass) == std::ssize(quantities);
+    return all_pass ? Outcome::pass : Outcome::inconclusive;
 }
 
 FamilyRisk family_risk(std::span<const JudgedQuantity> quantities, const DecisionRule& rule) {

@@ -1,14 +1,14 @@
 // From a measured value with its uncertainty to an outcome and its risks, and from outcomes to the
-// verdict: ILAC-G8:09/2019 for the rules, JCGM 106:2012 for the risks. The default rule is that of
-// ISO 14253-1, guard bands of the expanded uncertainty (JCGM 106, 8.3.2).
+// verdict: ILAC-G8:09/2019 for the rules, JCGM 106:2012 for the risks. The default is ISO 14253-1's
+// guard band of U (JCGM 106, 8.3.2).
 //
 //     guarded       w = U      value + w <= limit is PASS, value - w > limit is FAIL, anything
 //     simple        w = 0      between is INCONCLUSIVE (with w = 0 nothing is)
 //     guard_band: r w = r U
 //
-// Consumer's risk: the value is truly above its limit and gets PASS. Producer's: it is truly at or
-// below the limit and gets FAIL. The measured value scatters about the true one as Student's t with
-// u = U / k and the budget's degrees of freedom.
+// Consumer's risk: the true value is above its limit and gets PASS. Producer's: it is not, and gets
+// FAIL. The measured value scatters about the true one as Student's t with u = U / k and the
+// budget's degrees of freedom.
 #pragma once
 
 #include <limits>
@@ -31,12 +31,10 @@ struct ValuePrior {
 };
 
 struct DecisionRisk {
-    // That this value is truly at or below its limit, nothing else being known (JCGM 106, 7.2).
-    // Specific risks (8.1.1): the consumer's of a PASS is 1 less it, the producer's of a FAIL is
-    // it.
+    // That the true value is at or below its limit (JCGM 106, 7.2). Specific risks (8.1.1): the
+    // consumer's of a PASS is 1 less it, the producer's of a FAIL is it.
     double conformance = 0.0;
-    // Global risks (9.5): with a prior the joint probabilities; without one the largest that they
-    // can be, whatever the prior.
+    // Global risks (9.5): with a prior the joint probabilities, without one the largest possible.
     double consumer = 0.0, producer = 0.0;
     bool has_prior = false;
     // Operating characteristic: true values that get PASS in 95, 50 and 5 % of runs. Nothing: none.
@@ -54,31 +52,27 @@ enum class Outcome {
 // "PASS", "FAIL", "INCONCLUSIVE", "NOT_OBSERVABLE", "SKIPPED".
 const char* name(Outcome outcome);
 
-// One measured quantity against its limit.
 struct JudgedQuantity {
     std::string name;  // as in the limits file: "b3_position_field_rms_mm"
     std::string unit;
     bool measured = false;  // value and U are there
     double value = 0.0;
-    // U, one-sided 97.7 %: the coverage factor times the combined standard uncertainty, whose
-    // effective degrees of freedom these are. Meaningless when skipped.
+    // U, one-sided 97.7 %, with the effective degrees of freedom. Meaningless when skipped.
     double expanded_uncertainty = 0.0;
     double coverage_factor = 2.0;
     double degrees_of_freedom = std::numeric_limits<double>::infinity();
-    // The same by Monte Carlo: what is to be added to the value for 97.7 %. Nothing: not asked for.
-    std::optional<double> monte_carlo_uncertainty = {};
+    std::optional<double> monte_carlo_uncertainty = {};  // U by it; nothing: not asked for
     double limit = 0.0;
     Outcome outcome = Outcome::skipped;
     std::string reason;                     // empty for a plain PASS or FAIL
     std::optional<DecisionRisk> risk = {};  // of what is judged; nothing without an uncertainty
 };
 
-// The decision rule. Throws NumericalError unless all three are finite, U >= 0 and limit > 0.
+// Throws NumericalError unless all three are finite, U >= 0 and limit > 0.
 Outcome decide(double value, double expanded_uncertainty, double limit,
                const DecisionRule& rule = {});
 
-// Of a quantity's value against its limit. Throws NumericalError for an uncertainty or a limit that
-// is not positive and finite.
+// Throws NumericalError for an uncertainty or a limit that is not positive and finite.
 DecisionRisk decision_risk(const JudgedQuantity& measured, const DecisionRule& rule,
                            const std::optional<ValuePrior>& prior = std::nullopt);
 
@@ -91,13 +85,10 @@ Outcome combine(std::span<const JudgedQuantity> quantities);
 // What the verdict risks over all quantities together, each judged one-sided.
 struct FamilyRisk {
     int judged = 0;
-    // That a quantity exactly at its limit comes out as PASS, or as FAIL: the largest of all.
-    double each = 0.0;
-    // That a camera with any quantity at or above its limit gets PASS: all must pass, so it is no
-    // more than that of one.
+    double each = 0.0;  // that one exactly at its limit gets PASS, or FAIL: the largest of all
+    // With any quantity at or above its limit: no more than that of one, as all must pass.
     double false_acceptance = 0.0;
-    // That a camera with every quantity at or below its limit gets FAIL: one is enough, so they
-    // add up (Bonferroni's bound, however the quantities depend on each other).
+    // With every quantity at or below its limit: Bonferroni's bound, the sum.
     double false_rejection = 0.0;
 };
 FamilyRisk family_risk(std::span<const JudgedQuantity> quantities, const DecisionRule& rule = {});

@@ -12,10 +12,10 @@
 
 namespace etalon {
 
-std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const DetectedCorners& corners) {
+ObjectPoints seen_points_mm(const Marker& marker, const DetectedCorners& corners) {
     if (corners.is_whole())
         return marker.points_mm;
-    std::vector<Eigen::Vector3d> seen;
+    ObjectPoints seen;
     for (const int point : corners.points)
         seen.push_back(marker.points_mm.at(static_cast<std::size_t>(point)));
     return seen;
@@ -90,21 +90,17 @@ Eigen::Vector3d principal_spreads(const std::vector<Eigen::Vector3d>& points) {
 
 namespace {
 
-using Points = std::vector<Eigen::Vector3d>;
-using Pixels = std::vector<Eigen::Vector2d>;
-
 template <class Vectors>
 bool all_finite(const Vectors& vectors) {
     return std::ranges::all_of(vectors, [](const auto& v) { return v.allFinite(); });
 }
 
 // The closed-form solutions (Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV
-// 2014) on undistorted points; empty when a pixel has no ray or the library gives up. Those of a
-// wide lens are of a camera that looks along the points' mean ray. Not IPPE_SQUARE: it silently
-// returns Z = 0 for a point order that is not its own.
-std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& points,
-                                     const Pixels& pixels) {
-    Points rays;
+// 2014) on undistorted points, of a wide lens from a camera along the points' mean ray; empty when
+// a pixel has no ray or the library gives up. Not IPPE_SQUARE: it returns Z = 0 for another order.
+std::vector<Rigid> closed_form_poses(const Projector& projector, const ObjectPoints& points,
+                                     const ImagePoints& pixels) {
+    std::vector<Eigen::Vector3d> rays;
     for (const Eigen::Vector2d& pixel : pixels) {
         const auto ray = projector.ray(pixel);
         if (!ray)
@@ -142,8 +138,9 @@ std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& p
 }
 
 // The pixels' residuals, px, for a left perturbation of the pose; nothing when one is unseen.
-std::optional<ResidualsAndJacobian> linearised(const Projector& projector, const Points& points,
-                                               const Pixels& pixels,
+std::optional<ResidualsAndJacobian> linearised(const Projector& projector,
+                                               const ObjectPoints& points,
+                                               const ImagePoints& pixels,
                                                const Rigid& camera_from_marker) {
     ResidualsAndJacobian all{Eigen::VectorXd(2 * std::ssize(points)),
                              Eigen::MatrixXd(2 * std::ssize(points), 6)};
@@ -161,11 +158,10 @@ std::optional<ResidualsAndJacobian> linearised(const Projector& projector, const
 
 using Refined = Fitted<Rigid>;
 
-// Nothing when a point cannot be seen from the start. The last step, which promises next to
-// nothing, is taken in full and unseen: what it does to the loss is lost in rounding, but not what
-// it does to the pose, which so does not depend on the start.
-std::optional<Refined> refine(const Projector& projector, const Points& points,
-                              const Pixels& pixels, const Rigid& start,
+// Nothing when a point cannot be seen from the start. The last step is taken in full and unseen: it
+// changes the loss by less than rounding, and makes the pose independent of the start.
+std::optional<Refined> refine(const Projector& projector, const ObjectPoints& points,
+                              const ImagePoints& pixels, const Rigid& start,
                               const LeastSquaresRule& rule = {}) {
     const auto equations = [&](const Rigid& at) {
         return linearised(projector, points, pixels, at);
@@ -185,7 +181,7 @@ std::optional<Refined> refine(const Projector& projector, const Points& points,
     return there ? Refined{end, *there, robust_loss(*there, rule)} : place;
 }
 
-bool usable(const Projector& projector, const Points& points_mm, const Pixels& pixels) {
+bool usable(const Projector& projector, const ObjectPoints& points_mm, const ImagePoints& pixels) {
     require_point_of_view(projector.camera(), "estimating a marker's pose");
     if (points_mm.size() < 4 || pixels.size() != points_mm.size() || !all_finite(points_mm) ||
         !all_finite(pixels))
@@ -195,12 +191,12 @@ bool usable(const Projector& projector, const Points& points_mm, const Pixels& p
     return spread[0] > 0 && spread[1] > 1e-4 * spread[0] && spread[2] < 1e-6 * spread[0];
 }
 
-double rms_px(const Refined& pose, const Points& points) {
+double rms_px(const Refined& pose, const ObjectPoints& points) {
     return std::sqrt(2.0 * pose.loss() / static_cast<double>(points.size()));
 }
 
 // Without the other solution.
-std::optional<PoseEstimate> estimate_of(const Refined& pose, const Points& points) {
+std::optional<PoseEstimate> estimate_of(const Refined& pose, const ObjectPoints& points) {
     const auto covariance =
         covariance_from_information(pose.at.jacobian.transpose() * pose.at.jacobian);
     if (!covariance)
@@ -217,8 +213,8 @@ bool same_pose(const Rigid& a, const Rigid& b) {
 
 }  // namespace
 
-std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Points& points_mm,
-                                          const Pixels& pixels) {
+std::optional<PoseEstimate> estimate_pose(const Projector& projector, const ObjectPoints& points_mm,
+                                          const ImagePoints& pixels) {
     if (!usable(projector, points_mm, pixels))
         return std::nullopt;
     std::vector<Refined> found;
@@ -237,8 +233,9 @@ std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Poin
     return estimate;
 }
 
-std::optional<PoseEstimate> estimate_pose_near(const Projector& projector, const Points& points_mm,
-                                               const Pixels& pixels, const Rigid& start) {
+std::optional<PoseEstimate> estimate_pose_near(const Projector& projector,
+                                               const ObjectPoints& points_mm,
+                                               const ImagePoints& pixels, const Rigid& start) {
     if (!usable(projector, points_mm, pixels))
         return std::nullopt;
     LeastSquaresRule rule;

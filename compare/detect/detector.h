@@ -3,41 +3,39 @@
 // frame of sim/marker/marker.h.
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "calib/camera/projector.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {
 
+using ImagePoints = std::vector<Eigen::Vector2d>;   // px
+using ObjectPoints = std::vector<Eigen::Vector3d>;  // mm, marker frame
+
 // The corners of one marker in one image.
 struct DetectedCorners {
     int id = 0;
-    std::vector<Eigen::Vector2d> pixels;  // in the order of Marker::points_mm
-    // Of a marker that is seen in part: the index into Marker::points_mm of each pixel, ascending.
-    // Empty when all points are seen. Only boards of tags can be seen in part.
+    ImagePoints pixels;  // in the order of Marker::points_mm
+    // Of a board that is seen in part: each pixel's index into Marker::points_mm, ascending. Empty
+    // when all points are seen.
     std::vector<int> points = {};
 
     bool is_whole() const { return points.empty(); }
 };
 
 // The points of the marker that these pixels show: what estimate_pose() needs with them.
-std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const DetectedCorners& corners);
+ObjectPoints seen_points_mm(const Marker& marker, const DetectedCorners& corners);
 
-// What a detector finds in one image.
 struct Detection {
     std::optional<DetectedCorners> corners;
     std::string reason = {};  // why there are none, in words: "marker not found"
     // All that look alike, where the marker is seen more than once; `corners` is empty then.
     std::vector<DetectedCorners> several = {};
-    // The marker's name where a ChArUco board is seen in the other of its two layouts, or a
-    // chessboard lies on its side: the corners are where they were looked for, the squares not.
+    // The marker's name where the corners are its own and the squares are not: a ChArUco board in
+    // the other of its two layouts, a chessboard that lies on its side.
     std::string shown_as = {};
 };
 
@@ -61,8 +59,7 @@ public:
     double library_offset_px() const { return library_offset_px_; }
 
     // The marker's corners in the image. Tags with another id do not count; the marker's own id
-    // seen twice gives no corners (of a ChArUco board, the tags that are). The same image gives the
-    // same result. Not thread-safe: one detector per thread.
+    // seen twice gives no corners. The same image gives the same result. One detector per thread.
     Detection detect(const CodeImage& image) { return detect_(image); }
 
 private:
@@ -71,8 +68,8 @@ private:
     double library_offset_px_;
 };
 
-// A pose from corners. Planar targets have two local solutions; both are kept unless they end in
-// the same pose. RMS is that of the distance in pixels, sqrt(sum |e|^2 / points).
+// A pose from corners. Planar targets have two local solutions; both are kept unless they are the
+// same pose. RMS is of the distance in pixels, sqrt(sum |e|^2 / points).
 struct PoseEstimate {
     Rigid camera_from_marker;  // the better one
     double reprojection_rms_px = 0.0;
@@ -83,19 +80,17 @@ struct PoseEstimate {
 };
 
 // Least squares on the pixels, distortion included, from the planar closed-form solutions. At least
-// 4 coplanar points and as many pixels. Throws NumericalError for a telecentric lens. Nothing when
-// the points are degenerate (collinear, not coplanar, not finite), a pixel has no ray, the pixels
-// do not fix all six components, or no solution has the marker in front of the camera. Safe from
-// every thread; about 0.1 ms for four points.
-std::optional<PoseEstimate> estimate_pose(const Projector& projector,
-                                          const std::vector<Eigen::Vector3d>& points_mm,
-                                          const std::vector<Eigen::Vector2d>& pixels);
+// 4 coplanar points and as many pixels. Throws NumericalError for a telecentric lens. Nothing for
+// degenerate points (collinear, not coplanar, not finite), a pixel without a ray, pixels that do
+// not fix all six components, or no solution in front of the camera. Safe from every thread; about
+// 0.1 ms for four points.
+std::optional<PoseEstimate> estimate_pose(const Projector& projector, const ObjectPoints& points_mm,
+                                          const ImagePoints& pixels);
 
 // The one solution that least squares reach from `start`, in a fifth of the time. Nothing also when
 // a point cannot be seen from there.
 std::optional<PoseEstimate> estimate_pose_near(const Projector& projector,
-                                               const std::vector<Eigen::Vector3d>& points_mm,
-                                               const std::vector<Eigen::Vector2d>& pixels,
-                                               const Rigid& start);
+                                               const ObjectPoints& points_mm,
+                                               const ImagePoints& pixels, const Rigid& start);
 
 }  // namespace etalon

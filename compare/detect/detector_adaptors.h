@@ -1,24 +1,17 @@
-// What detectors are made of, for compare/make_detector.h and for callers that set their options:
-// libraries' finders in our pixel convention, and what all finders share.
+// What detectors are made of: libraries' finders in our pixel convention, their options, and what
+// all finders share.
 #pragma once
 
-#include <Eigen/Core>
 #include <memory>
 #include <opencv2/core.hpp>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "compare/detect/detector.h"
 
 namespace etalon {
 
-// How libapriltag finds the outlines of tags.
 struct ApriltagOptions {
-    // In an image reduced by this: 1, 1.5, or a whole number up to 8. 2, the library's default,
-    // loses half of small tags.
-    double quad_decimate = 1.0;
-    bool refine_edges = true;  // fitted anew to the whole image
+    double quad_decimate = 1.0;  // in an image reduced by 1, 1.5, or a whole number up to 8
+    bool refine_edges = true;    // fitted anew to the whole image
 };
 
 // All tags of a family in an image, by libapriltag 3. Not thread-safe: one per thread. Some 10 ms
@@ -33,8 +26,8 @@ public:
     explicit ApriltagFinder(const std::string& family, int border_cells = 1,
                             const ApriltagOptions& options = {});
 
-    // `image`: CV_8UC1. Four corners of each black square, from the top left clockwise. They
-    // include what decimation displaces them by. The same image gives the same result.
+    // `image`: CV_8UC1. Four corners of each black square, from the top left clockwise. The same
+    // image gives the same result.
     std::vector<DetectedCorners> find(cv::Mat image) const;
 
 private:
@@ -49,7 +42,7 @@ std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std
 
 // How OpenCV's ArUco places the corners, with the mean offset towards the tag's centre on exact
 // renderings of 120 px tags, OpenCV 4.6 (tests/compare/detect/tag_detectors_test.cpp). It is left
-// in: a comparison meets it in photograph and rendering.
+// in.
 enum class ArucoRefinement {
     none,      // the contour's own pixels: 0.55 px
     subpixel,  // cv::cornerSubPix in a 7x7 px window, the default: 0.14 px
@@ -60,9 +53,7 @@ enum class ArucoRefinement {
 
 struct ArucoOptions {
     ArucoRefinement refinement = ArucoRefinement::subpixel;
-    // Of `subpixel` only: cv::cornerSubPix sees 2 half + 1 pixels a side. 1 to 30; 3 when not
-    // given.
-    std::optional<int> subpixel_half_window_px = {};
+    std::optional<int> subpixel_half_window_px = {};  // of `subpixel`: 1 to 30, 3 when not given
 };
 
 // OpenCV's ArUco for one tag, named "aruco", or "aruco-none" and so on. Throws as
@@ -78,8 +69,7 @@ std::vector<DetectedCorners> find_aruco_tags(const cv::Mat& image, const std::st
 // For a marker of kind chessboard: compare/detect/board/chessboard_corners.h.
 std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker);
 
-// The points of a board that a calibration finds (compare/detect/board/calibration_target.h). Tags
-// whose id is seen twice count as not seen. Of circles these are the centroids of their images.
+// The points of a board as observe() gives them (compare/detect/board/calibration_target.h).
 // ConfigError at `place` for a board too small to calibrate with.
 std::unique_ptr<Detector> make_board_detector(const std::string& name, const Marker& marker,
                                               const std::string& place);
@@ -87,15 +77,13 @@ std::unique_ptr<Detector> make_board_detector(const std::string& name, const Mar
 // The only one with this id; no corners when there is none, or more than one.
 Detection only_one(int id, const std::vector<DetectedCorners>& found);
 
-// The image with its full scale at 255, rounded: what the libraries expect. 8-bit images are not
-// copied.
+// CV_8UC1, full scale 255, rounded. 8-bit images are not copied.
 cv::Mat as_8_bit(const CodeImage& image);
 
 // CV_32FC1, full scale 1.
 cv::Mat as_float(const CodeImage& image);
 
-// The homography of least squares through at least four points; nothing where they do not determine
-// one.
+// By least squares through at least four points; nothing where they do not determine one.
 std::optional<Eigen::Matrix3d> homography(const std::vector<Eigen::Vector2d>& from,
                                           const std::vector<Eigen::Vector2d>& to);
 

@@ -4,28 +4,22 @@
 
 #include <Eigen/Dense>
 
-#include "core/program/errors.h"
-
 namespace etalon {
 namespace {
 
 constexpr double no_trace = 1e-6;  // of a column before X and Y are solved
-
-Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts) {
-    Eigen::VectorXd all;
-    for (const Eigen::VectorXd& part : parts) {
-        all.conservativeResize(all.size() + part.size());
-        all.tail(part.size()) = part;
-    }
-    return all;
-}
 
 }  // namespace
 
 Eigen::VectorXd observed(const DiagnosisInput& evidence) {
     std::vector<Eigen::VectorXd> parts = evidence.difference_px;
     parts.push_back(evidence.pixels);
-    return stacked(parts);
+    Eigen::VectorXd all;
+    for (const Eigen::VectorXd& part : parts) {
+        all.conservativeResize(all.size() + part.size());
+        all.tail(part.size()) = part;
+    }
+    return all;
 }
 
 Eigen::MatrixXd registration_columns(const DiagnosisInput& evidence) {

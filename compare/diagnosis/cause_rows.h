@@ -1,5 +1,5 @@
-// What a run observed, as rows: in units of their standard deviations, and freed of what X and Y
-// can absorb (compare/diagnosis/causes.h has the method).
+// What a run observed, as rows in units of their standard deviations, freed of what X and Y can
+// absorb (method: compare/diagnosis/causes.h).
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -30,7 +30,6 @@ public:
         return freed(columns_of(candidate));
     }
 
-    // Whether anything of the candidate is left.
     bool leaves_a_trace(const ErrorCandidate& candidate, const Eigen::MatrixXd& freed) const;
 
     // An orthonormal basis of what X and Y absorb.
@@ -40,7 +39,6 @@ public:
     double log_determinant() const;
 
 private:
-    // A candidate's columns over all rows.
     Eigen::MatrixXd columns_of(const ErrorCandidate& candidate) const;
 
     std::vector<Eigen::LLT<Eigen::MatrixXd>> factors_;

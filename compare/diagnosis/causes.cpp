@@ -12,13 +12,12 @@
 #include <numeric>
 
 #include "compare/diagnosis/cause_rows.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
 
 using Set = std::vector<std::size_t>;  // of candidates: ascending indices
-using Scores = std::map<Set, double>;
+using Scores = std::map<Set, double>;  // logs, or probabilities
 
 Set with(Set set, std::size_t member) {
     set.insert(std::ranges::upper_bound(set, member), member);
@@ -30,13 +29,11 @@ Set without(Set set, std::size_t member) {
     return set;
 }
 
-// Products of the columns of all candidates with each other and with what was observed. The
-// candidates must outlive it.
+// Products of all candidates' columns with each other and with the observed. They must outlive it.
 class HypothesisSet {
 public:
     explicit HypothesisSet(Observation of) : of_(std::move(of)) {}
 
-    // The same with these candidates alone.
     HypothesisSet only(const Set& set) const {
         HypothesisSet few(of_);
         for (const std::size_t i : set)
@@ -61,8 +58,7 @@ public:
     std::size_t size() const { return candidates_.size(); }
     const ErrorCandidate& candidate(std::size_t i) const { return *candidates_[i].candidate; }
 
-    // Numbers of a set's columns, in units of the candidates' sizes; nothing where they cannot be
-    // told apart at all.
+    // In units of the candidates' sizes; nothing where columns cannot be told apart at all.
     struct Fit {
         Eigen::VectorXd numbers;
         double rest = 0.0;  // sum of squares that is left
@@ -103,9 +99,8 @@ public:
             std::max(1.0, fit.rest / (of_.freedom - static_cast<double>(fit.numbers.size()))));
     }
 
-    // Log of the posterior odds against everything else, up to a constant: the likelihood under the
-    // covariance, with the corners' scatter at its best value from 1 up, Schwarz's price of each
-    // number, and the prior.
+    // Log of the posterior odds, up to a constant: the likelihood, with the corners' scatter at its
+    // best value from 1 up, Schwarz's price of each number, and the prior.
     double score(const Set& set) const {
         const auto found = fit(set);
         if (!found)
@@ -200,10 +195,9 @@ CausingError described(const HypothesisSet& comparison, const Set& set, std::siz
             {candidate.remedy}};
 }
 
-// Where a set explains no more than one of its subsets is worth, it is that subset with a member
-// too many: its probability is the subset's.
-std::map<Set, double> probabilities(const Scores& scores, double log_total) {
-    std::map<Set, double> of_needed;
+// A set that scores no more than one of its subsets gives its probability to that.
+Scores probabilities(const Scores& scores, double log_total) {
+    Scores of_needed;
     for (const auto& [set, score] : scores) {
         Set needed = set;
         for (std::size_t i = 0; i < needed.size();) {
@@ -217,10 +211,9 @@ std::map<Set, double> probabilities(const Scores& scores, double log_total) {
     return of_needed;
 }
 
-// Takes sets of as many members as these or more that are as good as the best and hold none of
-// these, the best ones first.
+// Takes sets of as many members or more that are as good and hold none of these, best first.
 void claim_instead(const HypothesisSet& comparison, const std::vector<Set>& these, double least,
-                   std::map<Set, double>& left, Cause& cause) {
+                   Scores& left, Cause& cause) {
     std::vector<std::pair<double, Set>> others;
     for (const auto& entry : left)
         if (entry.first.size() >= these.front().size() && entry.second > least &&
@@ -238,7 +231,7 @@ void claim_instead(const HypothesisSet& comparison, const std::vector<Set>& thes
 }
 
 // The best unclaimed set with those that differ from it in one member, or in more.
-Cause claimed(const HypothesisSet& comparison, const Set& best, std::map<Set, double>& left) {
+Cause claimed(const HypothesisSet& comparison, const Set& best, Scores& left) {
     constexpr double as_good = 0.01;
     const double probability = left.at(best);
     Cause cause{{}, probability};
@@ -267,8 +260,7 @@ Cause claimed(const HypothesisSet& comparison, const Set& best, std::map<Set, do
     return cause;
 }
 
-// Any smooth change over the volume: linear and quadratic in the position, linear in the rotation;
-// constants are X's and Y's.
+// Any smooth change over the volume: linear and quadratic in the position, linear in the rotation.
 ErrorCandidate smooth_change(const SignatureChain& chain) {
     Eigen::Matrix3Xd positions(3, std::ssize(chain.poses));
     for (std::size_t i = 0; i < chain.poses.size(); ++i)
@@ -341,73 +333,62 @@ const ErrorCandidate* best_member(const std::vector<ErrorCandidate>& family,
     return best;
 }
 
-// Least-squares spectrum (N. R. Lomb, Astrophys. Space Sci. 39, 1976) of one axis' error over its
-// positions, beside what is explained already: each pose's corners tell of its axis by one number.
-class AxisSpectrum {
-public:
-    // All whitened (compare/diagnosis/cause_rows.h): what a step of the axis does to the corners of
-    // every pose, what is left of the observed, and a basis of what X and Y absorb.
-    AxisSpectrum(const StageAxisMotion& axis, const Eigen::VectorXd& white_advance,
-                 const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed)
-        : positions_(
-              Eigen::Map<const Eigen::VectorXd>(axis.position.data(), std::ssize(axis.position))),
-          told_(positions_.size()),
-          weight_(positions_.size()),
-          absorbed_(absorbed.cols(), positions_.size()) {
-        const Eigen::Index rows = white_advance.size() / positions_.size();
-        for (Eigen::Index i = 0; i < positions_.size(); ++i) {
-            const auto advance = white_advance.segment(i * rows, rows);
-            told_[i] = advance.dot(residual.segment(i * rows, rows));
-            weight_[i] = advance.squaredNorm();
-            absorbed_.col(i) = absorbed.middleRows(i * rows, rows).transpose() * advance;
-        }
+// The longest of the periods (mm or rad) of an axis' error that explain next to as much as the
+// best, then the others; nothing where the axis hardly moves. `tried`: how many could be told
+// apart. Least-squares spectrum (N. R. Lomb, Astrophys. Space Sci. 39, 1976) of what is left of the
+// observed; each pose's corners tell of its axis by one number. All whitened: `advance` is what a
+// step of the axis does to the corners, `absorbed` a basis of what X and Y absorb.
+std::vector<double> periods_of(const StageAxisMotion& axis, const Eigen::VectorXd& advance,
+                               const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed,
+                               int& tried) {
+    using namespace std::complex_literals;
+    constexpr int per_resolution = 8, most_periods = 4;
+    constexpr double as_good = 6.0, as_good_part = 0.03;
+    const double shortest = axis.is_linear ? 1.0 : 5.0 * std::numbers::pi / 180.0;
+    const Eigen::Map<const Eigen::ArrayXd> positions(axis.position.data(),
+                                                     std::ssize(axis.position));
+    const double travel = positions.maxCoeff() - positions.minCoeff();
+    tried = static_cast<int>(2.0 * travel / shortest) - 1;
+    if (tried < 1)
+        return {};
+    const Eigen::Index poses = positions.size(), rows = advance.size() / poses;
+    Eigen::VectorXd told(poses), weight(poses);
+    Eigen::MatrixXd absorbed_by_pose(absorbed.cols(), poses);
+    for (Eigen::Index i = 0; i < poses; ++i) {
+        const auto own = advance.segment(i * rows, rows);
+        told[i] = own.dot(residual.segment(i * rows, rows));
+        weight[i] = own.squaredNorm();
+        absorbed_by_pose.col(i) = absorbed.middleRows(i * rows, rows).transpose() * own;
     }
-
-    // The longest of the periods (mm or rad) that explain next to as much as the best, then the
-    // others; nothing where the axis hardly moves. `tried`: how many could be told apart.
-    std::vector<double> periods(double shortest, int& tried) const {
-        using namespace std::complex_literals;
-        constexpr int per_resolution = 8, most_periods = 4;
-        constexpr double as_good = 6.0, as_good_part = 0.03;
-        const double travel = positions_.maxCoeff() - positions_.minCoeff();
-        tried = static_cast<int>(2.0 * travel / shortest) - 1;
-        if (tried < 1)
-            return {};
-        const double step = 0.5 / travel / per_resolution;
-        const double first = (2 * per_resolution - 1) * step, last = 1.0 / shortest + step;
-        // From one frequency to the next every position's phase turns by its own constant.
-        const Eigen::ArrayXcd turns = 2.0i * std::numbers::pi * positions_.array();
-        Eigen::ArrayXcd phase = (first * turns).exp();
-        const Eigen::ArrayXcd next = (step * turns).exp();
-        std::vector<double> powers;
-        for (double frequency = first; frequency <= last; frequency += step, phase *= next)
-            powers.push_back(power(phase));
-        const double highest = *std::ranges::max_element(powers);
-        const double least = highest - std::max(as_good, as_good_part * highest);
-        std::vector<double> found;
-        for (std::size_t k = 1; k + 1 < powers.size() && found.size() < most_periods; ++k)
-            if (powers[k] >= least && powers[k] >= powers[k - 1] && powers[k] > powers[k + 1])
-                found.push_back(1.0 / (first + step * static_cast<double>(k)));
-        return found;
-    }
-
-private:
     // How much of the residual's square a sine and a cosine explain.
-    double power(const Eigen::ArrayXcd& phase) const {
+    const auto power = [&](const Eigen::ArrayXcd& phase) {
         Eigen::MatrixXd waves(phase.size(), 2);
         waves << phase.imag(), phase.real();
-        const Eigen::Vector2d seen = waves.transpose() * told_;
-        const Eigen::MatrixXd lost = absorbed_ * waves;
+        const Eigen::Vector2d seen = waves.transpose() * told;
+        const Eigen::MatrixXd lost = absorbed_by_pose * waves;
         const Eigen::Matrix2d information =
-            waves.transpose() * weight_.asDiagonal() * waves - lost.transpose() * lost;
+            waves.transpose() * weight.asDiagonal() * waves - lost.transpose() * lost;
         if (!(information.determinant() > 1e-6 * std::pow(information.trace(), 2)))
             return 0.0;  // one wave of the two is lost
         return seen.dot(information.inverse() * seen);
-    }
-
-    Eigen::VectorXd positions_, told_, weight_;
-    Eigen::MatrixXd absorbed_;
-};
+    };
+    const double step = 0.5 / travel / per_resolution;
+    const double first = (2 * per_resolution - 1) * step, last = 1.0 / shortest + step;
+    // From one frequency to the next every position's phase turns by its own constant.
+    const Eigen::ArrayXcd turns = 2.0i * std::numbers::pi * positions;
+    Eigen::ArrayXcd phase = (first * turns).exp();
+    const Eigen::ArrayXcd next = (step * turns).exp();
+    std::vector<double> powers;
+    for (double frequency = first; frequency <= last; frequency += step, phase *= next)
+        powers.push_back(power(phase));
+    const double highest = *std::ranges::max_element(powers);
+    const double least = highest - std::max(as_good, as_good_part * highest);
+    std::vector<double> found;
+    for (std::size_t k = 1; k + 1 < powers.size() && found.size() < most_periods; ++k)
+        if (powers[k] >= least && powers[k] >= powers[k - 1] && powers[k] > powers[k + 1])
+            found.push_back(1.0 / (first + step * static_cast<double>(k)));
+    return found;
+}
 
 // The best period of each axis that moves, beside what is explained already.
 std::vector<ErrorCandidate> best_periods(const DiagnosisInput& evidence,
@@ -417,19 +398,17 @@ std::vector<ErrorCandidate> best_periods(const DiagnosisInput& evidence,
     const Eigen::VectorXd residual = comparison.residual(beside);
     for (const StageAxisMotion& axis : evidence.request.axes) {
         const Eigen::VectorXd advance = sensitivity_px(evidence.request, axis);
-        const AxisSpectrum spectrum(axis, rows.whitened_corners(advance), residual,
-                                    rows.absorbed());
         int tried = 0;
-        const double shortest = axis.is_linear ? 1.0 : 5.0 * std::numbers::pi / 180.0;
-        const std::vector<double> periods = spectrum.periods(shortest, tried);
+        const std::vector<double> periods =
+            periods_of(axis, rows.whitened_corners(advance), residual, rows.absorbed(), tried);
         if (!periods.empty())
             best.push_back(repeating_error(axis, advance, periods, tried));
     }
     return best;
 }
 
-// The search under one covariance: all candidates, and of periods and misplaced poses the
-// best alone and the best beside the best explanation.
+// The search under one covariance: all candidates, and of periods and misplaced poses the best
+// alone and the best beside the best explanation.
 class Search {
 public:
     Search(const DiagnosisInput& evidence, const std::vector<ErrorCandidate>& known)
@@ -497,15 +476,13 @@ Causes ranked(const Search& search, const ErrorCandidate& smooth) {
     Causes causes;
     causes.none_of_these = std::exp(none - total);
     causes.scatter = search.comparison().scatter(*search.comparison().fit(Search::best(scores)));
-    std::map<Set, double> left = probabilities(scores, total);
+    Scores left = probabilities(scores, total);
     causes.no_error = left[{}];
     left.erase(Set{});
     constexpr std::size_t most_ranked = 6;
     constexpr double least_probability = 0.01;
     while (causes.ranked.size() < most_ranked && !left.empty()) {
-        const Set best =
-            std::ranges::max_element(left, {}, &std::map<Set, double>::value_type::second)->first;
-        const Cause cause = claimed(search.comparison(), best, left);
+        const Cause cause = claimed(search.comparison(), Search::best(left), left);
         if (cause.probability < least_probability)
             break;
         causes.ranked.push_back(cause);
@@ -555,8 +532,7 @@ std::vector<double> sizes_up_to(double largest) {
     return sizes;
 }
 
-// The random error that makes the observed most probable beside what is explained already; nothing
-// where none is worth its price.
+// The random error that makes the observed most probable; nothing where none is worth its price.
 std::optional<Scattered> best_scatter(const DiagnosisInput& evidence,
                                       const std::vector<RandomErrorCandidate>& error_candidates,
                                       const std::vector<double>& sizes,
@@ -587,8 +563,7 @@ std::optional<Scattered> best_scatter(const DiagnosisInput& evidence,
     return best;
 }
 
-// Corners scatter where the detector's biases in photograph and render differ. Nothing where a
-// random error of the stage explains it as well.
+// By the detector's biases in photograph and render. Nothing where a stage's explains it as well.
 std::optional<Scattered> corner_scatter(const DiagnosisInput& evidence,
                                         const std::vector<ErrorCandidate>& beside,
                                         std::size_t known) {

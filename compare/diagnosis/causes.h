@@ -1,15 +1,11 @@
 // Which errors explain what a run saw, jointly and with a probability each.
 //
-// Observed are the corners of all used poses, photograph less expectation, in px, with the noise
-// that is stated for them (repeated frames, renders, repeatability of the stage), and figures of
-// the photographs' pixels (focus, tone...), with their covariance. X and Y are solved again with
-// every explanation: what registration absorbs is not attributed to any error. What is declared as
-// uncertain is part of the covariance. So is the scatter of the corners by the detector's bias,
-// which drops out only where photograph and render agree within a pixel: it is estimated with the
-// best explanation. Corners that scatter even more enlarge all deviations.
-//
-// Random errors come first: where poses that moved on their own along an axis, or in all
-// directions, explain the corners better than any systematic error, the covariance includes that.
+// Observed are the corners of all used poses, photograph less expectation, px, and figures of the
+// photographs' pixels (focus, tone...), with their covariance. It holds the stated noise, what is
+// declared as uncertain, and the corners' scatter by the detector's bias, which is estimated with
+// the best explanation. Where poses that moved on their own, along an axis or in all directions,
+// explain the corners better than any systematic error, it holds that too. Corners that scatter
+// even more enlarge all deviations. X and Y are solved again with every explanation.
 //
 // An explanation is a set of candidates (compare/diagnosis/error_candidates.h): none, one, all
 // pairs, and the best sets of three and four. Its probability is by Schwarz's criterion (Estimating
@@ -22,10 +18,8 @@
 
 namespace etalon {
 
-// One error of an explanation.
 struct CausingError {
-    // The best name first, then those that explain as much in its place (more than 1 to 100 against
-    // the best): the run cannot tell them apart.
+    // The best first, then those that the run cannot tell from it (over 1 to 100 against the best).
     std::vector<std::string> names;
     double size = 0.0;  // of the best: its amount, or the length of its several numbers
     double expanded_uncertainty = 0.0;  // k = 2, enlarged like the corners' scatter
@@ -38,8 +32,7 @@ struct CausingError {
 struct Cause {
     std::vector<CausingError> errors;  // that act together
     double probability = 0.0;          // of this explanation and of those its names stand for
-    // Names of as many errors, or more, which would together explain as much in place of all of
-    // these.
+    // Names of as many errors, or more, which together explain as much in place of all of these.
     std::vector<std::vector<std::string>> instead = {};
 
     std::string text() const;  // "k3 and p1 and p2, or k6 and p1 and sensor tilt tau_y"
@@ -49,20 +42,17 @@ struct Cause {
 };
 
 struct Causes {
-    std::vector<Cause> ranked;   // the most probable first, down to 1 %; at most 6
-    double no_error = 0.0;       // probability that noise and what is declared explain it all
-    double none_of_these = 0.0;  // that it is something without a name here
-    // Scatter of corners by detector biases that differ between photograph and render. 0: none
-    // seen.
-    double corner_scatter_px = 0.0;
+    std::vector<Cause> ranked;       // the most probable first, down to 1 %; at most 6
+    double no_error = 0.0;           // probability that noise and what is declared explain it all
+    double none_of_these = 0.0;      // that it is something without a name here
+    double corner_scatter_px = 0.0;  // by detector biases in photograph and render; 0: none seen
     double scatter = 1.0;  // of the corners that the best explanation leaves, over what is stated
 
-    // The cause, where it is more probable than not.
-    const Cause* named() const;
+    const Cause* named() const;  // the first, where it is more probable than not
 };
 
-// The ranking with this error, which is there with a probability, in every explanation, and alone
-// in place of none.
+// The ranking with this error, present with a probability, in every explanation, and alone in place
+// of none.
 Causes with_error(const CausingError& error, double probability, Causes causes);
 
 struct DiagnosisInput {
@@ -73,8 +63,7 @@ struct DiagnosisInput {
     std::vector<Eigen::MatrixXd> covariance_px2;
     // Standard uncertainties that are declared, by the candidates' names, in their units.
     std::map<std::string, double> declared;
-    // Per pose, a factor of the correlation of its corners' noise, to look for their scatter.
-    // Empty: not looked for.
+    // Per pose, a factor of the correlation of its corners' noise; empty: no scatter is looked for.
     std::vector<Eigen::MatrixXd> corner_modes = {};
     // Of the request's pixel errors (PixelEvidence, image_agreement.h); may be empty.
     Eigen::VectorXd pixels = {};

@@ -7,7 +7,6 @@
 #include <numbers>
 
 #include "compare/diagnosis/pixel_evidence.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -89,7 +88,6 @@ void add_straightness(std::vector<ErrorCandidate>& all, const SignatureChain& ch
                    columns});
 }
 
-// The sum of the linear axes' scales.
 void add_common_scale(std::vector<ErrorCandidate>& all, const CandidateRequest& request) {
     ErrorCandidate sum{"stage scale, all linear axes",
                        "1",

@@ -1,6 +1,6 @@
-// Every error that a run's differences may be attributed to: each candidate with what it does to
-// the corners of every used pose, to first order. An error with several numbers (a sine and a
-// cosine, the three components of a drift) is one candidate with several columns.
+// Every error that a run's differences may be attributed to, with what it does to the corners of
+// every used pose, to first order. One with several numbers (a sine and a cosine, the components of
+// a drift) has several columns.
 #pragma once
 
 #include <array>
@@ -29,11 +29,8 @@ struct ErrorCandidate {
     double size = 0.0;   // that one unit of a column stands for
     // 2 rows per point and pose, px at `size`; of that of `only_pose` alone where there is one.
     Eigen::MatrixXd corners_px;
-    // What it does to the pixel errors of the request, in their units, at `size`, by column; empty:
-    // nothing.
-    Eigen::MatrixXd pixels = {};
-    // Of how many like it that were tried this is the best: periods, poses.
-    int tried = 1;
+    Eigen::MatrixXd pixels = {};        // the request's pixel errors at `size`, by column; empty: 0
+    int tried = 1;                      // of how many like it (periods, poses) this is the best
     std::optional<int> only_pose = {};  // of the chain's: it does nothing to the others
 };
 
@@ -45,13 +42,12 @@ struct CandidateRequest {
     std::vector<std::string> pixel_errors = {};  // PixelEvidence::errors (image_agreement.h)
 };
 
-// Camera, marker, detector, stage, drift; of those named in `sizes` what they do when they are so
-// large, as theirs to first order would leave traces. Throws NumericalError when a corner has no
-// projection or sizes do not agree. Milliseconds.
+// Camera, marker, detector, stage, drift; those named in `sizes` are linearised at that size.
+// Throws NumericalError when a corner has no projection or sizes do not agree. Milliseconds.
 std::vector<ErrorCandidate> error_candidates(const CandidateRequest& request,
                                              const std::map<std::string, double>& sizes = {});
 
-// Of which only the best is worth a word: that the marker was elsewhere at one of the poses.
+// That the marker was elsewhere at one of the poses: a candidate for each.
 std::vector<ErrorCandidate> misplaced_poses(const CandidateRequest& request);
 std::string misplaced_pose_name(int index);
 std::string misplaced_pose_remedy(const std::string& pose);  // "pose 7 along x by 96.1 mm"
@@ -65,12 +61,11 @@ struct RandomErrorCandidate {
 // Of each axis along itself, and of the marker in all directions.
 std::vector<RandomErrorCandidate> random_error_candidates(const CandidateRequest& request);
 
-// What an axis does to the corners when it goes one step further than it reads, 2 rows per point
-// and pose.
+// Of the corners, 2 rows per point and pose, when the axis goes one step further than it reads.
 Eigen::VectorXd sensitivity_px(const CandidateRequest& request, const StageAxisMotion& axis);
 
-// An axis whose error repeats with the first of these periods, or as well with the others: where
-// positions lie on a grid, frequencies that differ by that of the grid look alike. mm or rad.
+// An axis whose error repeats with the first of these periods (mm or rad), or as well the others:
+// on a grid of positions frequencies that differ by that of the grid look alike.
 ErrorCandidate repeating_error(const StageAxisMotion& axis, const Eigen::VectorXd& sensitivity_px,
                                const std::vector<double>& periods, int tried);
 

@@ -5,17 +5,11 @@
 #include <Eigen/LU>
 #include <algorithm>
 
-#include "core/program/errors.h"
-
 namespace etalon {
 namespace {
 
-Eigen::VectorXd stacked(const std::vector<Eigen::Vector2d>& pixels) {
-    return Eigen::Map<const Eigen::VectorXd>(pixels.front().data(), 2 * std::ssize(pixels));
-}
-
 template <class Shape>
-void bend(std::vector<Eigen::Vector3d>& points, double size_mm, const Shape& shape) {
+void bend(ObjectPoints& points, double size_mm, const Shape& shape) {
     double highest = 0.0;
     for (const Eigen::Vector3d& point : points)
         highest = std::max(highest, std::abs(shape(point)));
@@ -104,8 +98,7 @@ std::vector<CameraError> further_camera_errors(const CameraModel& camera) {
     return errors;
 }
 
-std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector2d>& corners,
-                                                 double by_px) {
+ImagePoints edges_moved_inwards(const ImagePoints& corners, double by_px) {
     if (corners.size() != 4)
         throw NumericalError(fmt::format("edges of a square: {} corners", corners.size()));
     const auto corner = [&](std::size_t k) { return corners[k % 4]; };
@@ -115,7 +108,7 @@ std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector
         const Eigen::Vector2d normal(-edge.y(), edge.x());
         return Eigen::Vector2d(normal.dot(centre - corner(k)) < 0.0 ? -normal : normal);
     };
-    std::vector<Eigen::Vector2d> moved;
+    ImagePoints moved;
     for (std::size_t k = 0; k < 4; ++k) {
         Eigen::Matrix2d normals;
         normals << inward_normal(k + 3).transpose(), inward_normal(k).transpose();
@@ -137,10 +130,9 @@ void TrueMarker::bow(double size_mm) {
     bend(points_mm, size_mm, [](const Eigen::Vector3d& p) { return p.head<2>().squaredNorm(); });
 }
 
-std::vector<Eigen::Vector2d> TrueMarker::seen(const Projector& projector,
-                                              Rigid camera_from_marker) const {
+ImagePoints TrueMarker::seen(const Projector& projector, Rigid camera_from_marker) const {
     camera_from_marker.translation += offset_mm;
-    std::vector<Eigen::Vector2d> corners = projected(projector, points_mm, camera_from_marker);
+    ImagePoints corners = projected(projector, points_mm, camera_from_marker);
     for (Eigen::Vector2d& corner : corners)
         corner += corner_shift_px;
     return edges_inwards_px == 0.0 ? corners : edges_moved_inwards(corners, edges_inwards_px);

@@ -9,11 +9,11 @@
 
 namespace etalon {
 
-// The run as named errors need it: geometry only. X and Y are the registered ones. Of the poses
-// only where the stage was and which are held out counts.
+// The run's geometry. X and Y are the registered ones. Of the poses only base_from_carriage and
+// hold_out count.
 struct SignatureChain {
     const Projector& projector;  // the calibration under test
-    std::vector<Eigen::Vector3d> points_mm;
+    ObjectPoints points_mm;
     Rigid camera_from_base, carriage_from_marker;
     std::vector<AnalysedPose> poses;
 
@@ -43,17 +43,16 @@ struct ChangingError {
     std::function<void(Changed&, double)> change;  // makes it wrong by this much
 };
 
-// The true camera differs from the calibration.
 using CameraError = ChangingError<CameraModel>;
-// Those that have a signature in every report, and those that only causes are looked for among:
-// aspect, rational, prism and tilt terms. A wide lens has no tilt; among the first are its k7 and
-// the projection's own parameters, unless one is at the end of its range.
+// Those that have a signature, and those that only causes are looked for among: aspect, rational,
+// prism and tilt terms. A wide lens has no tilt; among the first are its k7 and the projection's
+// own parameters, unless one is at the end of its range.
 std::vector<CameraError> named_camera_errors(const CameraModel& camera);
 std::vector<CameraError> further_camera_errors(const CameraModel& camera);
 
 // The marker as it is printed and bent, and what moves its corners in photographs alone.
 struct TrueMarker {
-    std::vector<Eigen::Vector3d> points_mm;
+    ObjectPoints points_mm;
     Eigen::Vector3d offset_mm = Eigen::Vector3d::Zero();  // of every pose, camera frame
     Eigen::Vector2d corner_shift_px = Eigen::Vector2d::Zero();
     double edges_inwards_px = 0.0;  // of a single tag; 0: none
@@ -63,17 +62,15 @@ struct TrueMarker {
     void twist(double size_mm);
     void bow(double size_mm);
     // The corners in an image. Throws NumericalError when one has no projection.
-    std::vector<Eigen::Vector2d> seen(const Projector& projector, Rigid camera_from_marker) const;
+    ImagePoints seen(const Projector& projector, Rigid camera_from_marker) const;
 };
 using MarkerError = ChangingError<TrueMarker>;
 // Of a marker of so many points: print size, half pixel, edge shrink (a single tag), twist, bow
 // (any other), constant pose offset.
 std::vector<MarkerError> marker_errors(std::size_t points);
 
-// The corners of a square, in order, when each of its edges is seen moved inwards by `by_px`: each
-// corner goes to where its two edges then meet.
-std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector2d>& corners,
-                                                 double by_px);
+// The corners of a square, in order, when each of its edges is seen moved inwards by `by_px`.
+ImagePoints edges_moved_inwards(const ImagePoints& corners, double by_px);
 
 // What a named error does to the corners of a chain, which must outlive it: the pixels of pose i
 // when the error has `size`. Throws NumericalError when a corner has no projection.
@@ -83,8 +80,8 @@ struct NamedError {
     std::function<Eigen::VectorXd(std::size_t pose, double size)> pixels;
     bool one_sided = false;  // only `size` and 0 can be asked for (stage errors come at one size)
 
-    // Of the corners of the first `poses`, stacked, at `size`: by central differences there, or
-    // that part of what the error does when it is `at` so large (of stage errors the same).
+    // Of the corners of the first `poses`, stacked, at `size`: by central differences, or that part
+    // of what the error does at size `at` (of stage errors the same).
     Eigen::VectorXd motion(std::size_t poses, std::optional<double> at = std::nullopt) const;
 };
 NamedError named_error(const SignatureChain& chain, const CameraError& error);

@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "calib/intrinsics/calibration_model.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 double rms_norm(const Eigen::VectorXd& field) {
@@ -61,28 +60,25 @@ public:
             const auto& [pose, solver] = hold_out_[static_cast<std::size_t>(k)];
             const Vector6d seen = solver.solve(
                 Eigen::VectorXd(motion.segment(static_cast<Eigen::Index>(pose) * rows, rows)));
-            const auto [shift, turn] = predicted(pose, xy);
+            // What X and Y moved by `xy` do to the marker, camera frame.
+            const Rigid& base_from_carriage = chain_.poses[pose].base_from_carriage;
+            const Eigen::Quaterniond& turn = chain_.camera_from_base.rotation;
+            const Eigen::Vector3d from_base =
+                turn * (base_from_carriage * chain_.carriage_from_marker.translation);
+            const Eigen::Vector3d shift =
+                Eigen::Vector3d(xy.head<3>()).cross(from_base) + xy.segment<3>(3) +
+                turn * (base_from_carriage.rotation * Eigen::Vector3d(xy.tail<3>()));
+            const Eigen::Vector3d turned =
+                xy.head<3>() +
+                turn * (base_from_carriage.rotation * Eigen::Vector3d(xy.segment<3>(6)));
             signature.before.segment<3>(3 * k) = seen.tail<3>();
             signature.after.segment<3>(3 * k) = seen.tail<3>() - shift;
-            signature.rotation_after.segment<3>(3 * k) = seen.head<3>() - turn;
+            signature.rotation_after.segment<3>(3 * k) = seen.head<3>() - turned;
         }
     }
 
 private:
     using PoseSolver = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
-
-    // What X and Y moved by `xy` do to the marker: shift of its origin and turn, camera frame.
-    std::pair<Eigen::Vector3d, Eigen::Vector3d> predicted(std::size_t pose,
-                                                          const Vector12d& xy) const {
-        const Rigid& base_from_carriage = chain_.poses[pose].base_from_carriage;
-        const Eigen::Quaterniond& turn = chain_.camera_from_base.rotation;
-        const Eigen::Vector3d from_base =
-            turn * (base_from_carriage * chain_.carriage_from_marker.translation);
-        return {Eigen::Vector3d(xy.head<3>()).cross(from_base) + xy.segment<3>(3) +
-                    turn * (base_from_carriage.rotation * Eigen::Vector3d(xy.tail<3>())),
-                xy.head<3>() +
-                    turn * (base_from_carriage.rotation * Eigen::Vector3d(xy.segment<3>(6)))};
-    }
 
     const SignatureChain& chain_;
     std::vector<std::pair<std::size_t, PoseSolver>> hold_out_;

@@ -42,9 +42,8 @@ double widening(const RunEvidence& pixels, const PixelDeviation& step,
     return std::max(1.0, scatter / photos) + tolerance * count / photos;
 }
 
-// What all photographs may have in common, which their scatter does not show, as a standard
-// deviation: renders that are off by their tolerance where a deviation changes most. A photograph
-// weighs by the square of its changes c, its error is tolerance / c: tolerance sum c / sum c^2.
+// Standard deviation by renders that are all off by their tolerance where a deviation changes most,
+// by c: a photograph weighs by c^2 and errs by tolerance / c.
 double of_renders(const std::vector<PhotoEvidence>& photos, int i) {
     constexpr double full_scale_gray = 255.0;
     double sum = 0.0, squares = 0.0;
@@ -55,10 +54,9 @@ double of_renders(const std::vector<PhotoEvidence>& photos, int i) {
     return squares > 0.0 ? render_tolerance_gray / full_scale_gray * sum / squares : 0.0;
 }
 
-// Of a curve only the bow t is fitted. How it leans, q s (1 - s) (1 - 2 s) more, is not: of powers
-// from 0.45 to 2.2 and Rec. 709 q / t goes from -0.1 to 0.9. An edge of variance sigma^2 then looks
-// wider by 0.70 q sigma^2 (least squares of Phi (1 - Phi) (1 - 2 Phi) by what a variance does).
-// What photographs score that are blurrier by that, at q / t = 0.9.
+// Of a curve only the bow t is fitted, not how it leans, q s (1 - s) (1 - 2 s): of powers from 0.45
+// to 2.2 and Rec. 709 q / t is -0.1 to 0.9. An edge of variance sigma^2 then looks wider by
+// 0.70 q sigma^2 (least squares). The score of photographs blurrier by that, at q / t = 0.9.
 PixelDeviation score_of_leaning_curve(const RunEvidence& pixels, const CameraModel& camera,
                                       const PixelDeviation& deviating) {
     constexpr double leaning = 0.9, variance_by_leaning = 0.70;

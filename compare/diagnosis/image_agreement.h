@@ -3,8 +3,7 @@
 //
 // Figures from least squares on all pixels have its covariance, widened by the photographs' excess
 // scatter and by a render that is off by its tolerance in the worst way. Figures of single
-// photographs are averaged, with the uncertainty of the mean. k = 3: there are eight quantities,
-// and one larger than its U becomes a finding without any limit.
+// photographs are averaged. k = 3, as any of the eight that is larger than its U is a finding.
 #pragma once
 
 #include "compare/diagnosis/pixel_evidence.h"
@@ -28,8 +27,8 @@ struct PixelEvidence {
 
 struct ImageAgreement {
     int photos = 0;  // that were compared
-    // Signed: photographs less renders. Nothing where the camera's file does not say what it would
-    // be held against, or too few photographs show it.
+    // Signed: photographs less renders. Nothing where the camera's file does not state it, or too
+    // few photographs show it.
     std::optional<PixelFigure> residual_gray;    // RMS residual less the stated noise
     std::optional<PixelFigure> blur_px;          // RMS over the photographs, standard deviation
     std::optional<PixelFigure> tone_gray;        // in the middle between black and white

@@ -15,17 +15,16 @@ struct PoseResiduals {
 };
 
 struct ImageCoherence {
-    // How far the sum of products of residuals of different poses in the same bin lies above 0, in
-    // its standard deviations; the largest of three sizes of bins.
+    // Of the sum of products of different poses' residuals in the same bin, in its standard
+    // deviations; the largest of three sizes of bins.
     double deviations = 0.0;
     double share = 0.0;   // of the residuals' power that poses have in common there, 0 to 1
     double bin_px = 0.0;  // side of these bins
 };
 
-// Bins are squares of 1/24, 1/12 and 1/6 of the image's diagonal. The standard deviation is that of
-// the sum under random signs of each pose's residuals: it needs no stated noise, and corners of a
-// pose may be correlated. Milliseconds for 70 poses. Throws NumericalError where places and
-// residuals do not agree.
+// Bins are squares of 1/24, 1/12 and 1/6 of the image's diagonal. The standard deviation is that
+// under random signs of each pose's residuals: corners of a pose may be correlated. Milliseconds
+// for 70 poses. Throws NumericalError where places and residuals do not agree.
 ImageCoherence image_coherence(std::span<const PoseResiduals> poses, int width, int height);
 
 // A PASS bears so many: 99.9 % over the three sizes.

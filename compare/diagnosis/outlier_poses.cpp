@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <numeric>
 
 #include "core/statistics/distributions.h"
@@ -68,7 +67,7 @@ std::vector<OutlierPose> outlying_samples(std::span<const FieldSample> samples,
 }
 
 std::vector<OutlierPose> outlying_registered(const Projector& projector,
-                                             const std::vector<Eigen::Vector3d>& points_mm,
+                                             const ObjectPoints& points_mm,
                                              const BiasCorrectedRegistration& registration,
                                              std::span<const RegistrationPose> poses,
                                              double least_mm) {

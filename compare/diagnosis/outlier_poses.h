@@ -1,6 +1,5 @@
-// Outlier poses: the stage was not where it said, the camera showed an old frame, or the detector
-// took something else for the marker. They are left out of registration and field; PASS is
-// withheld.
+// Outlier poses are left out of registration and field, and withhold PASS: the stage was not where
+// it said, the camera showed an old frame, or the detector took something else for the marker.
 #pragma once
 
 #include "compare/diagnosis/error_candidates.h"
@@ -18,17 +17,16 @@ struct OutlierPose {
 // below give none.
 std::size_t max_outlying(std::size_t poses);
 
-// Samples off the smooth field of the others by more than 8 robust standard deviations (from the
-// median of all residuals, in units of the samples' sigmas) and by more than `least_mm`, the
-// farthest first. `field` is that of all samples; each that is found costs another fit. Throws what
-// fit_smooth_field throws.
+// Samples off the smooth field of the others by more than 8 robust standard deviations and by more
+// than `least_mm`, the farthest first. `field` is that of all samples; each that is found costs
+// another fit. Throws what fit_smooth_field throws.
 std::vector<OutlierPose> outlying_samples(std::span<const FieldSample> samples,
                                           const BiasField& field, double least_mm);
 
 // Of the `poses` given to the registration those whose corners lie more than 8 times as far from
 // the predicted ones as the median pose's, and the marker by more than `least_mm`.
 std::vector<OutlierPose> outlying_registered(const Projector& projector,
-                                             const std::vector<Eigen::Vector3d>& points_mm,
+                                             const ObjectPoints& points_mm,
                                              const BiasCorrectedRegistration& registration,
                                              std::span<const RegistrationPose> poses,
                                              double least_mm);

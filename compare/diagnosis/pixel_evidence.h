@@ -21,28 +21,25 @@ inline constexpr int count = 5;
 using PixelDeviation = Eigen::Matrix<double, deviation::count, 1>;
 using PixelInformation = Eigen::Matrix<double, deviation::count, deviation::count>;
 
-// Prior, for deviations that photographs do not show: hardly any camera is off by more than e in
-// f-number, 0.01 / mm in focus, 4 px^2 of blur, 1 in tone, 1 px in growth.
+// Prior standard deviations: e in f-number, 0.01 / mm in focus, 4 px^2 of blur, 1 in tone, 1 px in
+// growth.
 PixelInformation deviation_prior();
 
 // One photograph against its render at its photometric pose, with a deviation put into the camera.
 struct PhotoEvidence {
     double depth_mm = 0.0;  // of the marker
-    // Normal equations of the deviations, pose and levels solved beside them; in units of the noise
-    // (1 gray where the camera's file has none) times the scale of the residuals. 0 for those that
-    // are not asked for.
+    // Normal equations of the deviations, pose and levels solved beside them, in units of the noise
+    // (1 gray where none is stated) times the residuals' scale. 0 for those not asked for.
     PixelInformation information = PixelInformation::Zero();
     PixelDeviation score = PixelDeviation::Zero();
-    // The score that a noise larger by the factor e than stated would add, first order: mean codes
-    // follow the noise (compare/photometric/photometric_model.h).
+    // The score that a noise larger by the factor e than stated adds, first order (MeanCode).
     PixelDeviation score_by_log_noise = PixelDeviation::Zero();
-    // The largest change of a pixel's radiance by a deviation of 1; 0 for the tone, which is no
-    // matter of the render.
+    // Of a pixel's radiance by a deviation of 1; 0 for the tone.
     PixelDeviation largest_change = PixelDeviation::Zero();
     double loss = 0.0;            // Huber's, over all pixels
     double residual_scale = 1.0;  // 1.4826 times the median size of the residuals; 1 at least
-    // Of the pixels with noise well above rounding: how many, the sum of their squared residuals in
-    // units of the stated noise (1 gray where none is stated), and that noise, RMS.
+    // Of the pixels with noise well above rounding: how many, the sum of their squared residuals
+    // over the stated noise (1 gray where none is stated), and that noise, RMS.
     int pixels = 0;
     double squares = 0.0;
     double noise_gray = 0.0;
@@ -69,15 +66,14 @@ struct RunEvidence {
     std::vector<std::vector<PhotoFinding>> findings;
 };
 
-// Whether what so many photographs show is no chance: more than 1 in 20 do, and two at least.
+// More than 1 in 20 photographs, and two at least.
 bool is_common(int photos, const std::vector<std::vector<PhotoFinding>>& findings);
 
 // White is at the end of the scale in so many photographs that nothing can be measured in them.
 bool is_overexposed(const std::vector<std::vector<PhotoFinding>>& findings);
 
-// Standard deviation in px of a lens' whole blur at a depth, the pixel's box within: the disk's
-// radius / 2, an Airy pattern's as that of the Gaussian nearest to it, 0.42 wavelength x f-number.
-// `deviating`: with this put in. Without a lens section 0.5 px stand for it.
+// Standard deviation, px, of a lens' whole blur at a depth, the pixel's box within: the disk's
+// radius / 2, an Airy pattern's 0.42 wavelength x f-number. Without a lens section 0.5 px.
 double blur_sigma_px(const CameraModel& camera, double depth_mm,
                      const PixelDeviation& deviating = PixelDeviation::Zero());
 

@@ -5,7 +5,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <array>
-#include <numbers>
 
 #include "compare/detect/board/calibration_target.h"
 #include "compare/make_detector.h"
@@ -255,6 +254,17 @@ void push(std::deque<Item>& items, const Item& item, std::size_t most) {
         items.pop_front();
 }
 
+// Where the last frames fall into two parts, and how far apart these are.
+TargetJump largest_step(std::span<const Movement> frames) {
+    const auto step = [&](std::size_t i) { return (frames[i] - frames[i - 1]).norm(); };
+    std::size_t first_after = 1;
+    for (std::size_t i = 2; i < frames.size(); ++i)
+        if (step(i) > step(first_after))
+            first_after = i;
+    return {static_cast<int>(frames.size() - first_after),
+            medians(frames.subspan(first_after)) - medians(frames.first(first_after))};
+}
+
 }  // namespace
 
 double JumpFinder::noise_of_difference(int component_index) const {
@@ -276,19 +286,6 @@ bool JumpFinder::is_jump(const Movement& difference) const {
     return false;
 }
 
-// Where the last frames fall into two parts, and how far apart these are.
-TargetJump JumpFinder::largest_step() const {
-    const std::vector<Movement> frames(recent_.begin(), recent_.end());
-    const auto step = [&](std::size_t i) { return (frames[i] - frames[i - 1]).norm(); };
-    std::size_t first_after = 1;
-    for (std::size_t i = 2; i < frames.size(); ++i)
-        if (step(i) > step(first_after))
-            first_after = i;
-    const std::span all(frames);
-    return {static_cast<int>(frames.size() - first_after),
-            medians(all.subspan(first_after)) - medians(all.first(first_after))};
-}
-
 std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
     if (!recent_.empty())
         push<Movement>(steps_, movement - recent_.back(), max_steps);
@@ -299,7 +296,7 @@ std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
     const std::span all(frames);
     const Movement difference = medians(all.last(half)) - medians(all.first(half));
     if (is_jump(difference))
-        return largest_step();
+        return largest_step(all);
     push(differences_, difference, max_steps);
     return std::nullopt;
 }
@@ -390,18 +387,15 @@ void DriftMonitor::note_noise(const TargetReference::Look& look) {
 
 void DriftMonitor::put_into_block(Minutes time, const TargetReference::Look& look) {
     const auto number = static_cast<long>(std::floor((time - part_start_) / plan_.block));
-    if (number != block_number_ && !block_.empty())
-        close_block();
+    if (number != block_number_ && !block_.empty()) {
+        blocks_.push_back(median_of(block_));
+        block_.clear();
+        if (blocks_.size() > windows.back())
+            blocks_.erase(blocks_.begin());
+        judge();
+    }
     block_number_ = number;
     block_.emplace_back(time, look);
-}
-
-void DriftMonitor::close_block() {
-    blocks_.push_back(median_of(block_));
-    block_.clear();
-    if (blocks_.size() > windows.back())
-        blocks_.erase(blocks_.begin());
-    judge();
 }
 
 void DriftMonitor::judge() {

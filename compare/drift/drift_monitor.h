@@ -1,17 +1,15 @@
 // Watches the points of a static target frame by frame: how fast their image drifts, whether that
 // is below the limit, and whether something jumped.
 //
-// Time is cut into blocks. Whenever one is full the drift over the last 20, 40 and 80 is estimated,
-// where there are as many: a short window sees the end of a warm-up soon, a long one decides where
-// the points are few or noisy. A jump begins a new part with the frames after it.
+// Time is cut into blocks. Whenever one is full the drift over the last 20, 40 and 80 is estimated:
+// a short window sees the end of a warm-up soon, a long one averages noise. A jump begins a new
+// part with the frames after it.
 #pragma once
 
 #include <Eigen/Core>
 #include <chrono>
 #include <deque>
 #include <functional>
-#include <map>
-#include <opencv2/core.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -27,13 +25,11 @@ inline constexpr std::size_t min_target_points = 4;
 // Pixel by the point's index on the target.
 using TargetPoints = std::map<int, Eigen::Vector2d>;
 
-// How the target's image moves, by least squares: shift x, shift y, growth, turn, all in px. Growth
-// (focal length or distance) and turn (about the optical axis, clockwise as seen) are what they
-// move a point by that is one `radius` from the middle. With equal noise of every coordinate of
-// every point the four are uncorrelated and equally noisy.
+// How the target's image moves, by least squares: shift x, shift y, growth, turn, px. Growth and
+// turn (clockwise as seen) are what they move a point by that is one `radius` from the middle: with
+// equal noise of every coordinate the four are uncorrelated and equally noisy.
 using Movement = Eigen::Vector4d;
 
-// The target as it was seen first.
 class TargetReference {
 public:
     // Throws NumericalError for fewer than 4 points or points that are all in one place.
@@ -63,21 +59,18 @@ private:
     double radius_ = 0.0;
 };
 
-// Root mean square of a coordinate of the residuals that a movement left, px, with its 4 degrees of
-// freedom taken off; 0 for no more than two points.
+// Root mean square of a coordinate of a movement's residuals, px, less its 4 degrees of freedom; 0
+// for up to two points.
 double misfit(const TargetPoints& residuals);
 
-// The points of a target in a photograph, whatever detector of ours finds them; empty where the
-// target is not seen. For one thread.
+// The points of a target in a photograph; empty where it is not seen. For one thread.
 using TargetFinder = std::function<TargetPoints(const CodeImage&)>;
 
-// For every marker and board that has a detector (sim/marker/marker.h,
-// compare/detect/board/calibration_target.h). Throws ConfigError at `place` for any other.
+// Throws ConfigError at `place` for a marker or board without a detector.
 TargetFinder make_target_finder(const std::string& spec, const std::string& place);
 
 using Minutes = std::chrono::duration<double, std::ratio<60>>;
 
-// One piece of time.
 struct DriftBlock {
     Minutes time{};          // mean of its frames
     Movement movement;       // median of its frames, each of the four
@@ -88,17 +81,13 @@ struct DriftRate {
     Minutes from{}, to{};           // the first and the last block
     Movement per_min;               // px/min, see Movement
     Movement standard_uncertainty;  // of each
-    // The largest drift over the image: that of one of its four corners, as it is linear in the
-    // pixel. Its uncertainty is large where the target does not reach.
-    double worst_px_per_min = 0.0;
+    double worst_px_per_min = 0.0;  // the largest drift over the image, at one of its four corners
     Eigen::Vector2d worst_pixel = Eigen::Vector2d::Zero();
     double standard_uncertainty_px_per_min = 0.0;  // of the worst
     double coverage_factor = 0.0;
     double expanded_uncertainty_px_per_min = 0.0;  // their product
     double bound_px_per_min = 0.0;                 // largest value + U of the image's corners
-    // How fast the points drift against each other (a tilt, a bending target, the distortion), root
-    // mean square over them, noise included.
-    double shape_px_per_min = 0.0;
+    double shape_px_per_min = 0.0;   // of the points against each other, RMS, noise included
     double block_correlation = 0.0;  // of neighbouring blocks' residuals; 0 where it is negative
 
     bool below(double limit_px_per_min) const {
@@ -109,11 +98,10 @@ struct DriftRate {
 inline constexpr std::size_t min_blocks = 15;
 
 // A straight line through the medians of the blocks, whose scatter about it is the uncertainty;
-// correlated neighbours widen it (Santer et al., J. Geophys. Res. 105, 7337, 2000). The method, to
-// be repeated by hand, is in docs/cameras.md, "Drift".
-//
-// A true worst drift >= limit has bound < limit with at most the probability `chance_of_error`.
-// Nothing for fewer than min_blocks blocks or blocks at one time. Times must rise.
+// correlated neighbours widen it (Santer et al., J. Geophys. Res. 105, 7337, 2000). By hand:
+// docs/cameras.md, "Drift". A true worst drift >= limit has bound < limit with at most the
+// probability `chance_of_error`. Nothing for fewer than min_blocks blocks or blocks at one time.
+// Times must rise.
 std::optional<DriftRate> estimate_drift(std::span<const DriftBlock> blocks,
                                         const TargetReference& reference, cv::Size image,
                                         double chance_of_error);
@@ -123,15 +111,15 @@ struct TargetJump {
     Movement movement;
 };
 
-// Tells a jump of a static target's image (something was touched) from its drift and its noise. The
-// medians of the last five frames and of the five before them are compared. Their difference by
-// drift is the median of earlier such differences; that by noise follows from the scatter of these
-// or of the steps from frame to frame, whichever is larger. The threshold is Student's quantile at
-// a chance of 1e-7 per frame and component: a false jump in some 2.5 million frames.
+// Tells a jump of a static target's image from its drift and its noise. The medians of the last
+// five frames and of the five before them are compared. Their difference by drift is the median of
+// earlier such differences; that by noise follows from the scatter of these or of the steps from
+// frame to frame, the larger. The threshold is Student's quantile at a chance of 1e-7 per frame and
+// component.
 class JumpFinder {
 public:
-    // The jump that this frame gives away, with 3 frames or more after it. Never before 20 frames,
-    // and none below 0.01 px.
+    // The jump that this frame shows, 3 frames or more ago; none in the first 20 frames and below
+    // 0.01 px.
     std::optional<TargetJump> add(const Movement& movement);
 
     // Movements now have another reference. What was learnt of noise and drift stays.
@@ -140,7 +128,6 @@ public:
 private:
     bool is_jump(const Movement& difference) const;
     double noise_of_difference(int component_index) const;
-    TargetJump largest_step() const;
 
     std::deque<Movement> recent_;       // the last ten
     std::deque<Movement> steps_;        // from frame to frame
@@ -153,8 +140,7 @@ struct DriftPlan {
     Minutes block{0.25};
     int judgements = 1;  // how many windows can come to be judged
 
-    // Over all of them: to call a camera stable whose drift is as large as the limit.
-    static constexpr double chance_of_error = 0.05;
+    static constexpr double chance_of_error = 0.05;  // over all of them
 };
 
 // A plan whose blocks are 15 s, or an interval between frames where this is longer.
@@ -194,8 +180,8 @@ public:
         return !rates_.empty() && fresh_ && rates_.back().below(plan_.limit_px_per_min);
     }
 
-    // From frame to frame, one standard deviation of a coordinate: of a single point against the
-    // others, and of the target as a whole. Medians over all frames; nothing before the second.
+    // Standard deviation of a coordinate from frame to frame: of a point against the others, and of
+    // the whole target. Medians over all frames; nothing before the second.
     std::optional<double> point_noise_px() const;
     std::optional<double> shake_px() const;
 
@@ -208,7 +194,6 @@ private:
     void look(const Seen& seen);
     void note_noise(const TargetReference::Look& look);
     void put_into_block(Minutes time, const TargetReference::Look& look);
-    void close_block();
     void judge();
     void start_anew(const TargetJump& jump);
 

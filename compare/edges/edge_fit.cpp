@@ -216,7 +216,6 @@ VectorXd bounded_step(const MatrixXd& a, const VectorXd& b, const VectorXd& lowe
     return x;
 }
 
-// The sums over all edges in use.
 struct Sums {
     MatrixXd information;
     VectorXd score;

@@ -3,16 +3,12 @@
 //     radiance = dark + (step + g_n d + g_t t) E(d - shift - turn t)
 //
 // d is a pixel's distance from the edge, t its place along it, E the profile of pixel box and lens.
-// The light side's illumination may vary linearly (g), the dark side's is constant. The six
-// parameters of each edge are eliminated from the normal equations (Schur complement).
+// Only the light side's illumination varies (g). The six parameters of each edge are eliminated
+// from the normal equations (Schur complement).
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
-#include <span>
-#include <vector>
 
-#include "calib/camera/camera_model.h"
 #include "compare/edges/edge_spread.h"
 #include "sim/scene/marker_view.h"
 
@@ -30,8 +26,7 @@ struct DiskTransfer {
 };
 DiskTransfer disk_transfer(double frequency, double radius);
 
-// A straight edge's profile from a real and even optical transfer function T, as tables over the
-// distance:
+// A straight edge's profile from a real and even optical transfer function T:
 //
 //     E(d) = 1/2 + integral over f > 0 of T(f) sin(2 pi f d) / (pi f) df
 //     L(d) = E'(d) = integral over f > 0 of 2 T(f) cos(2 pi f d) df
@@ -43,8 +38,7 @@ public:
     // Distances up to `reach_px` in (0, 100]; NumericalError otherwise.
     explicit EdgeResponse(double reach_px);
 
-    // At which transfer functions are wanted, cycles per px.
-    const Eigen::ArrayXd& frequencies() const { return frequencies_; }
+    const Eigen::ArrayXd& frequencies() const { return frequencies_; }  // of T, cycles per px
 
     // E - 1/2 (or what a derivative of T does to it), and L, at distances of step() from 0 on.
     Eigen::ArrayXd odd_table(const Eigen::ArrayXd& transfer) const {
@@ -81,7 +75,6 @@ struct BlurModel {
         transfer;
 };
 
-// One edge's own part of the fit.
 struct FittedEdge {
     // dark, step, g_n, g_t, shift (px), turn
     Eigen::Matrix<double, 6, 1> own = Eigen::Matrix<double, 6, 1>::Zero();
@@ -100,9 +93,8 @@ struct FittedEdge {
 
 struct EdgeFit {
     Eigen::VectorXd parameters;
-    // Formal (noise times the residuals' excess over it); from 8 edges on enlarged to what the
-    // scatter of the edges' scores says (sandwich, mean over the parameters). A bound is no
-    // knowledge.
+    // Noise times the residuals' excess over it; from 8 edges on enlarged to what the scatter of
+    // the edges' scores says (sandwich, mean over the parameters). A bound does not lower it.
     Eigen::MatrixXd covariance;
     std::vector<bool> is_at_bound;
     std::vector<FittedEdge> edges;
@@ -119,12 +111,11 @@ int own_freedom(const StraightEdge& edge);
 // pixels than parameters, or the edges do not determine the blur.
 EdgeFit fit_edges(std::span<const StraightEdge> edges, const BlurModel& model);
 
-// Squared radius of a thin lens' blur disk along the edge's normal, px^2, mean over the edge's
-// length. `focus` in the edge's depth terms.
+// Of a thin lens' blur disk along the edge's normal, px^2, mean over the edge's length. `focus` is
+// a depth term.
 double disk_radius_squared(const StraightEdge& edge, double aperture_mm, double focus);
 
-// Transfer along the edge's normal of a Gaussian (variance in px^2 of the pitch along x) and a disk
-// together.
+// Along the edge's normal, of a Gaussian (variance in px^2 of the pitch along x) and a disk.
 struct BlurTransfer {
     Eigen::ArrayXd value, by_variance, by_radius_squared;
 };
@@ -134,8 +125,7 @@ BlurTransfer blur_transfer(const StraightEdge& edge, double variance_px2, double
 // One parameter, a Gaussian's variance in px^2 (of the pitch along x), with the known blur disk.
 BlurModel gaussian_blur(const Aperture& aperture = {});
 
-// Variance of the Gaussian that fits one edge's pixels best, px^2 along the normal. A disk of
-// radius R has R^2 / 4.
+// Variance along the normal of the Gaussian that fits one edge's pixels best.
 struct EdgeWidth {
     double variance_px2 = 0.0, deviation_px2 = 0.0;
 };

@@ -39,9 +39,8 @@ double blur_reach_px(const CameraModel& camera, double depth_mm, double psf_sigm
     return reach + 2.0 * std::sqrt(variance) + 0.5;
 }
 
-// From place to place the light that a pixel receives is displaced by the marker's translation
-// parallel to the image plane: depth and blur stay. Both families of edges must be displaced
-// across: along the middle between their normals. An edge moves by `step_px` or so.
+// From place to place the marker moves parallel to the image plane: depth and blur stay. It moves
+// along the middle between the normals of both families of edges, each edge by `step_px` or so.
 Eigen::Vector3d step_between_places(const Projector& projector, const Rigid& camera_from_marker,
                                     const CellGrid& grid) {
     constexpr double step_px = 0.3;
@@ -190,7 +189,6 @@ private:
     Eigen::Matrix<double, places, places> coefficients_;
 };
 
-// One pixel of a band.
 struct BandPixel {
     double photo, black, white;  // gray: what is seen, and the prediction's two levels
     double distance;             // px along the normal
@@ -272,7 +270,6 @@ EdgePixels pixels_of(const Band& band, const PhotoOfMarker& photo, const Rendere
     return result;
 }
 
-// The fit of one edge.
 class EdgeRegression {
 public:
     EdgeRegression(const std::vector<BandPixel>& pixels, const Photometry& photometry,
@@ -335,14 +332,14 @@ private:
         const double factor = knows_noise_ ? std::max(1.0, std::sqrt(edge.reduced_chi_square))
                                            : std::sqrt(edge.reduced_chi_square);
         const Eigen::Vector4d deviations = factor * covariance_.diagonal().cwiseSqrt();
-        double* const values[] = {&edge.shift_px, &edge.blur_variance_px2, &edge.black_gray,
-                                  &edge.white_gray};
-        double* const uncertain[] = {&edge.shift_deviation_px, &edge.blur_deviation_px2,
-                                     &edge.black_deviation_gray, &edge.white_deviation_gray};
-        for (int i = 0; i < 4; ++i) {
-            *values[i] = unknowns_[i];
-            *uncertain[i] = deviations[i];
-        }
+        const auto set = [&](int i, double& value, double& deviation) {
+            value = unknowns_[i];
+            deviation = deviations[i];
+        };
+        set(0, edge.shift_px, edge.shift_deviation_px);
+        set(1, edge.blur_variance_px2, edge.blur_deviation_px2);
+        set(2, edge.black_gray, edge.black_deviation_gray);
+        set(3, edge.white_gray, edge.white_deviation_gray);
         edge.pixels = static_cast<int>(pixels_.size());
         const auto at_rest = interpolant_.weights(0.0), moved = interpolant_.weights(unknowns_[0]);
         double spread = 0.0, second_moment = 0.0, step = 0.0;
@@ -407,14 +404,13 @@ std::vector<EdgeShift> edge_shifts(const PhotoOfMarker& photo, const Photometric
         const EdgePixels found = pixels_of(band, photo, rendered, photometry, camera);
         if (found.pixels.size() < min_pixels)
             continue;
-        EdgeShift edge;
-        edge.middle_px = band.middle;
-        edge.normal = band.normal;
-        edge.length_px = 2.0 * band.half_length;
-        edge.half_width_px = band.half_width;
-        edge.depth_mm = band.depth_mm;
-        edge.radius_px = (band.middle - centre).norm();
-        edge.use = found.uses[1] >= found.uses[2] ? pixel_fitted : pixel_scored;
+        EdgeShift edge{.middle_px = band.middle,
+                       .normal = band.normal,
+                       .length_px = 2.0 * band.half_length,
+                       .half_width_px = band.half_width,
+                       .depth_mm = band.depth_mm,
+                       .radius_px = (band.middle - centre).norm(),
+                       .use = found.uses[1] >= found.uses[2] ? pixel_fitted : pixel_scored};
         if (EdgeRegression(found.pixels, photometry, camera.knows_noise(), band).solve(edge))
             result.push_back(edge);
     }

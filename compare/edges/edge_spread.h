@@ -1,27 +1,19 @@
 // The pixels along a known target's straight edges, each with its distance from the projected edge:
-// the over-sampled edge spread function from which blur is measured.
-//
-// The projector takes the distortion out. The distance is that to the projected grid line along its
-// normal, in pixels of the photograph at that place. Pose and print do not tell an edge's place to
-// a hundredth of a pixel: whoever fits a blur also fits each edge's shift and turn
-// (compare/edges/edge_fit.h).
+// the over-sampled edge spread function from which blur is measured. The distance is along the
+// normal, in pixels of the photograph at that place; distortion is taken out. Pose and print do not
+// tell an edge's place to a hundredth of a pixel: a fit of blur also fits each edge's shift and
+// turn (compare/edges/edge_fit.h).
 #pragma once
 
-#include <opencv2/core.hpp>
-
-#include <Eigen/Core>
 #include <span>
 #include <vector>
 
-#include "calib/camera/projector.h"
 #include "compare/photometric/compared_area.h"
-#include "core/image/image.h"
-#include "sim/marker/cell_grid.h"
 
 namespace etalon {
 
-// A piece of a cell grid's line with one radiance before it and another after it, for `reach` cells
-// away from it on either side.
+// A piece of a cell grid's line with one radiance before it and another after it, each for so many
+// cells away from it.
 struct GridEdge {
     int axis;               // 0: u = line, 1: v = line (grid coordinates, in cells)
     int line, first, last;  // cells along it, last included
@@ -77,9 +69,9 @@ struct StraightEdge {
     // distance; a telecentric camera's term is z itself.
     double depth_term = 0.0, depth_term_variance = 0.0;
     Eigen::Vector2d undistorted = Eigen::Vector2d::Zero();  // of centre_px: normalised coordinates
-    // A blur disk's radius in px is this times the aperture's times the difference of depth terms:
-    // fx and fy, distortion and the view of a wide lens's pupil included. This and `undistorted` of
-    // a wide lens are in the frame that looks at the target (turn_towards()).
+    // A blur disk's radius in px is this times the aperture's times the difference of depth terms.
+    // This and `undistorted` of a wide lens are in the frame that looks at the target
+    // (turn_towards()).
     double px_per_unit = 0.0;
     double px_per_pitch = 1.0;  // px along the normal per pitch along x: hypot(nx, ny fy / fx)
     int photo = 0;              // whose edge it is, as numbered by the caller
@@ -90,8 +82,7 @@ struct StraightEdge {
     void set_depth();
 };
 
-// The whole pixels of `within` in which a band lies: so far along and across an edge from its
-// middle.
+// The pixels of `within` that a band may cover: so far along and across an edge from its middle.
 cv::Rect band_pixels(const Eigen::Vector2d& middle_px, const Eigen::Vector2d& normal,
                      double half_length_px, double half_width_px, const cv::Rect& within);
 
@@ -106,8 +97,7 @@ SideLevels side_levels(const StraightEdge& edge);
 
 struct EdgeSelection {
     double half_width_px = 7.0;  // to either side of the edge
-    // Between a pixel and the next edge or the end of its own: three times the blur's radius at
-    // least.
+    // Between a pixel and the next edge or the end of its own: at least three radii of the blur.
     double clearance_px = 4.0;
     double least_length_px = 6.0;    // of what the clearance leaves
     double least_contrast = 0.1;     // of radiance, in the photograph
@@ -116,11 +106,10 @@ struct EdgeSelection {
     bool with_clipped = false;
 };
 
-// The edges of a target in one photograph, without those that are too small in the image, hold a
-// clipped pixel or have too little contrast. Only pixels whose ray meets `area` are used
-// (compared_area()). `photo_number` is copied into the edges. Throws NumericalError when the
-// photograph has another size than the camera or the selection's numbers are not positive and
-// finite. About a microsecond a pixel of the bands. Safe from every thread.
+// The edges of a target in one photograph that the selection takes. Only pixels whose ray meets
+// `area` are used (compared_area()). `photo_number` is copied into the edges. Throws NumericalError
+// when the photograph has another size than the camera or the selection's numbers are not positive
+// and finite. About a microsecond a pixel of the bands. Safe from every thread.
 std::vector<StraightEdge> target_edges(const LinearPhoto& photo, const Projector& projector,
                                        const CellGrid& grid, const Rigid& camera_from_marker,
                                        const ComparedArea& area,

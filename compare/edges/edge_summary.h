@@ -1,14 +1,10 @@
-// What the edges of a photograph say together: how far the rendering's edges are off, where, what
-// the residual along them is made of, and how the blur changes with the depth. Edges beyond their
-// range (EdgeShift::is_beyond_range) are counted and enter no other figure.
+// What the edges of a photograph say together: how far the rendering's edges are off and where, of
+// what parts the residual along them is, and how the blur changes with the depth. Edges with
+// EdgeShift::is_beyond_range are counted and enter no other figure.
 #pragma once
 
-#include <opencv2/core.hpp>
-
 #include <optional>
-#include <span>
 #include <string>
-#include <vector>
 
 #include "compare/edges/edge_shifts.h"
 #include "compare/edges/edge_spread.h"
@@ -44,15 +40,14 @@ struct EdgeSummary {
 // Zero for no edges. A microsecond an edge.
 EdgeSummary edge_summary(std::span<const EdgeShift> edges);
 
-// The edges of one half of the marker's cells.
 std::vector<EdgeShift> edges_of(std::span<const EdgeShift> edges, PixelUse use);
 
 // The displacement of the photograph against the rendering in one part of the image.
 struct ShiftVector {
     Eigen::Vector2d position_px = Eigen::Vector2d::Zero();  // mean of the edges' middles
     Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();
-    // From the edges' deviations, and the scatter about the vector where that is larger.
-    Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();
+    Eigen::Matrix2d covariance_px2 =
+        Eigen::Matrix2d::Zero();  // by the edges' deviations or scatter
     int edges = 0;
 };
 
@@ -73,27 +68,21 @@ struct EdgeBin {
 std::vector<EdgeBin> edges_by_radius(std::span<const EdgeShift> edges, cv::Size image, int bins);
 std::vector<EdgeBin> edges_by_depth(std::span<const EdgeShift> edges, int bins);
 
-// Blur along a target that is tilted through focus: in the photograph and, as the camera's file has
-// it, in the rendering.
-//
-// An edge's width is edge_width() (compare/edges/edge_fit.h) on both. A thin lens draws a point at
-// depth z as a disk of variance (a fx (1/z - 1/z_f) / 2)^2, a the aperture's radius: over 1/z the
-// widths lie close to a parabola, lowest at the focus distance.
-// compare/characterise/blur_estimate.h fits f-number and focus distance to the pixels.
+// Blur along a target that is tilted through focus, in photograph and rendering: edge_width() of
+// compare/edges/edge_fit.h. A thin lens draws a point at depth z as a disk of variance
+// (a fx (1/z - 1/z_f) / 2)^2, a the aperture's radius. Over 1/z the widths lie close to a parabola,
+// lowest at the focus distance.
 
-// Edges between two depths.
 struct DepthBin {
     double low_mm = 0.0, high_mm = 0.0;
     int edges = 0;
     double depth_mm = 0.0;  // 1 / mean of 1/z
-    // Variance along the normal, without the pixel: weighted mean over the edges, its deviation
-    // from theirs, or from their scatter where larger.
+    // Variance along the normal, without the pixel: weighted mean over the edges.
     double measured_px2 = 0.0, measured_deviation_px2 = 0.0;
     double rendered_px2 = 0.0;
     double residual_rms_gray = 0.0;  // along the edges of edge_shifts() between these depths
 };
 
-// Where the widths are least.
 struct WidthMinimum {
     bool is_determined = false;
     std::string undetermined;  // when not, why; then the values are 0
@@ -107,10 +96,10 @@ struct DefocusProfile {
     WidthMinimum photo, rendering;
 };
 
-// `rendering` is linear radiance, CV_32FC1, with the camera's blur, at this pose; `shifts` are the
-// photograph's edges there (for the residuals). `selection`'s clearance is to cover the widest blur
-// disk. Throws NumericalError for a telecentric camera and for sizes that differ. A millisecond an
-// edge. Safe from every thread.
+// `rendering`: linear radiance, CV_32FC1, with the camera's blur, at this pose; `shifts`: the
+// photograph's edges there, for the residuals. The clearance is to cover the widest blur disk.
+// Throws NumericalError for a telecentric camera and for sizes that differ. A millisecond an edge.
+// Safe from every thread.
 DefocusProfile defocus_profile(const CodeImage& photo, const Radiance& rendering,
                                const Projector& projector, const CellGrid& grid,
                                const Rigid& camera_from_marker, const ComparedArea& area,
@@ -118,8 +107,7 @@ DefocusProfile defocus_profile(const CodeImage& photo, const Radiance& rendering
                                const EdgeSelection& selection = {});
 
 // Do the edges' shifts move with the board? What comes back at the same place of the board from
-// other poses is the board's (not flat, or not printed true); what stays in the image is the
-// camera's.
+// other poses is the board's, not the camera's: not flat, or not printed true.
 
 struct EdgesOfPhoto {
     std::vector<EdgeShift> edges;

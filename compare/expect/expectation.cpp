@@ -10,17 +10,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compare/expect/pose_statistics.h"
 #include "compare/make_detector.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 
 namespace etalon {
 namespace {
-
-Eigen::VectorXd stacked(const std::vector<Eigen::Vector2d>& corners) {
-    return Eigen::Map<const Eigen::VectorXd>(corners.front().data(), 2 * std::ssize(corners));
-}
 
 // Has each pose studied with a detector, in parallel. Isolated: a thread that waits in its detector
 // must not begin another pose with it.

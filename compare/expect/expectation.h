@@ -1,20 +1,18 @@
 // Pose errors to expect of a camera and a marker with a detector: bias B1
-// (compare/pose/pose_bias.h) and noise, from renders; no stage and no photograph. Each pose is
-// rendered once, exposed without noise for the bias and several times with the noise that the
-// calibration's sensor section declares, and detected like a photograph.
+// (compare/pose/pose_bias.h) and noise, from renders. Each pose is rendered once, exposed without
+// noise for the bias and several times with the calibration's noise, and detected like a
+// photograph.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
-#include <cstdint>
 #include <functional>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
 #include "compare/expect/expected_view.h"
-#include "compare/pose/pose_bias.h"
+#include "compare/expect/pose_statistics.h"
 #include "sim/scene/pose_volume.h"
 
 namespace etalon {
@@ -39,15 +37,14 @@ struct DetectorFigures {
 struct DetectorStudy : DetectorFigures {
     // Nothing where the marker is not detected without noise, or in less than half of the frames.
     std::vector<std::optional<DetectorStatistics>> poses;
-    // How much of the measured noise biases' power is more than chance, 0 to 1: they are means of
-    // a few frames. `poses` hold them multiplied by it (positive-part James-Stein shrinkage).
+    // How much of the measured noise biases' power is more than chance, 0 to 1. `poses` hold them
+    // multiplied by it (positive-part James-Stein shrinkage).
     double noise_bias_share = 0.0;
 };
 
-// Noises are a pure function of (seed, pose, frame). Parallel over the poses; `step` is called
-// after each, from any thread. CPU time: frames x (6 ns a pixel of the marker + one detection) a
-// pose. Throws NumericalError when the camera declares no sensor noise and for less than 8 frames,
-// and what Renderer::render throws.
+// Noise depends on (seed, pose, frame) alone. Parallel over the poses; `step` is called after each,
+// from any thread. CPU time: frames x (6 ns a pixel of the marker + one detection) a pose. Throws
+// NumericalError without stated noise and for less than 8 frames, and what Renderer::render throws.
 DetectorStudy study_detector(const ExpectedScene& scene, std::span<const Rigid> camera_from_marker,
                              int frames, std::uint64_t seed,
                              const std::function<void()>& step = {});
@@ -80,10 +77,8 @@ public:
     MapValue mean() const { return average(places_); }  // over the poses
     // The same with this variable at `x` (mm, px or rad) in all of them.
     MapValue average_at(double MarkerPlace::*variable, double x) const;
-    // Root mean square of what the map leaves of the poses' values.
-    double scatter() const { return scatter_; }
-    // The pose at which the map is farthest from zero.
-    std::size_t worst() const { return worst_; }
+    double scatter() const { return scatter_; }   // RMS of what the map leaves
+    std::size_t worst() const { return worst_; }  // the pose where the map is farthest from zero
 
 private:
     static constexpr int terms = 8;
@@ -101,11 +96,7 @@ private:
 };
 
 // The six components of a pose error, in directions that mean the same all over the image.
-struct ErrorComponent {
-    const char* name;
-    const char* unit;  // "mm", "mrad"
-};
-inline constexpr std::array<ErrorComponent, 6> error_components = {{
+inline constexpr std::array<MeasureName, 6> error_components = {{
     {"along the line of sight", "mm"},  // away from the camera
     {"outwards in the image", "mm"},    // across the line of sight, away from the optical axis
     {"around the axis", "mm"},          // across both
@@ -150,14 +141,12 @@ struct Expectation {
     double detection_rate() const;  // of all frames, with and without noise
     double flip_rate() const;       // of the detected frames with noise
     std::vector<double> values(Six six, std::size_t component) const;  // of the poses that have it
-    // Fits the maps to the poses.
-    void fit_maps(std::uint64_t seed);
+    void fit_maps(std::uint64_t seed);                                 // to the poses
 };
 
-// Parallel over the poses; the result does not depend on the threads. `step` is called after every
-// pose, from any thread. CPU time: a render, and per frame 6 ns a pixel of the marker and a
-// detection. Throws ConfigError for a detector that cannot see the marker, NumericalError for a
-// volume into which the marker hardly fits, and what Renderer::render throws.
+// Parallel over the poses; the result does not depend on the threads. `step` and CPU time as above,
+// and a render a pose. Throws ConfigError for a detector that cannot see the marker, NumericalError
+// for a volume into which the marker hardly fits, and what Renderer::render throws.
 Expectation expect_errors(const ExpectationRequest& request,
                           const std::function<void()>& step = {});
 

@@ -4,7 +4,6 @@
 #include <tbb/task_arena.h>
 
 #include "compare/make_detector.h"
-#include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 
 namespace etalon {
@@ -33,11 +32,11 @@ std::vector<const DetectedCorners*> whole_of(const Exposures& seen) {
 }
 
 // Nothing when half of them or more are missing.
-std::optional<std::vector<Eigen::Vector2d>> mean_of(const Exposures& seen) {
+std::optional<ImagePoints> mean_of(const Exposures& seen) {
     const auto whole = whole_of(seen);
     if (2 * whole.size() <= seen.size())
         return std::nullopt;
-    std::vector<Eigen::Vector2d> mean(whole.front()->pixels.size(), Eigen::Vector2d::Zero());
+    ImagePoints mean(whole.front()->pixels.size(), Eigen::Vector2d::Zero());
     for (const DetectedCorners* corners : whole)
         for (std::size_t k = 0; k < mean.size(); ++k)
             mean[k] += corners->pixels[k];
@@ -68,10 +67,8 @@ ExpectedView::ExpectedView(const ExpectedScene& scene)
       white_level_(scene.white_level) {}
 
 RenderedPart ExpectedView::radiance_at(const Rigid& camera_from_marker) const {
-    RenderOptions options;
-    options.tolerance_gray = tolerance_gray;
-    RenderedPart part =
-        renderer_.render_part({{{marker_, camera_from_marker}}, background_}, options);
+    RenderedPart part = renderer_.render_part({{{marker_, camera_from_marker}}, background_},
+                                              {.tolerance_gray = tolerance_gray});
     part.radiance = part.radiance * white_level_;
     part.background *= white_level_;
     return part;
@@ -145,13 +142,11 @@ std::vector<std::optional<DetectedCorners>> RenderedCorners::exposed_at(
     return seen;
 }
 
-std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(
-    const Rigid& camera_from_marker) const {
+std::optional<ImagePoints> RenderedCorners::at(const Rigid& camera_from_marker) const {
     return mean_of(exposed_at(camera_from_marker));
 }
 
-std::optional<RenderedCorners::Noise> RenderedCorners::noise_at(
-    const Rigid& camera_from_marker) const {
+std::optional<CornerNoise> RenderedCorners::noise_at(const Rigid& camera_from_marker) const {
     const auto seen = exposed_at(camera_from_marker);
     const auto mean = mean_of(seen);
     if (!mean)
@@ -165,7 +160,7 @@ std::optional<RenderedCorners::Noise> RenderedCorners::noise_at(
         return std::nullopt;
     const double freedom =
         2.0 * static_cast<double>(mean->size()) * (static_cast<double>(whole.size()) - 1.0);
-    return Noise{squares / freedom / frames_, freedom};
+    return CornerNoise{squares / freedom / frames_, freedom};
 }
 
 }  // namespace etalon

@@ -148,7 +148,6 @@ std::optional<MeasureStatistics> measure_statistics(std::span<const ErrorRow> ro
     return statistics;
 }
 
-// Edges of the bins of an axis
 std::vector<double> axis_edges(std::span<const double> axis, std::size_t most_bins) {
     std::vector<double> levels(axis.begin(), axis.end());
     std::sort(levels.begin(), levels.end());
@@ -169,7 +168,6 @@ std::vector<double> axis_edges(std::span<const double> axis, std::size_t most_bi
     return edges;
 }
 
-// Which poses lie in each bin.
 std::vector<std::vector<std::size_t>> members(std::span<const double> axis,
                                               std::span<const double> edges) {
     std::vector<std::vector<std::size_t>> bins(edges.empty() ? 0 : edges.size() - 1);
@@ -286,9 +284,8 @@ std::vector<AxisBin> binned_statistics(const DetectorErrors& errors, std::span<c
                                        std::size_t most_bins) {
     if (axis.size() != errors.size() || most_bins < 1)
         throw NumericalError(
-            fmt::format("pose statistics: {} values of an axis for {} poses, {} "
-                        "bins",
-                        axis.size(), errors.size(), most_bins));
+            fmt::format("pose statistics: {} values of an axis for {} poses, {} bins", axis.size(),
+                        errors.size(), most_bins));
     if (!std::ranges::all_of(axis, [](double value) { return std::isfinite(value); }))
         throw NumericalError("pose statistics: a value of an axis is not finite");
     const std::vector<double> edges = axis_edges(axis, most_bins);

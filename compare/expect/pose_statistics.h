@@ -1,17 +1,15 @@
-// Statistics of one detector's pose errors over many poses whose truth is known: how often it
-// detects, how far off it is, and how often it takes the wrong one of a planar marker's two poses.
+// Statistics of one detector's pose errors over many poses whose truth is known.
 //
 // Six measures are those of the published comparison of markers (FMAC): X, Y, Z, estimated minus
 // true translation in the camera frame, mm; roll, pitch and yaw, differences of the angles of
 // core/geometry/rigid.h, deg, in [-180, 180]. Its "accuracy" is the mean of their absolute values.
-// Two belong to no frame: distance between estimated and true origin, angle between the rotations.
+// The others are the distance between estimated and true origin and the angle between the
+// rotations.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <span>
-#include <vector>
 
 #include "compare/detect/detector.h"
 #include "core/statistics/distributions.h"
@@ -40,7 +38,6 @@ PoseComponents pose_components(const Rigid& camera_from_marker);
 
 using ErrorRow = std::array<double, error_measure_count>;
 
-// What a detector made of one pose.
 struct DetectedError {
     ErrorRow measures{};
     bool flip = false;
@@ -51,8 +48,7 @@ using DetectorErrors = std::vector<std::optional<DetectedError>>;
 // Throws NumericalError when the estimate is not finite.
 DetectedError detected_error(const Rigid& estimated, const Rigid& truth, bool flip);
 
-// A planar marker has two local solutions: a flip is an estimate whose other solution has the
-// rotation that is nearer to the truth.
+// Whether the other planar solution has the rotation that is nearer to the truth.
 bool is_flip(const PoseEstimate& estimate, const Rigid& truth);
 
 struct ConfidenceInterval {
@@ -66,13 +62,11 @@ struct Estimate {
 // Of one measure over the detected poses.
 //
 // Intervals of the mean, the deviation and the mean absolute error are percentiles of a bootstrap
-// (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13). Over 500 poses it
-// draws random groups of poses (Wolter, Introduction to Variance Estimation, 2nd edition, chapter
-// 2): all three are functions of sums, so groups scatter alike, and a draw costs the same at any
-// number of poses. 500 groups tell the width of an interval to 3 %, as the 999 draws do. Intervals
-// of medians are between two order statistics, exact for any distribution (David and Nagaraja,
-// Order Statistics, 3rd edition, section 7.1). All hold for another study with poses drawn
-// independently from the same volume; well-spread poses (Halton) make means better than that.
+// of 999 draws (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13). Over 500
+// poses it draws 500 random groups of poses (Wolter, Introduction to Variance Estimation, 2nd
+// edition, chapter 2). Intervals of medians are between two order statistics, exact for any
+// distribution (David and Nagaraja, Order Statistics, 3rd edition, section 7.1). All hold for poses
+// drawn independently from the same volume; well-spread poses (Halton) make means better.
 struct ErrorStatistics {
     Estimate mean;                               // the bias
     std::optional<Estimate> standard_deviation;  // nothing for a single value
@@ -129,11 +123,10 @@ struct AxisBin {
     std::optional<std::array<BinnedError, error_measure_count>> errors;
 };
 
-// Statistics against one axis: a degree of freedom, a disturbance, the marker's size in px; one
-// value of it per pose. An axis of at most `most_bins` different values has a bin for each (edges
-// in the middle between them), another one bins of equal width. Detectors of one study share them.
-// 0.4 us a pose. Throws NumericalError when the sizes differ, a value is not finite or most_bins
-// is below 1.
+// Statistics against one axis (a degree of freedom, a disturbance, the marker's size in px), one
+// value of it per pose. An axis of at most `most_bins` different values has a bin for each, another
+// one bins of equal width. 0.4 us a pose. Throws NumericalError when the sizes differ, a value is
+// not finite or most_bins is below 1.
 std::vector<AxisBin> binned_statistics(const DetectorErrors& errors, std::span<const double> axis,
                                        std::size_t most_bins = 12);
 

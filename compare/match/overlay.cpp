@@ -7,10 +7,6 @@
 namespace etalon {
 namespace {
 
-uchar code_value(double value) {
-    return cv::saturate_cast<uchar>(value);
-}
-
 void require_same_size(const cv::Mat& image, int type, const cv::Mat& other, int other_type) {
     if (image.type() != type || other.type() != other_type || image.size() != other.size())
         throw NumericalError(
@@ -32,13 +28,13 @@ cv::Mat red_cyan_overlay(const cv::Mat& photo_gray, const cv::Mat& render_gray, 
         cv::Vec3b* out = overlay.ptr<cv::Vec3b>(y);
         for (int x = 0; x < overlay.cols; ++x) {
             if (!inside[x]) {
-                out[x] = cv::Vec3b::all(code_value(120.0 + 0.45 * photo[x]));
+                out[x] = cv::Vec3b::all(cv::saturate_cast<uchar>(120.0 + 0.45 * photo[x]));
                 continue;
             }
             const double mean = 0.5 * (photo[x] + render[x]);
             const double half = 0.5 * gain * (photo[x] - render[x]);
-            const uchar cyan = code_value(mean - half);
-            out[x] = {cyan, cyan, code_value(mean + half)};
+            const auto cyan = cv::saturate_cast<uchar>(mean - half);
+            out[x] = {cyan, cyan, cv::saturate_cast<uchar>(mean + half)};
         }
     }
     return overlay;
@@ -56,10 +52,8 @@ cv::Mat residual_map(const cv::Mat& residual_gray, const cv::Mat& mask, double f
             if (!mask.at<uchar>(y, x))
                 continue;
             const double share = residual_gray.at<float>(y, x) / full_scale_gray;
-            const cv::Vec3d& end = share > 0 ? red : cyan;
-            for (int c = 0; c < 3; ++c)
-                map.at<cv::Vec3b>(y, x)[c] =
-                    code_value(255.0 + (end[c] - 255.0) * std::min(std::abs(share), 1.0));
+            const cv::Vec3d white = cv::Vec3d::all(255.0), end = share > 0 ? red : cyan;
+            map.at<cv::Vec3b>(y, x) = white + (end - white) * std::min(std::abs(share), 1.0);
         }
     return map;
 }

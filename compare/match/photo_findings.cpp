@@ -22,18 +22,14 @@ bool is_tag(const Marker& marker) {
 // Not from a pile-up of equal codes below full scale: in a noise-free rendering white is one.
 constexpr double saturation = 0.99 * 255.0;
 
-// Which pattern a photograph shows where a marker should be: the marker's own, its negative, the
-// marker turned or mirrored, another id of its family, or none. Together with smooth light (a
-// surface of second order) a pattern is fitted to the cells' mean gray values; the part of the
-// variance without smooth light that it explains is its score, 1 for the right pattern in an ideal
-// photograph. A pattern of random cells explains 1/n of n cells on average, the best of 5000 in 64
-// cells about a quarter.
-
+// How well a pattern, with smooth light (a surface of second order), fits the cells' mean gray
+// values. Random cells explain 1/n of n cells on average, the best of 5000 in 64 cells a quarter.
 struct PatternScore {
-    double explained = 0.0;      // 0 .. 1
+    double explained = 0.0;      // 0 .. 1, of the variance without smooth light
     double contrast_gray = 0.0;  // of white over black; below 0: light and dark are exchanged
 };
 
+// Which pattern a photograph shows where the marker should be.
 struct ShownPattern {
     double visible = 0.0;         // share of the compared area that is inside the image
     double cell_px = 0.0;         // side of a square with the mean area of a cell in the image
@@ -317,9 +313,8 @@ struct CoveredAreas {
     cv::Mat pixels;             // CV_8UC1, 255: in such a window, or within a pixel of it
 };
 
-// The residual is averaged over square windows of this side away from edges. Cells of 4 px and less
-// have no such places. `limit` in parts of the contrast (white minus black of the photometric
-// model).
+// The residual is averaged over square windows of this side away from edges; cells of 4 px and less
+// have none. `limit` in parts of the photometric model's contrast.
 CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, double window_px,
                            double limit) {
     constexpr int enough_steps = 12;  // in a window
@@ -351,9 +346,8 @@ CoveredAreas covered_areas(const cv::Mat& photo_gray, const PhotoFit& fit, doubl
 }
 
 // RMS difference of neighbouring pixels' residuals, gray, across the borders of JPEG's blocks of
-// 8 x 8 px and inside them; 0 without flat pairs: of the compared pixels whose prediction changes
-// by less than 1 % of `contrast_gray` per px. Only for whole photographs: a cut or scaled one has
-// its blocks elsewhere.
+// 8 x 8 px and inside them; 0 without flat pairs, whose prediction changes by less than 1 % of
+// `contrast_gray` per px. Not for cut or scaled photographs.
 struct BlockSteps {
     double across_gray = 0.0, inside_gray = 0.0;
 };
@@ -398,41 +392,36 @@ constexpr double max_rest = 0.06;            // RMS residual, of the contrast
 constexpr double max_rest_over_noise = 2.0;  // where the camera's noise is known
 constexpr double max_blur_difference = 0.2;  // px^2, where the camera's file gives the blur
 
-Finding fault(std::string name, double value, double limit, std::string unit,
-              std::string sentence) {
-    return {std::move(name), value, limit, std::move(unit), std::move(sentence), false};
-}
-
 Finding refusal(std::string name, double value, double limit, std::string unit,
                 std::string sentence) {
     return {std::move(name), value, limit, std::move(unit), std::move(sentence), true};
 }
 
 Finding not_in_image(double visible) {
-    const auto make = visible < 0.5 ? refusal : fault;
-    return make(
-        "not_in_image", 100.0 * visible, 100.0, "%",
-        fmt::format("only {:.0f} % of the marker's cells are inside the image", 100 * visible));
+    return {"not_in_image",
+            100.0 * visible,
+            100.0,
+            "%",
+            fmt::format("only {:.0f} % of the marker's cells are inside the image", 100 * visible),
+            visible < 0.5};
 }
 
 Finding saturated(double clipped) {
-    const auto make = clipped > hopelessly_clipped ? refusal : fault;
-    return make("saturated", 100.0 * clipped, 100.0 * max_clipped, "%",
-                fmt::format("{:.0f} % of the light cells are at the end of the scale: expose less",
-                            100.0 * clipped));
-}
-
-std::string position_in_words(const ShownPattern& shown) {
-    const std::string mirrored = shown.mirrored ? "mirrored" : "";
-    if (shown.quarter_turns == 0)
-        return mirrored;
-    return fmt::format("{}{}turned by {} degrees clockwise", mirrored,
-                       shown.mirrored ? ", then " : "", 90 * shown.quarter_turns);
+    return {"saturated",
+            100.0 * clipped,
+            100.0 * max_clipped,
+            "%",
+            fmt::format("{:.0f} % of the light cells are at the end of the scale: expose less",
+                        100.0 * clipped),
+            clipped > hopelessly_clipped};
 }
 
 Finding other_pattern(const Marker& marker, const ShownPattern& shown) {
     Finding finding{"", shown.expected.explained, shown.best.explained, "", "", true};
-    const std::string position = position_in_words(shown);
+    std::string position = shown.mirrored ? "mirrored" : "";
+    if (shown.quarter_turns != 0)
+        position += fmt::format("{}turned by {} degrees clockwise", shown.mirrored ? ", then " : "",
+                                90 * shown.quarter_turns);
     if (is_tag(marker) && shown.id != marker.id) {
         finding.name = "wrong_marker";
         finding.sentence = fmt::format("this is id {} of {}, not {}{}", shown.id, marker.family,
@@ -518,13 +507,13 @@ Findings blur_findings(double sigma_px, double cell_px) {
 
 Finding covered(const CoveredAreas& areas) {
     const bool glare = areas.bright_share > bright_part;
-    return fault(
-        glare ? "glare" : "occluded", 100.0 * areas.largest, 100.0 * max_covered, "%",
-        glare ? fmt::format("a reflection (or something bright) on {:.1f} % of the marker",
-                            100.0 * areas.share)
-              : fmt::format("something covers or shades {:.1f} % of the marker, or its print is "
-                            "damaged",
-                            100.0 * areas.share));
+    return {glare ? "glare" : "occluded", 100.0 * areas.largest, 100.0 * max_covered, "%",
+            glare
+                ? fmt::format("a reflection (or something bright) on {:.1f} % of the marker",
+                              100.0 * areas.share)
+                : fmt::format("something covers or shades {:.1f} % of the marker, or its print is "
+                              "damaged",
+                              100.0 * areas.share)};
 }
 
 // The fit has a blur that differs along x and y, which is a part of the smear's.
@@ -532,37 +521,37 @@ Finding smeared(const ModeFit& fit, const PhotometricModel& photometry) {
     const double along_x = fit.values[0] + photometry.psf_anisotropy_px2;
     const double anisotropy = 2.0 * std::hypot(along_x, fit.values[1]);  // px^2
     const double direction = 0.5 * std::atan2(fit.values[1], along_x);
-    return fault(
+    return {
         "motion_blur", std::sqrt(12.0 * anisotropy), max_smear_px, "px",
         fmt::format("blurred along one direction ({:.0f} degrees from x towards y) as if moved by "
                     "{:.1f} px during the exposure; astigmatism would look the same",
-                    direction * 180.0 / CV_PI, std::sqrt(12.0 * anisotropy)));
+                    direction * 180.0 / CV_PI, std::sqrt(12.0 * anisotropy))};
 }
 
 Finding of_mode(const ModeFit& fit, const PhotometricModel& photometry) {
     switch (fit.mode) {
         case ResidualMode::rows:
-            return fault("skewed", fit.size_px, max_rows_px, "px",
-                         fmt::format("rows are displaced in proportion to their place, edges by "
-                                     "{:.2f} px: moved under a rolling shutter, or the "
-                                     "calibration's pixel aspect is wrong",
-                                     fit.size_px));
+            return {"skewed", fit.size_px, max_rows_px, "px",
+                    fmt::format("rows are displaced in proportion to their place, edges by "
+                                "{:.2f} px: moved under a rolling shutter, or the "
+                                "calibration's pixel aspect is wrong",
+                                fit.size_px)};
         case ResidualMode::calibration:
-            return fault("calibration_mismatch", fit.size_px, max_calibration_px, "px",
-                         fmt::format("edges are off by {:.2f} px in a way that another focal "
-                                     "length, centre or distortion explains: another camera's "
-                                     "calibration, another focus, or a marker that is not flat",
-                                     fit.size_px));
+            return {"calibration_mismatch", fit.size_px, max_calibration_px, "px",
+                    fmt::format("edges are off by {:.2f} px in a way that another focal "
+                                "length, centre or distortion explains: another camera's "
+                                "calibration, another focus, or a marker that is not flat",
+                                fit.size_px)};
         case ResidualMode::blur_along:
             return smeared(fit, photometry);
         case ResidualMode::sharpening:  // measured on the edges: sharpening_findings()
             break;
         case ResidualMode::blur:
-            return fault(
+            return {
                 "blur_differs", fit.values[0], max_blur_difference, "px^2",
                 fmt::format("{} than the camera's file says, by a variance of {:.2f} "
                             "px^2: another focus or aperture",
-                            fit.values[0] > 0 ? "blurrier" : "sharper", std::abs(fit.values[0])));
+                            fit.values[0] > 0 ? "blurrier" : "sharper", std::abs(fit.values[0]))};
     }
     return {};
 }
@@ -598,10 +587,10 @@ Findings sharpening_findings(const CodeImage& photo, const Marker& marker, const
     if (!sharpening || !sharpening->is_detected)
         return {};
     const double over = 100.0 * sharpening->overshoot, under = 100.0 * sharpening->undershoot;
-    return {fault("sharpened", std::max(over, under), 100.0 * min_overshoot, "%",
-                  fmt::format("edges overshoot by {:.1f} % of their contrast and undershoot by "
-                              "{:.1f} %: the camera sharpens",
-                              std::max(over, 0.0), std::max(under, 0.0)))};
+    return {{"sharpened", std::max(over, under), 100.0 * min_overshoot, "%",
+             fmt::format("edges overshoot by {:.1f} % of their contrast and undershoot by "
+                         "{:.1f} %: the camera sharpens",
+                         std::max(over, 0.0), std::max(under, 0.0))}};
 }
 
 Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photometry) {
@@ -632,27 +621,26 @@ Findings compression_findings(const BlockSteps& steps) {
         steps.across_gray * steps.across_gray - steps.inside_gray * steps.inside_gray, 0.0));
     if (excess <= max_block_step_gray || steps.across_gray < clearly * steps.inside_gray)
         return {};
-    return {fault("compressed", excess, max_block_step_gray, "gray",
-                  fmt::format("blocks of 8 x 8 px differ by {:.1f} gray where the marker is flat: "
-                              "compress less",
-                              excess))};
+    return {{"compressed", excess, max_block_step_gray, "gray",
+             fmt::format("blocks of 8 x 8 px differ by {:.1f} gray where the marker is flat: "
+                         "compress less",
+                         excess)}};
 }
 
 // A residual that none of the named tests explains.
 Findings rest_findings(const PhotometricCamera& camera, const PhotoMatch& match,
                        double contrast_gray) {
     if (camera.knows_noise() && match.pose.noise_scale > max_rest_over_noise)
-        return {fault("unexplained", match.pose.noise_scale, max_rest_over_noise, "",
-                      fmt::format("the residual is {:.1f} times the camera's noise, and nothing "
-                                  "named explains it",
-                                  match.pose.noise_scale))};
+        return {{"unexplained", match.pose.noise_scale, max_rest_over_noise, "",
+                 fmt::format("the residual is {:.1f} times the camera's noise, and nothing "
+                             "named explains it",
+                             match.pose.noise_scale)}};
     const double rest = match.refined.scored.rms_gray / contrast_gray;
     if (rest <= max_rest)
         return {};
-    return {
-        fault("unexplained", 100.0 * rest, 100.0 * max_rest, "%",
-              fmt::format("the residual is {:.1f} % of the contrast, and nothing named explains it",
-                          100.0 * rest))};
+    return {{"unexplained", 100.0 * rest, 100.0 * max_rest, "%",
+             fmt::format("the residual is {:.1f} % of the contrast, and nothing named explains it",
+                         100.0 * rest)}};
 }
 
 }  // namespace

@@ -3,25 +3,13 @@
 //
 // Each finding is a test: a measured value and its limit. A limit is above what noise gives (five
 // standard deviations) and above what a good lens and JPEG at quality 50 leave
-// (docs/match-outcome.md has the reasons, and the smallest fault that each test finds). A finding's
-// sentence names all causes that may leave the trace.
-//
-// A finding may be a refusal: the figures of that photograph mean nothing, and enter no mean. The
-// residual of a photograph with any other finding does enter: leaving it out would flatter the
-// mean.
-//
-// Not seen at all: the size of the print. Marker and distance twice as large give the same
-// photograph.
+// (docs/match-outcome.md). The sentence names all causes that may leave the trace. A finding may be
+// a refusal: the figures of that photograph mean nothing, and enter no mean. Not seen is the size
+// of the print: marker and distance twice as large give the same photograph.
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "compare/detect/detector.h"
-#include "compare/photometric/compared_area.h"
 #include "compare/photometric/photo_match.h"
-#include "core/image/image.h"
-#include "sim/marker/marker.h"
 
 namespace etalon {
 
@@ -43,22 +31,20 @@ inline bool is_matched(const Findings& findings) {
 }
 bool is_refused(const Findings& findings);
 
-// Refusals before anything is fitted: is this marker there at this pose, all of it, exposed and
-// sharp enough? The pose may be wrong by a third of a cell. A few ms; up to seconds where another
-// id of a large family has to be found. Safe from every thread. Throws NumericalError when the
-// photograph has another size than the camera.
+// Refusals before anything is fitted: whether all of this marker is there at this pose, exposed and
+// sharp enough. The pose may be wrong by a third of a cell. A few ms; up to seconds where another
+// id is searched for. Safe from every thread. Throws NumericalError when the photograph has another
+// size than the camera.
 Findings examine_marker(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
                         const Projector& projector, const Rigid& camera_from_marker);
 
 // The above at the refined pose and, without a refusal, what is left between photograph and
-// rendering there. About 0.1 s of CPU time for a board that fills a photograph of 640x480 px. Safe
-// from every thread.
+// rendering. About 0.1 s of CPU time for a board that fills 640x480 px. Safe from every thread.
 Findings examine_match(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
                        const PhotometricCamera& camera, const PhotoMatch& match);
 
-// Why a detector may have found nothing in a photograph: dark, empty, saturated; or it does find
-// the marker in the negative, mirrored or reduced photograph (value and limit are then 0). Five
-// detections at most.
+// Why a detector may have found nothing: dark, empty, saturated; or it does find the marker in the
+// negative, mirrored or reduced photograph (value and limit are then 0). Five detections at most.
 Findings examine_missing_marker(const CodeImage& photo, Detector& detector);
 
 }  // namespace etalon

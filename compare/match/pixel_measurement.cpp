@@ -1,7 +1,6 @@
 #include "compare/match/pixel_measurement.h"
 
 #include <Eigen/Cholesky>
-#include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
@@ -319,15 +318,10 @@ struct DeviationPlace {
     double loss() const { return sum; }
 };
 
-struct DeviationStep {
-    PixelDeviation step = PixelDeviation::Zero();
-    double predicted_gain = 0.0;
-};
-
 // By deviation: whether it is fitted.
 using Free = std::array<bool, deviation::count>;
 
-DeviationStep newton_step(const DeviationPlace& place, double damping, const Free& free) {
+DampedStep newton_step(const DeviationPlace& place, double damping, const Free& free) {
     std::vector<int> at;
     for (int i = 0; i < deviation::count; ++i)
         if (free[static_cast<std::size_t>(i)])
@@ -336,11 +330,9 @@ DeviationStep newton_step(const DeviationPlace& place, double damping, const Fre
     const Eigen::VectorXd score = place.score(at);
     information.diagonal() *= 1.0 + damping;
     const Eigen::VectorXd solved = scaled_solution(information, score);
-    DeviationStep step;
-    for (std::size_t i = 0; i < at.size(); ++i)
-        step.step[at[i]] = solved[static_cast<Eigen::Index>(i)];
-    step.predicted_gain = 0.5 * solved.dot(score);
-    return step;
+    PixelDeviation step = PixelDeviation::Zero();
+    step(at) = solved;
+    return {step, 0.5 * solved.dot(score)};
 }
 
 // Into the range in which a rendering has a meaning.
@@ -391,8 +383,7 @@ DeviationPlace descended(const CameraModel& calibration, const DeviationPlace& s
     const auto step_at = [&](const DeviationPlace& place, double damping) {
         return newton_step(place, damping, free);
     };
-    const auto tried = [&](const DeviationPlace& place,
-                           const DeviationStep& step) -> std::optional<DeviationPlace> {
+    const auto tried = [&](const DeviationPlace& place, const DampedStep& step) {
         const PixelDeviation there = limited(place.at + step.step, calibration);
         return attempted([&] { return DeviationPlace(there, measure(there, which, noise_scale)); })
             .value;

@@ -4,9 +4,9 @@
 //
 // A photograph is linearised by its deviations, pose and levels together
 // (compare/photometric/photometric_equations.h); by f-number and focus distance from renders with a
-// little more of them, diffraction included. One photograph can hardly tell focus from f-number,
-// all depths of a run can: their equations add up. Where they ask for more than a small change, the
-// renders are repeated with it until nothing more is asked for.
+// little more of them, diffraction included. The equations of all photographs add up: only all
+// depths of a run tell focus from f-number. Renders are repeated while more than a small change is
+// asked for.
 #pragma once
 
 #include <functional>
@@ -15,12 +15,10 @@
 
 #include "compare/diagnosis/pixel_evidence.h"
 #include "compare/match/photo_findings.h"
-#include "compare/photometric/photometric_detector.h"
 
 namespace etalon {
 
-// A calibration with a deviation in it, and what it takes to see how more of it looks. Making one
-// takes some 0.1 s. Safe from every thread.
+// A calibration with a deviation in it. Making one takes some 0.1 s. Safe from every thread.
 class DeviatingCamera {
 public:
     explicit DeviatingCamera(const CameraModel& calibration,
@@ -30,12 +28,10 @@ public:
     // section, and growth.
     static std::array<bool, deviation::count> asked_of(const CameraModel& calibration);
 
-    const PixelDeviation& deviating() const { return deviating_; }
-
-    // `photo` as PhotometricDetector::photo_at() gives it at this pose; `whole` is the marker's
-    // whole printed area, nothing where its surroundings are not known. Residuals beyond three
-    // times `noise_scale` (nothing: the scale that they show) are limited. Throws NumericalError
-    // where the pixels determine nothing. Some 30 ms of CPU time for a tag of 5000 px.
+    // `photo` as PhotometricDetector::photo_at() gives it at this pose; `whole`: the marker's whole
+    // printed area, nothing where its surroundings are not known. Residuals beyond three times
+    // `noise_scale` (nothing: their own) are limited. Throws NumericalError where the pixels
+    // determine nothing. Some 30 ms of CPU time for a tag of 5000 px.
     PhotoEvidence measure(const PhotoOfMarker& photo, const Rigid& camera_from_marker,
                           const std::optional<ComparedArea>& whole,
                           std::optional<double> noise_scale = std::nullopt) const;

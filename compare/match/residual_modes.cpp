@@ -15,7 +15,6 @@ namespace {
 constexpr double huber_threshold = 3.0;
 constexpr double min_eigenvalue = 1e-9;  // of a direction that is determined
 
-// Columns of the regression.
 constexpr int dark_at = 0, light_at = 6, tone_at = 12;
 constexpr int blur_at = 13;  // and its change along x and y
 constexpr int pose_at = 16;

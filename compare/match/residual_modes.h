@@ -1,19 +1,16 @@
 // What is left between a photograph and its rendering at the best pose, taken apart into named
 // modes: Rao's score test of groups of parameters that the fit did not have.
 //
-// A mode is how all pixels would change together. The regression also has everything that the fit
-// had (levels, tone, blur, pose): a mode counts only as far as those cannot imitate it. The
-// chi-square of a group is the smaller of two: the formal one, which takes pixels as independent,
-// and that of a sandwich covariance over blocks of 8 x 8 px, which JPEG's are (White, Econometrica
-// 48, 1980). Of a photograph with more than 500 000 pixels so many of its blocks are looked at.
-// Pixels beyond 3 deviations are limited as in the fit (Huber).
+// A mode is how all pixels would change together. It counts as far as what the fit had (levels,
+// tone, blur, pose) cannot imitate it. The chi-square of a group is the smaller of two: the formal
+// one, of independent pixels, and that of a sandwich covariance over JPEG's blocks of 8 x 8 px
+// (White, Econometrica 48, 1980). From 500 000 pixels on some of the blocks are left out. Pixels
+// beyond 3 deviations are limited as in the fit (Huber).
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
 #include "compare/photometric/photo_match.h"
-#include "compare/photometric/photometric_equations.h"
 
 namespace etalon {
 
@@ -32,20 +29,18 @@ struct ModeFit {
     Eigen::VectorXd values;  // one Gauss-Newton step from the fit: exact for small ones
     double chi_square = 0.0;
     int freedom = 0;
-    // RMS displacement along the normals of all edges that the mode explains, noise taken out; of
-    // a blur or sharpening what a displacement that changes as many gray values would be.
+    // RMS displacement along the normals of all edges that the mode explains, noise taken out; of a
+    // blur or sharpening one that changes as many gray values.
     double size_px = 0.0;
-    // More than the 3e-7 quantile of chi-square: (5 + sqrt(freedom - 1))^2 is above it.
-    bool is_significant() const;
+    bool is_significant() const;  // over (5 + sqrt(freedom - 1))^2: a chance below 3e-7
 };
 
 // The normal equations of one photograph for all modes.
 class ResidualModes {
 public:
-    // Of the pixels where `counted` (CV_8UC1) is not 0. The pose and noise scale are those of the
-    // fit that left `difference`. The modes are derived from its prediction, by differences on the
-    // pixel grid: right to some 10 %. Throws NumericalError for sizes that differ, fewer than 128
-    // pixels and what is not finite.
+    // Of the pixels where `counted` (CV_8UC1) is not 0. Pose and noise scale are those of the fit.
+    // The modes are derived from its prediction, by differences on the pixel grid: right to some 10
+    // %. Throws NumericalError for sizes that differ, fewer than 128 pixels and what is not finite.
     ResidualModes(const PhotoFit& fit, const cv::Mat& counted, const PhotometricCamera& camera,
                   const Rigid& camera_from_marker, double noise_scale);
 

@@ -52,24 +52,17 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
 
 PlaneSight::PlaneSight(const Projector& projector, const Rigid& camera_from_marker,
                        const cv::Rect& region)
-    : projector_(&projector), region_(region), nodes_(cv::Size(0, 0), CV_64FC3) {
+    : projector_(&projector), region_(region), nodes_per_row_((region.width - 1) / spacing_px + 2) {
     // [r1 r2 t] takes (X, Y, 1) to the ray times its depth.
     Eigen::Matrix3d ray_from_plane = camera_from_marker.rotation.toRotationMatrix();
     ray_from_plane.col(2) = camera_from_marker.translation;
     const double volume = ray_from_plane.determinant();
-    edge_on_ =
-        !std::isfinite(volume) || std::abs(volume) < 1e-12 * camera_from_marker.translation.norm();
-    if (edge_on_)
+    if (!std::isfinite(volume) || std::abs(volume) < 1e-12 * camera_from_marker.translation.norm())
         return;
     plane_from_ray_ = ray_from_plane.inverse();
-    nodes_.create((region.height - 1) / spacing_px + 2, (region.width - 1) / spacing_px + 2,
-                  CV_64FC3);
-    for (int j = 0; j < nodes_.rows; ++j)
-        for (int i = 0; i < nodes_.cols; ++i) {
-            const Eigen::Vector3d met =
-                exactly(region.x + i * spacing_px, region.y + j * spacing_px);
-            nodes_.at<cv::Vec3d>(j, i) = {met.x(), met.y(), met.z()};
-        }
+    for (int j = 0; j < (region.height - 1) / spacing_px + 2; ++j)
+        for (int i = 0; i < nodes_per_row_; ++i)
+            nodes_.push_back(exactly(region.x + i * spacing_px, region.y + j * spacing_px));
 }
 
 Eigen::Vector3d PlaneSight::exactly(int x, int y) const {
@@ -80,16 +73,15 @@ Eigen::Vector3d PlaneSight::exactly(int x, int y) const {
 }
 
 std::optional<Eigen::Vector3d> PlaneSight::at(int x, int y) const {
-    if (edge_on_)
+    if (nodes_.empty())
         return std::nullopt;
     const int i = (x - region_.x) / spacing_px, j = (y - region_.y) / spacing_px;
     const double s = static_cast<double>(x - region_.x - i * spacing_px) / spacing_px;
     const double t = static_cast<double>(y - region_.y - j * spacing_px) / spacing_px;
-    const cv::Vec3d *upper = nodes_.ptr<cv::Vec3d>(j) + i,
-                    *lower = nodes_.ptr<cv::Vec3d>(j + 1) + i;
-    const cv::Vec3d between =
+    const Eigen::Vector3d *upper = &nodes_[static_cast<std::size_t>(j * nodes_per_row_ + i)],
+                          *lower = upper + nodes_per_row_;
+    Eigen::Vector3d met =
         (1 - t) * ((1 - s) * upper[0] + s * upper[1]) + t * ((1 - s) * lower[0] + s * lower[1]);
-    Eigen::Vector3d met(between[0], between[1], between[2]);
     if (!met.allFinite())  // next to where there are no rays
         met = exactly(x, y);
     if (!(met.z() > 0))

@@ -1,8 +1,7 @@
-// The part of a marker on which photograph and rendering are compared, and its split in two: one
-// half for fitting the photometric model, the other for scoring it.
+// The part of a marker on which photograph and rendering are compared: one half of its cells is for
+// fitting the photometric model, the other for scoring it.
 #pragma once
 
-#include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <optional>
 
@@ -12,8 +11,8 @@
 
 namespace etalon {
 
-// How far outside the inner corners a chessboard is compared, in squares. The default keeps clear
-// of outermost squares that are cut, as those of long prints often are in x.
+// How far outside the inner corners a chessboard is compared, in squares. Long prints are often cut
+// in x.
 struct ScoreMargin {
     double x = 0.3, y = 0.65;
 };
@@ -35,16 +34,15 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
 // light and dark cells all over the marker.
 enum PixelUse : uchar { pixel_outside = 0, pixel_fitted = 1, pixel_scored = 2 };
 
-// Where the pixels' rays meet the marker's plane. Every fourth pixel's ray in x and y is looked up;
-// between them (X, Y, 1) / depth is interpolated linearly: right to some 0.003 px with distortion.
-// Perspective cameras. Safe from every thread.
+// Where the pixels' rays meet the marker's plane. Between every fourth pixel in x and y (X, Y, 1) /
+// depth is interpolated linearly: right to some 0.003 px. Perspective cameras. Safe from every
+// thread.
 class PlaneSight {
 public:
     PlaneSight(const Projector& projector, const Rigid& camera_from_marker, const cv::Rect& region);
 
-    // (X, Y) in the marker's frame and the depth z in the camera's, mm; nothing for a pixel without
-    // a ray, one that meets the plane behind the camera, and a plane seen exactly edge-on. The
-    // pixel is in the region.
+    // (X, Y) in the marker's frame and the depth z in the camera's, mm, of a pixel in the region;
+    // nothing without a ray, where it meets the plane behind the camera, and edge-on.
     std::optional<Eigen::Vector3d> at(int x, int y) const;
 
 private:
@@ -55,12 +53,12 @@ private:
     const Projector* projector_;
     cv::Rect region_;
     Eigen::Matrix3d plane_from_ray_;
-    bool edge_on_ = false;
-    cv::Mat nodes_;  // CV_64FC3
+    int nodes_per_row_;
+    std::vector<Eigen::Vector3d> nodes_;  // row by row; empty for a plane seen edge-on
 };
 
-// CV_8UC1 of PixelUse, the camera's size. Pixels without a ray are outside; a marker seen edge-on
-// has none. 0.1 us per pixel of the marker's bounding box. Safe from every thread.
+// CV_8UC1 of PixelUse, the camera's size. Pixels without a ray are outside, and all of a marker
+// seen edge-on. 0.1 us per pixel of the marker's bounding box. Safe from every thread.
 cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
                    const ComparedArea& area);
 

@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "core/program/errors.h"
-#include "sim/sensor/sensor_model.h"
 
 namespace etalon {
 namespace {
@@ -31,16 +30,14 @@ ResidualStatistics statistics(const PhotoFit& fit, PixelUse use) {
     if (sizes.empty())
         throw NumericalError("no pixel of the marker is left to be scored");
     const double count = static_cast<double>(sizes.size());
-    ResidualStatistics result;
-    result.pixels = static_cast<int>(sizes.size());
-    result.mean_gray = sum / count;
-    result.rms_gray = std::sqrt(squares / count);
-    result.worst_gray = *std::max_element(sizes.begin(), sizes.end());
     const auto rank = sizes.begin() + static_cast<std::ptrdiff_t>(std::ceil(0.99 * count)) - 1;
     std::nth_element(sizes.begin(), rank, sizes.end());
-    result.p99_gray = *rank;
-    result.significant = significant / count;
-    return result;
+    return {.pixels = static_cast<int>(sizes.size()),
+            .mean_gray = sum / count,
+            .rms_gray = std::sqrt(squares / count),
+            .p99_gray = *rank,
+            .worst_gray = *std::ranges::max_element(sizes),
+            .significant = significant / count};
 }
 
 // 1.4826 times the median size of the fitted residuals of pixels that do not clip: their standard

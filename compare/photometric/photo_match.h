@@ -1,17 +1,12 @@
-// One photograph against its rendering, twice: at the pose that was given (from corners, or from
-// the stage), where only the photometric model is fitted: what user and robot see. And at the
-// photometric pose: what remains when the pose is right. Everything is fitted on one half of the
+// One photograph against its rendering, twice: at the pose that was given, where only the
+// photometric model is fitted, and at the photometric pose. Everything is fitted on one half of the
 // marker's cells; the other half is scored. Perspective cameras.
 #pragma once
 
-#include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "compare/photometric/compared_area.h"
 #include "compare/photometric/photometric_detector.h"
-#include "core/image/image.h"
 
 namespace etalon {
 
@@ -26,7 +21,6 @@ struct ResidualStatistics {
     std::optional<double> significant;
 };
 
-// What residuals are compared with.
 enum class NoiseSource {
     camera,     // shot, read and rounding noise of the camera's file, by gray
     residuals,  // one standard deviation, robustly from the fitted half of this image
@@ -54,9 +48,8 @@ struct PhotoFit {
     std::vector<MatchParameter> parameters;  // photometric ones, fitted to this image
 };
 
-// Standard deviation of one pixel's noise in gray at a noise-free value in gray: shot and read
-// noise behind the transfer curve, and rounding (EMVA 1288). Nothing when the sensor section gives
-// no gain.
+// Standard deviation of a pixel's noise in gray at a noise-free gray: shot and read noise behind
+// the transfer curve, and rounding (EMVA 1288). Nothing when the sensor section gives no gain.
 std::optional<double> noise_gray(const Sensor& sensor, double gray);
 
 struct PhotoMatch {
@@ -70,9 +63,8 @@ struct PhotoMatch {
 // its file states.
 std::vector<MatchParameter> calibration_parameters(const CameraModel& camera);
 
-// Fitted with a photograph's pose: black and white surfaces of second order; a Gaussian's widths
-// along x and y where the camera has no lens section; a saturation's level and knee where 5 % of
-// the fitted pixels are above 230 gray. 16 at most.
+// Black and white surfaces of second order; a Gaussian's widths along x and y where the camera has
+// no lens section; a saturation's level and knee where 5 % of the fitted pixels are above 230 gray.
 PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& camera);
 
 // The photometric model alone, at a pose that is held. `photo.use` is that of pixel_uses(). Throws
@@ -80,10 +72,9 @@ PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& came
 PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                         const Rigid& camera_from_marker);
 
-// `camera_from_marker` is the pose under test; `background` the radiance around the marker, whose
-// white is 1. Throws NumericalError when no part of the marker is inside the image, or the pixels
-// do not determine the unknowns. Under a second of CPU time for a board that fills a photograph of
-// 640x480 px. Safe from every thread.
+// `background`: the radiance around the marker, whose white is 1. Throws NumericalError when no
+// part of the marker is inside the image, or the pixels do not determine the unknowns. Under a
+// second of CPU time for a board that fills 640x480 px. Safe from every thread.
 PhotoMatch match_photo(const CodeImage& photo, const CellGrid& marker, const ComparedArea& area,
                        const std::shared_ptr<const PhotometricCamera>& camera,
                        const Rigid& camera_from_marker, double background = 1.0);

@@ -13,8 +13,7 @@ namespace etalon {
 namespace {
 
 // The pose's part of the inverse information times the variance, widened by what the residuals of
-// parts of the picture did to the pose: on a bent board, behind JPEG or an unmodelled lens
-// neighbouring pixels err alike.
+// parts of the picture did to the pose: neighbouring pixels may err alike.
 Matrix6d pose_covariance(const PhotoEquations& equations, double variance) {
     constexpr double rounding = 1e-13;  // of the largest eigenvalue, which is at most their number
     const Eigen::MatrixXd& information = equations.information;

@@ -59,13 +59,6 @@ struct BlurredRendering {
     static cv::Mat behind_gaussian(const cv::Mat& image, const Eigen::Vector2d& sigmas_px) {
         return sigmas_px.isZero() ? image : blurred(image, sigmas_px);
     }
-
-    static std::vector<cv::Mat> behind_gaussian(std::vector<cv::Mat> images,
-                                                const Eigen::Vector2d& sigmas_px) {
-        for (cv::Mat& image : images)
-            image = behind_gaussian(image, sigmas_px);
-        return images;
-    }
 };
 
 // One pixel's prediction with its derivatives by the photometric parameters and by the radiance.
@@ -119,9 +112,8 @@ public:
 
     double* next() { return rows_.col(count_).data(); }
 
-    // Takes the row that was written to next(), of a pixel in this block of the image. The
-    // information is Newton's: Huber's loss is straight beyond its threshold and has no curvature
-    // there.
+    // Takes the row that was written to next(), of a pixel in this block of the image. Beyond its
+    // threshold Huber's loss has no curvature, and the row no information.
     void add(double noise, double residual, int image_block) {
         const double limited = std::clamp(residual, -huber_threshold, huber_threshold);
         const double size = std::abs(residual);
@@ -237,14 +229,26 @@ int image_block(const cv::Point& pixel, const cv::Rect& box) {
     return at.y * blocks_a_side / box.height * blocks_a_side + at.x * blocks_a_side / box.width;
 }
 
-// Where the ray meets the marker's plane, in the camera's frame; nothing behind its start.
-std::optional<Eigen::Vector3d> point_on_marker(const Rigid& camera_from_marker,
-                                               const Eigen::Vector3d& ray) {
+// ImageMotion at a pixel; no columns where there is none.
+Eigen::Matrix2Xd motion_of(const Projector& projector, const Rigid& camera_from_marker,
+                           const CalibrationModel& parameters, const Eigen::Vector2d& pixel) {
+    const auto ray = projector.ray(pixel);
     const Eigen::Vector3d normal = camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
-    const double depth = normal.dot(camera_from_marker.translation) / normal.dot(ray);
+    const double depth = ray ? normal.dot(camera_from_marker.translation) / normal.dot(*ray) : 0.0;
     if (!(depth > 0) || !std::isfinite(depth))
-        return std::nullopt;
-    return depth * ray;
+        return {};
+    const Eigen::Vector3d point = depth * *ray;  // where the ray meets the marker's plane
+    const auto projected = projector.project_with_jacobian(point);
+    if (!projected)
+        return {};
+    const auto count = static_cast<Eigen::Index>(parameters.parameters.size());
+    Eigen::Matrix2Xd motion(2, count + 6);
+    if (count > 0)
+        motion.leftCols(count) = parameter_jacobian(projector.camera(), *ray, parameters);
+    Eigen::Matrix<double, 3, 6> moved;
+    moved << -cross_matrix(point - camera_from_marker.translation), Eigen::Matrix3d::Identity();
+    motion.rightCols<6>() = projected->jacobian * moved;
+    return motion.allFinite() ? motion : Eigen::Matrix2Xd();
 }
 
 }  // namespace
@@ -255,47 +259,23 @@ ImageMotion::ImageMotion(const Projector& projector, const Rigid& camera_from_ma
       columns_(static_cast<int>(parameters.parameters.size()) + 6),
       nodes_per_row_((region.width - 1) / spacing_px_ + 2) {
     require_point_of_view(projector.camera(), "deriving a rendering");
-    const int rows = (region.height - 1) / spacing_px_ + 2;
-    const auto count = static_cast<std::size_t>(nodes_per_row_ * rows);
-    nodes_.resize(count * static_cast<std::size_t>(2 * columns_));
-    seen_.resize(count);
-    for (int y = 0; y < rows; ++y)
+    for (int y = 0; y < (region.height - 1) / spacing_px_ + 2; ++y)
         for (int x = 0; x < nodes_per_row_; ++x)
-            evaluate(projector, camera_from_marker, parameters, x, y);
-}
-
-void ImageMotion::evaluate(const Projector& projector, const Rigid& camera_from_marker,
-                           const CalibrationModel& parameters, int node_x, int node_y) {
-    const Eigen::Vector2d pixel(region_.x + node_x * spacing_px_, region_.y + node_y * spacing_px_);
-    const auto ray = projector.ray(pixel);
-    const auto point = ray ? point_on_marker(camera_from_marker, *ray) : std::nullopt;
-    const auto projected = point ? projector.project_with_jacobian(*point) : std::nullopt;
-    if (!projected)
-        return;
-    Eigen::Matrix2Xd motion(2, columns_);
-    if (columns_ > 6)
-        motion.leftCols(columns_ - 6) = parameter_jacobian(projector.camera(), *ray, parameters);
-    Eigen::Matrix<double, 3, 6> moved;
-    moved << -cross_matrix(*point - camera_from_marker.translation), Eigen::Matrix3d::Identity();
-    motion.rightCols<6>() = projected->jacobian * moved;
-    if (!motion.allFinite())
-        return;
-    const auto index = static_cast<std::size_t>(node_y * nodes_per_row_ + node_x);
-    std::copy_n(motion.data(), motion.size(),
-                &nodes_[index * static_cast<std::size_t>(motion.size())]);
-    seen_[index] = 1;
+            nodes_.push_back(motion_of(projector, camera_from_marker, parameters,
+                                       {region.x + x * spacing_px_, region.y + y * spacing_px_}));
 }
 
 bool ImageMotion::at(int x, int y, Eigen::Ref<Eigen::Matrix2Xd> motion) const {
     const int i = (x - region_.x) / spacing_px_, j = (y - region_.y) / spacing_px_;
-    const auto a = static_cast<std::size_t>(j * nodes_per_row_ + i), b = a + 1;
-    const std::size_t c = a + static_cast<std::size_t>(nodes_per_row_), d = c + 1;
-    if (!seen_[a] || !seen_[b] || !seen_[c] || !seen_[d])
+    const Eigen::Matrix2Xd *upper = &nodes_[static_cast<std::size_t>(j * nodes_per_row_ + i)],
+                           *lower = upper + nodes_per_row_;
+    if (upper[0].cols() == 0 || upper[1].cols() == 0 || lower[0].cols() == 0 ||
+        lower[1].cols() == 0)
         return false;
     const double s = static_cast<double>(x - region_.x - i * spacing_px_) / spacing_px_;
     const double t = static_cast<double>(y - region_.y - j * spacing_px_) / spacing_px_;
-    motion.noalias() = (1 - t) * (1 - s) * node(a) + (1 - t) * s * node(b) + t * (1 - s) * node(c) +
-                       t * s * node(d);
+    motion.noalias() = (1 - t) * (1 - s) * upper[0] + (1 - t) * s * upper[1] +
+                       t * (1 - s) * lower[0] + t * s * lower[1];
     return true;
 }
 
@@ -452,13 +432,14 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const RenderedGradient& rendered, const ImageMotion& motion,
-                               double noise_scale, const std::vector<cv::Mat>& changes) {
-    const BlurredRendering seen(rendered, state.photometry.psf_sigmas_px());
-    const std::vector<cv::Mat> changed =
-        BlurredRendering::behind_gaussian(changes, state.photometry.psf_sigmas_px());
+                               double noise_scale, std::vector<cv::Mat> changes) {
+    const Eigen::Vector2d sigmas_px = state.photometry.psf_sigmas_px();
+    const BlurredRendering seen(rendered, sigmas_px);
+    for (cv::Mat& image : changes)
+        image = BlurredRendering::behind_gaussian(image, sigmas_px);
     const LightCurve curve = camera.curve(state.photometry);
     const cv::Rect& region = motion.region();
-    const int further = static_cast<int>(changed.size()), geometric = motion.columns(),
+    const int further = static_cast<int>(changes.size()), geometric = motion.columns(),
               photometric = terms.count(), all = further + geometric + photometric;
 
     std::vector<cv::Point> places;
@@ -493,8 +474,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
             level_terms(pixel.x, pixel.y, photo.use.size()), curve.at(seen.radiance.at<float>(at)),
             by_width ? seen.by_variances(at.x, at.y) : Eigen::Vector2d::Zero(),
             is_flat ? row : row + further + geometric);
-        for (std::size_t i = 0; !is_flat && i < changed.size(); ++i)
-            *row++ = model.by_radiance * changed[i].at<float>(at);
+        for (std::size_t i = 0; !is_flat && i < changes.size(); ++i)
+            *row++ = model.by_radiance * changes[i].at<float>(at);
         for (Eigen::Index i = 0; !is_flat && i < geometric; ++i)
             *row++ = -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
         const double noise = noise_scale * camera.noise_gray(model.gray);

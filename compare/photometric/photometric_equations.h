@@ -1,15 +1,10 @@
 // One photograph against its rendering, linearised: normal equations for the camera's parameters,
-// the marker's pose and the photometric model together. The foundation of photometric_detector.h
-// and photometric_refinement.h.
+// the marker's pose and the photometric model together.
 //
-// A pixel's residual is (photograph - prediction) / (standard deviation of its noise): that of the
-// sensor where the camera's file knows it, else 1 gray, times a scale found from the residuals
-// themselves. Huber's loss beyond 3: noise counts in full, a finger on the board does not.
+// A pixel's residual is (photograph - prediction) / (standard deviation of its noise). That is the
+// sensor's where the camera's file has it, else 1 gray, times a scale found from the residuals.
+// Huber's loss limits residuals beyond 3.
 #pragma once
-
-#include <Eigen/Core>
-#include <optional>
-#include <vector>
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_model.h"
@@ -19,20 +14,17 @@
 
 namespace etalon {
 
-// How the rendering of a planar marker changes with the marker's pose and with the camera's
-// parameters, which displace what each pixel sees: with q'(pixel) the derivative of the
-// displacement by a parameter, in px,
+// A marker's pose and the camera's parameters displace what each pixel sees. With q' the derivative
+// of the displacement by a parameter, px,
 //     d radiance / d parameter = -(gradient of the rendering) . q'.
-// The gradient is of the image that the pixels integrate: of renderings with the marker displaced
-// in its own plane by +- 0.1 px (error 0.3 % RMS behind a Gaussian of 0.5 px; filters on the pixel
-// grid have 11 %). Neglected: the blur's growth with the marker and its change with depth, 2 %
-// (RMS) of the derivatives by depth and tilt for a marker of 70 px, 8 % of that by k3. They are
-// even across an edge, displacement is odd: a fit's steps and covariance hardly see them.
-// Perspective cameras.
+// The gradient comes from renderings with the marker displaced in its own plane by +- 0.1 px: error
+// 0.3 % RMS behind a Gaussian of 0.5 px, where filters on the pixel grid have 11 %. The blur's
+// change with depth is neglected: 2 % RMS of the derivatives by depth and tilt for a marker of
+// 70 px, 8 % of that by k3. It is even across an edge, so steps and covariance hardly see it.
 
-// The displacement of what the pixels see by a small left perturbation of the marker's pose (rx ry
-// rz tx ty tz: px per rad and px per mm) and by the camera's parameters. Evaluated every 4 px and
-// interpolated linearly: right to 1e-3 of the largest displacement. About 0.3 us a node.
+// q' by a small left perturbation of the marker's pose (rx ry rz tx ty tz: px per rad and px per
+// mm) and by the camera's parameters. Evaluated every 4 px and interpolated linearly: right to 1e-3
+// of the largest displacement. About 0.3 us a node.
 class ImageMotion {
 public:
     // `parameters` may be empty, `region` may not. Throws NumericalError for a telecentric camera.
@@ -47,18 +39,11 @@ public:
     bool at(int x, int y, Eigen::Ref<Eigen::Matrix2Xd> motion) const;
 
 private:
-    void evaluate(const Projector& projector, const Rigid& camera_from_marker,
-                  const CalibrationModel& parameters, int node_x, int node_y);
-    Eigen::Map<const Eigen::Matrix2Xd> node(std::size_t index) const {
-        return {&nodes_[index * static_cast<std::size_t>(2 * columns_)], 2, columns_};
-    }
-
     static constexpr int spacing_px_ = 4;
 
     cv::Rect region_;
     int columns_, nodes_per_row_;
-    std::vector<double> nodes_;  // 2 x columns each
-    std::vector<char> seen_;     // by node: there is a ray
+    std::vector<Eigen::Matrix2Xd> nodes_;  // row by row; no columns where there is no motion
 };
 
 // CV_32FC1 of the region's size.
@@ -67,17 +52,15 @@ struct RenderedGradient {
     cv::Mat by_x, by_y;  // d radiance / d position, per px
 };
 
-// The marker displaced by 0.1 px to both sides, five renderings in all, or to one side, three: the
-// gradient of a place 0.05 px away, enough for a search.
+// The marker displaced by 0.1 px to both sides (five renderings), or to one side (three): the
+// gradient 0.05 px away, enough for a search.
 enum class Differences { central, forward };
 
-// A camera as photographs are compared with it. Making it takes some 20 ms of CPU time for a VGA
-// camera, and its first rendering as much where a lens section asks for filters. Safe from every
-// thread once built.
+// A camera as photographs are compared with it. Making it takes some 20 ms of CPU time for VGA, and
+// its first rendering as much with a lens section. Safe from every thread.
 class PhotometricCamera {
 public:
-    // What is predicted: the light's own gray, or the mean of the codes that the sensor makes of
-    // it. A pose hardly feels the difference; a lens' blur does.
+    // The light's own gray, or the mean of the sensor's codes, which matters to a lens' blur.
     enum class Predicts { light, mean_codes };
     explicit PhotometricCamera(const CameraModel& camera, Predicts predicts = Predicts::light);
 
@@ -100,9 +83,9 @@ public:
     Radiance at_sensor(const Scene& scene, const cv::Rect& region,
                        double tolerance_gray = fine_tolerance_gray) const;
 
-    // And its derivatives, in the region of `motion`, which is that of this marker's pose; 0 where
-    // there is no motion. Throws NumericalError when the region's middle sees nothing of the
-    // marker's plane, and what the renderer throws.
+    // And its derivatives in the region of `motion`, which is of this marker's pose; 0 where there
+    // is no motion. Throws NumericalError when the region's middle sees nothing of the marker's
+    // plane, and what the renderer throws.
     RenderedGradient gradient_at_sensor(const PlacedMarker& marker, double background,
                                         const ImageMotion& motion,
                                         Differences differences = Differences::central,
@@ -124,8 +107,7 @@ struct PhotometricTerms {
     bool pose = true;  // the marker's; the equations have its place in either case
     bool psf_anisotropy = false;
     bool saturation = false;  // its level and knee
-    // The logarithm of the stated noise, by which mean codes change: its column says what a wrong
-    // noise does to the others, no step follows it.
+    // The logarithm of the stated noise, by which mean codes change. No step follows it.
     bool noise = false;
 
     // Photometric parameters.
@@ -135,7 +117,6 @@ struct PhotometricTerms {
     }
 };
 
-// A photograph and the marker in it.
 struct PhotoOfMarker {
     cv::Mat gray;  // CV_32FC1
     CellGrid grid;
@@ -145,9 +126,8 @@ struct PhotoOfMarker {
     int stands_for = 1;       // of flat places `use` holds one pixel in so many
 };
 
-// Of a photograph with more than 100 000 fitted pixels those over 8 px from every edge of the
-// rendering at this pose are left out but for every seventh in x and y (JPEG's blocks are of 8):
-// levels and noise need no more, the pose none.
+// From 100 000 fitted pixels on: of those over 8 px from every edge of the rendering at this pose
+// only every seventh in x and y is kept, as JPEG's blocks are of 8.
 PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                              const Rigid& camera_from_marker);
 
@@ -162,10 +142,9 @@ struct PhotoState {
 
 // At a state, in the order: camera parameters, pose (left perturbation), photometric parameters
 // (black levels, white levels, mean variance and anisotropy of the Gaussian in px^2, tone,
-// saturation's level and knee, logarithm of the noise). A width or tone at the end of its range
-// that would leave it has no score and an information of 1, and so has a pose that is held. A free
-// saturation has a prior, as most photographs are not bright enough to show it: level 255 +- 10
-// gray, knee 15 +- 15.
+// saturation's level and knee, logarithm of the noise). A held pose, and a width or tone that would
+// leave its range, has no score and an information of 1. A free saturation has a prior: level 255
+// +- 10 gray, knee 15 +- 15.
 struct PhotoEquations {
     PhotoState state;
     double noise_scale = 1.0;      // multiplies the noise
@@ -187,13 +166,13 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                                const CalibrationModel& parameters, double noise_scale);
 
 // The same from a rendering of the region of `motion`. Its derivatives may be those of a pose
-// nearby; without them central differences on the pixel grid are taken (right to some 10 % for
-// blurred edges). `changes` are the derivatives of the rendering by further parameters, CV_32FC1 of
-// the region's size; their columns come first.
+// nearby; without them they are central differences on the pixel grid, right to some 10 %.
+// `changes`: derivatives of the rendering by further parameters, CV_32FC1 of the region's size;
+// their columns come first.
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const RenderedGradient& rendered, const ImageMotion& motion,
-                               double noise_scale, const std::vector<cv::Mat>& changes = {});
+                               double noise_scale, std::vector<cv::Mat> changes = {});
 
 // Throws NumericalError unless photograph and mask have the camera's size and their types.
 void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera);
@@ -220,20 +199,17 @@ PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
 PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                           const Rigid& camera_from_marker, const PhotometricTerms& terms);
 
-// Steps of one photograph's own unknowns (pose and photometric model) towards the least Huber loss:
-// Gauss and Newton's, damped where they lead uphill (Levenberg, Marquardt). Each takes one
-// rendering, unless only noise scale or photometric model change. The gradient comes from central
-// differences on it (wrong by some 10 %) until render_gradient() makes a better one, which is kept:
-// the steps then end at the root of J^T r. Refers to photograph and camera, which must outlive it.
-// One thread.
+// Steps of one photograph's pose and photometric model towards the least Huber loss: Gauss and
+// Newton's, damped where they lead uphill (Levenberg, Marquardt). Each takes one rendering, unless
+// only noise scale or photometric model change. The gradient is of central differences until
+// render_gradient(), which is kept. Photograph and camera must outlive it. One thread.
 class PhotometricSteps {
 public:
     // `near` is about where the steps will be: within some px. Throws as photo_equations() does.
     PhotometricSteps(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                      const PhotometricTerms& terms, const PhotoState& near);
 
-    // From now on with the pixels of this one: the same photograph with all or a part of them. It
-    // must outlive it.
+    // From now on with the pixels of this one, the same photograph. It must outlive this.
     void look_at(const PhotoOfMarker& photo) { photo_ = &photo; }
 
     PhotoEquations at(const PhotoState& state, double noise_scale);
@@ -245,9 +221,8 @@ public:
     // allows more. Throws NumericalError where the pixels do not determine the unknowns.
     bool descend(PhotoEquations& place, DescentRule rule);
 
-    // To the root of J^T r, from where the gradient was rendered: full steps as long as each
-    // promises less than half of the one before (the loss itself moves more with the renderer's own
-    // steps). Whether the last one promises no more than `enough_gain`.
+    // To the root of J^T r, from where the gradient was rendered: full steps while each promises
+    // less than half of the one before. Whether the last one promises no more than `enough_gain`.
     bool settle(PhotoEquations& place, double enough_gain);
 
     int renderings() const { return renderings_; }
@@ -268,13 +243,12 @@ private:
 // By how much a step from there should lower the loss.
 double promised_gain(const PhotoEquations& equations);
 
-// 1.4826 times the median size of the residuals, the deviation of normal ones. Where the camera
-// knows its noise, 1 unless it is larger by three of its own standard errors; else not below 0.2
-// gray.
+// 1.4826 times the median size of the residuals. Where the camera knows its noise, 1 unless that is
+// larger by three of its own standard errors; else not below 0.2 gray.
 double noise_scale_of(const PhotoEquations& place, bool knows_noise);
 
-// Towards the photograph from a start whose residuals may be far above the noise: all pixels count,
-// as in least squares, until the steps are small against what is left.
+// Least squares on all pixels from a start whose residuals may be far above the noise, until the
+// steps are small against what is left.
 PhotoEquations approached(PhotometricSteps& steps, const PhotoState& start);
 
 }  // namespace etalon

@@ -2,8 +2,6 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include <cmath>
-
 #include "core/statistics/distributions.h"
 #include "sim/sensor/sensor_model.h"
 
@@ -11,8 +9,7 @@ namespace etalon {
 namespace {
 
 // exp(variance * half of the second difference at a frequency) as a kernel: the inverse Fourier
-// transform by the trapezoidal rule, which for a periodic function is exact but for what wraps
-// around.
+// transform by the trapezoidal rule.
 cv::Mat discrete_gaussian(double sigma_px) {
     const int radius = static_cast<int>(std::ceil(5.0 * sigma_px)) + 4;
     const int steps = 4 * radius;

@@ -1,31 +1,27 @@
-// How bright a rendering's black and white are in one photograph, how much blurrier it is than the
-// rendering, and where its white clips: what every photograph has anew.
+// What one photograph makes of a rendering: levels of black and white, further blur, saturation.
 //
 //     gray = S(black + (white - black) * C(T(Gaussian * radiance)))     at each pixel
 //
-// Black and white are surfaces over the image, of second order at most. The Gaussian (*:
-// convolution) is the blur that the camera's lens section leaves out, the whole blur without one.
-// Its variances along x and y may differ (mosaic, fields of a video signal). T is what the camera's
-// transfer curve makes of light between this photograph's black and white (LightCurve), not fitted.
-// C(s) = s + tone s (1 - s) is an unknown rest of that curve. S is saturation (Saturation). Gray =
-// code value / full scale * 255.
+// Gray = code value / full scale * 255. Black and white are surfaces over the image, of second
+// order at most. The Gaussian (*: convolution) is the blur that the camera's lens section leaves
+// out. Its variances along x and y may differ (mosaic, fields of a video signal). T is what the
+// camera's transfer curve makes of light between black and white (LightCurve), not fitted. C(s) = s
+// + tone s (1 - s) is an unknown rest of that curve. S is saturation (Saturation).
 #pragma once
 
 #include <opencv2/core.hpp>
 
-#include <Eigen/Core>
 #include <optional>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 
 namespace etalon {
 
 // White that clips, and the shoulder below: the expectation of min(gray + n, level) with n normal
-// of standard deviation `knee`: the pixels' noise where a sensor clips hard, some 20 gray where a
-// camera compresses its highlights.
+// of standard deviation `knee`. That is the pixels' noise where a sensor clips hard, and some 20
+// gray where a camera compresses its highlights.
 struct Saturation {
     double level_gray = 255.0;  // 225 .. 265
     double knee_gray = 15.0;    // 0.5 .. 60
@@ -37,10 +33,7 @@ struct Saturation {
 };
 
 struct PhotometricModel {
-    // Levels in gray, by level_terms(): at the image's centre, the change over the image's width
-    // and over its height, and the second order.
-    Vector6d black = Vector6d::Zero();
-    Vector6d white = Vector6d::Zero();
+    Vector6d black = Vector6d::Zero(), white = black;  // gray, by level_terms()
     // Square root of the Gaussian's mean variance along x and y, and half of their difference
     // (positive: wider along x; at most the mean).
     double psf_sigma_px = 0.0;  // 0 .. 3
@@ -67,7 +60,7 @@ inline constexpr double min_knee_gray = 0.5, max_knee_gray = 60.0;
 // 1, x, y, x^2, x y, y^2 of a pixel with x and y from -0.5 to 0.5 over the image.
 Vector6d level_terms(double x, double y, cv::Size size);
 
-// The model's levels along a row of pixels: a surface of second order is one of x alone there.
+// The model's levels along a row of pixels.
 class LevelRow {
 public:
     LevelRow(const PhotometricModel& model, int y, cv::Size size);
@@ -88,8 +81,8 @@ private:
 // CV_32FC1: code values / full scale * 255.
 cv::Mat gray_of(const CodeImage& image);
 
-// The half tones that a sensor's curve makes of a radiance between a photograph's black (radiance
-// 0, half tone 0) and white (1 and 1), at the levels of the image's centre.
+// What a sensor's curve makes of radiance between a photograph's black (0, stays 0) and white (1,
+// stays 1), at the levels of the image's centre.
 class LightCurve {
 public:
     LightCurve() = default;  // of a linear sensor
@@ -113,19 +106,17 @@ cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
 
 // Convolution with a discrete Gaussian: the solution of the diffusion equation with the second
 // difference of fourth order, (-1 16 -30 16 -1) / 12. Its variance is sigma^2 and its fourth moment
-// 3 sigma^4 however small sigma is (a sampled Gaussian below 0.5 px hardly blurs). Edges are
-// replicated.
+// 3 sigma^4 for the smallest sigma too. Edges are replicated.
 cv::Mat blurred(const cv::Mat& image, double sigma_px);
 cv::Mat blurred(const cv::Mat& image, const Eigen::Vector2d& sigmas_px);
 
-// The mean of a sensor's code values, which is not the light's own value where the noise is small
-// against a code: light at 16.3 codes with a noise of 0.17 codes is nearly always code 16. A code
-// is at least k where the linear signal s with its normal noise (sim/sensor/sensor_model.h) passes
-// the threshold t_k at which the transfer curve reaches k - 1/2:
+// The mean of a sensor's code values. Where the noise is below a code it is not the light's own
+// value: light at 16.3 codes with a noise of 0.17 codes is nearly always code 16. A code is at
+// least k where the noisy linear signal s (sim/sensor/sensor_model.h) passes the threshold t_k at
+// which the transfer curve reaches k - 1/2:
 //     mean code = sum over k = 1 .. F of Phi((s - t_k) / sigma(s))
-// The deviation from a straight line is 0.32 exp(-2 pi^2 sigma^2) codes, sigma in codes (Widrow and
-// Kollar, "Quantization Noise", Cambridge 2008, chapter 5). Made in some 5 ms for 8 bits. Safe from
-// every thread.
+// Source: Widrow and Kollar, "Quantization Noise", Cambridge 2008, chapter 5. Made in some 5 ms for
+// 8 bits. Safe from every thread.
 class MeanCode {
 public:
     // The codes of light itself: of a sensor whose noise is not stated, and beyond 10 bits.
@@ -136,8 +127,7 @@ public:
         double gray = 0.0, slope = 1.0;
         double by_log_noise = 0.0;  // gray that a noise larger by the factor e adds, first order
     };
-    // Of the gray that the light has without noise and rounding. Noise counts as 0.1 codes at
-    // least.
+    // At the light's gray without noise and rounding. Noise counts as 0.1 codes at least.
     Point at(double gray) const;
 
 private:

@@ -70,9 +70,8 @@ public:
     Adjuster(std::span<const PhotoOfMarker> photos, const CalibrationModel& parameters)
         : photos_(photos), parameters_(parameters), scales_(photos.size(), 1.0) {}
 
-    // The noise scale of each photograph is 1.4826 times the median size of its residuals, not
-    // below 1 where the camera knows its noise, found again until it no longer changes. The same
-    // result for any number of threads.
+    // Noise scales are found again until they no longer change. The same result for any number of
+    // threads.
     Place run(const std::shared_ptr<const PhotometricCamera>& camera,
               const std::vector<PhotoState>& start) {
         constexpr int max_rounds = 3;
@@ -173,8 +172,7 @@ private:
     int steps_ = 0;
 };
 
-// What a photograph says of the camera's parameters, in the form that covariances are made of
-// (calib/intrinsics/calibration_covariance.h); `rest` is not set.
+// What a photograph says of the camera's parameters; `rest` is not set.
 ViewEquations camera_equations(const PhotoEquations& equations, std::size_t parameters) {
     const Damped one(equations, static_cast<Eigen::Index>(parameters), 0.0);
     const Eigen::MatrixXd information = one.information();
@@ -277,7 +275,6 @@ void validate_fold(const Job& job, const CameraFit& corners, const Place& all, s
     }
 }
 
-// The paired comparison.
 void judge(PhotometricRefinement& result) {
     const double n = static_cast<double>(result.photos.size());
     double squares = 0.0;

@@ -1,22 +1,19 @@
 // Intrinsics from all pixels of the calibration photographs instead of their corners: the
 // parameters for which the renderings are closest to the photographs.
 //
-// Bundle adjustment with pixels in place of points: what belongs to one photograph only is
-// eliminated from its normal equations (Schur complement), Levenberg and Marquardt's damping,
-// Huber's loss. Each photograph has its pose, black and white surfaces of second order, a tone
-// parameter, and a Gaussian's width where the camera has no lens section. The start's edges must be
-// within about a blur width of the photograph's.
+// Bundle adjustment on pixels: each photograph's own unknowns are eliminated (Schur complement),
+// with Levenberg and Marquardt's damping and Huber's loss. These are its pose, black and white
+// surfaces of second order, a tone, and a Gaussian's width where the camera has no lens section.
+// The start's edges must be within about a blur width of the photograph's.
 //
-// Every edge counts over its whole length, and blur and levels are modelled; but a curled board,
-// JPEG or a camera that sharpens disturb a rendering more than corners. The refined camera must
-// therefore be better on photographs that it has not seen (k-fold cross-validation, Stone 1974):
-//   1. both cameras come from the training photographs only, one from their corners, the other
-//      refined from it on their pixels;
-//   2. the held-out photograph's pose and photometric model are fitted on half of its squares, once
-//      with each camera;
-//   3. the residuals of the other half of the squares are compared, paired by photograph. The gain
-//      must be above zero by a one-sided t test at 95 % (approximately: the folds share training
-//      photographs; Bengio and Grandvalet, JMLR 5, 2004).
+// A curled board, JPEG or sharpening disturb a rendering more than corners. So the refined camera
+// must be better on photographs that it has not seen (k-fold cross-validation, Stone 1974):
+//   1. both cameras come from the training photographs, one from their corners, the other refined
+//      from it on their pixels;
+//   2. the held-out photograph's pose and photometric model are fitted on half of its squares;
+//   3. the residuals of the other half are compared, paired by photograph. The gain must be above
+//      zero by a one-sided t test at 95 % (approximately: the folds share training photographs;
+//      Bengio and Grandvalet, JMLR 5, 2004).
 #pragma once
 
 #include <span>
@@ -24,15 +21,12 @@
 #include <vector>
 
 #include "calib/intrinsics/calibration_covariance.h"
-#include "calib/intrinsics/camera_fit.h"
 #include "compare/photometric/compared_area.h"
-#include "core/image/image.h"
 
 namespace etalon {
 
 struct RefinedPhoto {
-    // Residuals in gray, RMS over the squares that were scored, of the held-out photograph: with
-    // the camera from corners and with the refined one.
+    // RMS over the scored squares of the held-out photograph, with either camera.
     double corners_rms_gray = 0.0, refined_rms_gray = 0.0;
     Rigid camera_from_target;  // with the camera refined on all photographs
 };
@@ -53,11 +47,10 @@ struct PhotometricRefinement {
     std::string in_words() const;
 };
 
-// `photos` and `views` belong together; `area` is the part of the target that is compared;
-// `corners` is fit_camera()'s result for all views with this model. The covariance takes
-// photographs as independent, not pixels. Throws NumericalError for fewer than six photographs,
-// numbers that do not match, and photographs that do not determine the camera. About 5 s of CPU
-// time per photograph of 640x480 px, on all cores; the same result for any number of them.
+// `corners` is fit_camera()'s result for all views, one for each photograph, with this model. The
+// covariance takes photographs as independent, not pixels. Throws NumericalError for fewer than six
+// photographs, numbers that do not match, and photographs that do not determine the camera. About
+// 5 s of CPU time per photograph of 640x480 px, on all cores; the result does not depend on them.
 PhotometricRefinement refine_photometrically(std::span<const CodeImage> photos,
                                              std::span<const CalibrationView> views,
                                              const CellGrid& target, const ComparedArea& area,

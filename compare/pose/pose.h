@@ -1,6 +1,5 @@
 // One pose of a run. Each stage of the run adds to the type before it: PlannedPose, VisitedPose,
-// AnalysedPose. A simulated run leaves out what has no meaning for it. Times are seconds since the
-// run began.
+// AnalysedPose. Times are seconds since the run began.
 #pragma once
 
 #include "capture/frame/frame_log.h"
@@ -43,26 +42,24 @@ struct VisitedPose : PlannedPose {
     std::optional<double> settled_s = {};
     // One after settling and one after each frame; of each axis, mm or rad.
     std::vector<std::vector<double>> readings = {};
-    // Per axis, mm or rad: mean of the n readings, their standard deviation s, and the standard
-    // uncertainty of the mean: s, but no less than the axis' declared noise, over sqrt(n).
+    // Per axis, mm or rad: mean of the n readings, their standard deviation s, and the mean's
+    // standard uncertainty, the larger of s and the axis' declared noise over sqrt(n).
     std::vector<double> read_back = {}, read_back_deviation = {}, read_back_uncertainty = {};
     // Of the mean; its covariance as in stage/axes/kinematics.h.
     Rigid base_from_carriage = {};
     Matrix6d stage_covariance = Matrix6d::Zero();
 
     std::vector<FrameRecord> frames = {};
-    std::vector<Eigen::Vector2d> corners = {};  // mean over the frames that saw it; empty: none did
-    int detections = 0;                         // number of such frames
-    // Nothing with a single such frame, and when all are alike: then rounding hides the noise, and
-    // repeats do not show rounding.
+    ImagePoints corners = {};  // mean over the frames that saw it; empty: none did
+    int detections = 0;        // number of such frames
+    // Nothing with a single such frame, and when all are alike, as rounding hides the noise.
     std::optional<CornerNoise> corner_noise = {};
-    // By the noise that the calibration's sensor states, for as many frames; nothing: not known.
-    std::optional<CornerNoise> stated_noise = {};
+    std::optional<CornerNoise> stated_noise = {};  // by the sensor section, for as many frames
     std::optional<PhotometricReading> photometric = {};  // of hold-out poses
-    // Where the photograph's pixels show the marker (its photometric pose), and of a render there
-    // the corners less the truth, px; nothing and empty: not known.
+    // The photometric pose, and of a render there the corners less the truth; nothing, empty: not
+    // known.
     std::optional<Rigid> seen_at = {};
-    std::vector<Eigen::Vector2d> detector_bias_px = {};
+    ImagePoints detector_bias_px = {};
 
     bool is_detected() const { return !corners.empty(); }
 };
@@ -74,19 +71,18 @@ struct AnalysedPose : VisitedPose {
     std::optional<CornerNoise> noise = {};  // that counts (find_noise)
     PoseBias bias = {};  // of training poses B2 alone, for the record; never judged
     bool is_judged() const { return hold_out && used; }
-    // Of hold-out poses: the render at the registered pose, with the camera's bit depth and
-    // transfer and without noise ("renders/0007.png"), and the photograph against it.
+    // Of hold-out poses: the noise-free render at the registered pose ("renders/0007.png"), and the
+    // photograph against it.
     std::string render_file = {};
     std::optional<PhotoResidual> residual = {};
 };
 
-// Sets `noise` of each detected pose: that of its own frames; else that of the other poses' frames,
-// pooled by degrees of freedom; else what the calibration's sensor states for it or, pooled, for
-// others; else nothing. A variance of 0 counts as not known.
+// Sets `noise` of each detected pose: that of its own frames, else of the other poses' frames,
+// pooled by degrees of freedom, else what the sensor states for it or, pooled, for others, else
+// nothing. A variance of 0 counts as not known.
 void find_noise(std::span<AnalysedPose> poses);
 
-// Poses with several frames that left the corners at the same places to the last bit: the camera
-// gave one picture again and again, or its noise is below rounding. Their indices in the plan.
+// Indices in the plan of poses whose frames left the corners at the same places to the last bit.
 std::vector<int> poses_of_equal_frames(std::span<const VisitedPose> poses);
 
 }  // namespace etalon

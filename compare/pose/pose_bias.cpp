@@ -9,12 +9,9 @@
 namespace etalon {
 namespace {
 
-using Pixels = std::vector<Eigen::Vector2d>;
-using Points = std::vector<Eigen::Vector3d>;
-
 constexpr double settled_px = 0.002;
 
-void require_corners(const Pixels& corners, std::size_t count) {
+void require_corners(const ImagePoints& corners, std::size_t count) {
     if (corners.size() != count)
         throw NumericalError(fmt::format("pose bias: the detector gave {} corners for {} points",
                                          corners.size(), count));
@@ -28,9 +25,10 @@ struct CorrectedPoses {
 
 // Poses whose bias is not known are rendered where `registration` has them, and left out where that
 // render is not detected. Without a registration they stay as they are.
-CorrectedPoses bias_corrected(const Projector& projector, const Points& points,
+CorrectedPoses bias_corrected(const Projector& projector, const ObjectPoints& points,
                               std::span<const RegistrationPose> poses,
-                              std::span<const Pixels> known_bias, const Registration* registration,
+                              std::span<const ImagePoints> known_bias,
+                              const Registration* registration,
                               const RenderAndDetect& render_and_detect) {
     CorrectedPoses corrected;
     for (std::size_t i = 0; i < poses.size(); ++i) {
@@ -39,7 +37,7 @@ CorrectedPoses bias_corrected(const Projector& projector, const Points& points,
             pose.pixels = differences(pose.pixels, known_bias[i]);
         } else if (registration) {
             const Rigid predicted = registration->camera_from_marker(pose.base_from_carriage);
-            const std::optional<Pixels> rendered = render_and_detect(predicted);
+            const std::optional<ImagePoints> rendered = render_and_detect(predicted);
             if (!rendered)
                 continue;
             pose.pixels = differences(
@@ -51,21 +49,14 @@ CorrectedPoses bias_corrected(const Projector& projector, const Points& points,
     return corrected;
 }
 
-void keep(const CorrectedPoses& corrected, BiasCorrectedRegistration& result) {
-    result.used = corrected.used;
-    result.corrected_px.clear();
-    for (const RegistrationPose& pose : corrected.poses)
-        result.corrected_px.push_back(pose.pixels);
-}
-
-double largest_move_px(const Projector& projector, const Points& points,
+double largest_move_px(const Projector& projector, const ObjectPoints& points,
                        std::span<const RegistrationPose> poses, const Registration& before,
                        const Registration& after) {
     double largest = 0.0;
     for (const RegistrationPose& pose : poses) {
-        const Pixels from =
+        const ImagePoints from =
             projected(projector, points, before.camera_from_marker(pose.base_from_carriage));
-        const Pixels to =
+        const ImagePoints to =
             projected(projector, points, after.camera_from_marker(pose.base_from_carriage));
         for (std::size_t k = 0; k < from.size(); ++k)
             largest = std::max(largest, (to[k] - from[k]).norm());
@@ -73,8 +64,8 @@ double largest_move_px(const Projector& projector, const Points& points,
     return largest;
 }
 
-std::optional<PoseEstimate> estimate_near(const Projector& projector, const Points& points,
-                                          const Pixels& corners, const Rigid& predicted) {
+std::optional<PoseEstimate> estimate_near(const Projector& projector, const ObjectPoints& points,
+                                          const ImagePoints& corners, const Rigid& predicted) {
     if (corners.empty())
         return std::nullopt;
     require_corners(corners, points.size());
@@ -83,10 +74,9 @@ std::optional<PoseEstimate> estimate_near(const Projector& projector, const Poin
 
 }  // namespace
 
-std::vector<Eigen::Vector2d> projected(const Projector& projector,
-                                       const std::vector<Eigen::Vector3d>& points_mm,
-                                       const Rigid& camera_from_marker) {
-    Pixels pixels;
+ImagePoints projected(const Projector& projector, const ObjectPoints& points_mm,
+                      const Rigid& camera_from_marker) {
+    ImagePoints pixels;
     for (const Eigen::Vector3d& point : points_mm) {
         const auto pixel = projector.project(camera_from_marker * point);
         if (!pixel)
@@ -96,10 +86,9 @@ std::vector<Eigen::Vector2d> projected(const Projector& projector,
     return pixels;
 }
 
-std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& corners,
-                                         const std::vector<Eigen::Vector2d>& others) {
+ImagePoints differences(const ImagePoints& corners, const ImagePoints& others) {
     require_corners(others, corners.size());
-    std::vector<Eigen::Vector2d> result;
+    ImagePoints result;
     for (std::size_t k = 0; k < corners.size(); ++k)
         result.push_back(corners[k] - others[k]);
     return result;
@@ -110,39 +99,42 @@ PoseError pose_error(const Rigid& estimated, const Rigid& truth) {
             rotation_vector(truth.rotation.conjugate() * estimated.rotation)};
 }
 
-BiasCorrectedRegistration register_bias_corrected(
-    const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
-    std::span<const RegistrationPose> poses, const Rigid& nominal_carriage_from_marker,
-    const RenderAndDetect& render_and_detect, std::span<const Pixels> known_bias, int max_rounds) {
+BiasCorrectedRegistration register_bias_corrected(const Projector& projector,
+                                                  const ObjectPoints& points_mm,
+                                                  std::span<const RegistrationPose> poses,
+                                                  const Rigid& nominal_carriage_from_marker,
+                                                  const RenderAndDetect& render_and_detect,
+                                                  std::span<const ImagePoints> known_bias,
+                                                  int max_rounds) {
     if (!known_bias.empty() && known_bias.size() != poses.size())
         throw NumericalError("pose bias: the known biases are not of these poses");
-    const auto registered = [&](const CorrectedPoses& corrected) {
+    BiasCorrectedRegistration result;
+    const auto registered = [&](const Registration* from) {
+        const CorrectedPoses corrected =
+            bias_corrected(projector, points_mm, poses, known_bias, from, render_and_detect);
+        result.used = corrected.used;
+        result.corrected_px.clear();
+        for (const RegistrationPose& pose : corrected.poses)
+            result.corrected_px.push_back(pose.pixels);
         return register_stage(projector, points_mm, corrected.poses, nominal_carriage_from_marker);
     };
-    const CorrectedPoses known =
-        bias_corrected(projector, points_mm, poses, known_bias, nullptr, render_and_detect);
-    BiasCorrectedRegistration result;
-    result.registration = registered(known);
-    keep(known, result);
-    if (!known_bias.empty() && std::ranges::none_of(known_bias, &Pixels::empty))
+    result.registration = registered(nullptr);
+    if (!known_bias.empty() && std::ranges::none_of(known_bias, &ImagePoints::empty))
         return result;
     do {
-        const CorrectedPoses corrected = bias_corrected(projector, points_mm, poses, known_bias,
-                                                        &result.registration, render_and_detect);
-        const Registration next = registered(corrected);
+        const Registration next = registered(&result.registration);
         result.last_change_px =
             largest_move_px(projector, points_mm, poses, result.registration, next);
         result.changes_px.push_back(result.last_change_px);
         result.registration = next;
-        keep(corrected, result);
         ++result.rounds;
     } while (result.rounds < max_rounds && result.last_change_px > settled_px);
     return result;
 }
 
-PoseBias pose_bias(const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
-                   const Rigid& predicted, const std::vector<Eigen::Vector2d>& photo_corners,
-                   const std::vector<Eigen::Vector2d>& render_corners) {
+PoseBias pose_bias(const Projector& projector, const ObjectPoints& points_mm,
+                   const Rigid& predicted, const ImagePoints& photo_corners,
+                   const ImagePoints& render_corners) {
     PoseBias bias;
     bias.predicted = predicted;
     bias.photo = estimate_near(projector, points_mm, photo_corners, predicted);

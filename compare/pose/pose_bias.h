@@ -5,15 +5,10 @@
 //     B3 = detector(photo)  - detector(render)   of the camera model and the stage alone
 //     B4 = photometric pose - X S(q) Y           the same without any detector's corners
 //
-// The detector's own bias must not enter X and Y, or B3 shows it with its sign turned: so X and Y
-// are registered on corners from which the bias seen on a render is subtracted.
-//
-// That bias changes within a pixel, so it is best taken from a render at the photograph's
-// photometric pose, which depends neither on X and Y nor on the detector: `detector(render)` is
-// then the projected truth and that bias.
+// X and Y are registered on corners less the detector's bias as a render shows it: else B3 would
+// show that bias with its sign turned. It changes within a pixel, so the render is best made at the
+// photograph's photometric pose; `detector(render)` is then the projected truth and that bias.
 #pragma once
-
-#include <functional>
 
 #include "calib/registration/registration.h"
 #include "compare/detect/detector.h"
@@ -27,42 +22,44 @@ struct PoseError {
 
 PoseError pose_error(const Rigid& estimated, const Rigid& truth);
 
-// Renders the marker at this pose as the camera under test should see it (sensor included) and
-// detects it, in exactly the way that the photographs were detected. Nothing when not detected.
-using RenderAndDetect =
-    std::function<std::optional<std::vector<Eigen::Vector2d>>(const Rigid& camera_from_marker)>;
+// Renders the marker at this pose as the camera under test should see it, sensor included, and
+// detects it as the photographs were detected. Nothing when not detected.
+using RenderAndDetect = std::function<std::optional<ImagePoints>(const Rigid& camera_from_marker)>;
 
-// Where the marker's points are seen. Throws NumericalError for one outside the camera's valid
-// region.
-std::vector<Eigen::Vector2d> projected(const Projector& projector,
-                                       const std::vector<Eigen::Vector3d>& points_mm,
-                                       const Rigid& camera_from_marker);
+// Throws NumericalError for a point outside the camera's valid region.
+ImagePoints projected(const Projector& projector, const ObjectPoints& points_mm,
+                      const Rigid& camera_from_marker);
 
 struct BiasCorrectedRegistration {
     Registration registration;
     std::vector<std::size_t> used;  // indices of the given poses: seen in photo and render
     // Of each of those, the photo's corners less the detector's bias of the last round.
-    std::vector<std::vector<Eigen::Vector2d>> corrected_px;
+    std::vector<ImagePoints> corrected_px;
     int rounds = 0;                  // of rendering poses whose bias is not known
     double last_change_px = 0.0;     // largest move of a predicted corner in the last round
     std::vector<double> changes_px;  // the same of each round
 };
 
+// Corners one after another, x and y of each.
+inline Eigen::VectorXd stacked(const ImagePoints& corners) {
+    return Eigen::Map<const Eigen::VectorXd>(corners.front().data(), 2 * std::ssize(corners));
+}
+
 // Corners less others, in order. Throws NumericalError for different numbers.
-std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& corners,
-                                         const std::vector<Eigen::Vector2d>& others);
+ImagePoints differences(const ImagePoints& corners, const ImagePoints& others);
 
 // Registers on corners(photo) - bias. `known_bias`: of each pose, from a render where the
-// photograph shows the marker (an empty one, or none at all: not known). One that is not known is
-// corners(render at the current X S Y) - projected truth, iterated until no predicted corner moves
-// by more than 0.002 px or `max_rounds` are done (two rounds are usual). Calls `render_and_detect`
-// once per such pose and round. Throws what register_stage throws, and NumericalError for sizes
-// that do not agree.
-BiasCorrectedRegistration register_bias_corrected(
-    const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
-    std::span<const RegistrationPose> poses, const Rigid& nominal_carriage_from_marker,
-    const RenderAndDetect& render_and_detect,
-    std::span<const std::vector<Eigen::Vector2d>> known_bias = {}, int max_rounds = 3);
+// photograph shows the marker; empty: not known. Then it is corners(render at the current X S Y) -
+// projected truth, iterated until no predicted corner moves by more than 0.002 px (two rounds are
+// usual). Calls `render_and_detect` once per such pose and round. Throws what register_stage
+// throws, and NumericalError for sizes that do not agree.
+BiasCorrectedRegistration register_bias_corrected(const Projector& projector,
+                                                  const ObjectPoints& points_mm,
+                                                  std::span<const RegistrationPose> poses,
+                                                  const Rigid& nominal_carriage_from_marker,
+                                                  const RenderAndDetect& render_and_detect,
+                                                  std::span<const ImagePoints> known_bias = {},
+                                                  int max_rounds = 3);
 
 // One pose seen by the photograph and by the render at the predicted pose.
 struct PoseBias {
@@ -70,15 +67,15 @@ struct PoseBias {
     std::optional<PoseEstimate> photo, render;  // nothing: not detected, or no pose from corners
     std::optional<PoseError> b1, b2, b3;
     std::optional<PoseError> b4;  // where the photograph has a photometric pose
-    // The photograph's corners less those expected at `predicted`, the detector's bias included: of
-    // training and hold-out poses that were used. Empty where one of the two is missing.
-    std::vector<Eigen::Vector2d> difference_px = {};
+    // The photograph's corners less those expected at `predicted`, the detector's bias included.
+    // Empty where one of the two is missing.
+    ImagePoints difference_px = {};
 };
 
-// A planar marker has two local solutions; the one nearer to `predicted` is taken in both images,
-// so that a flip is never compared with a non-flip. No corners: not detected.
-PoseBias pose_bias(const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
-                   const Rigid& predicted, const std::vector<Eigen::Vector2d>& photo_corners,
-                   const std::vector<Eigen::Vector2d>& render_corners);
+// Of a planar marker's two solutions the one nearer to `predicted` is taken in both images. No
+// corners: not detected.
+PoseBias pose_bias(const Projector& projector, const ObjectPoints& points_mm,
+                   const Rigid& predicted, const ImagePoints& photo_corners,
+                   const ImagePoints& render_corners);
 
 }  // namespace etalon

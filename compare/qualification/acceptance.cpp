@@ -9,8 +9,6 @@
 
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/qualification.h"
-#include "compare/uncertainty/uncertainty_budget.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -59,11 +57,11 @@ AcceptanceCondition poses_that_fit(const Qualification& result) {
         outlying.push_back(pose.text);
     return checked(
         "poses that fit", outlying.empty(), static_cast<double>(outlying.size()), 0.0, "1",
-        outlying.empty() ? "no pose lies where no field puts it"
-                         : fmt::format("the stage was not where it said, the camera showed an old "
-                                       "frame, or the detector took something else for the "
-                                       "marker: {}; left out",
-                                       fmt::join(outlying, ", ")));
+        outlying.empty()
+            ? "no pose lies where no field puts it"
+            : fmt::format("the stage was not where it said, the camera showed an old frame, or the "
+                          "detector took something else for the marker: {}; left out",
+                          fmt::join(outlying, ", ")));
 }
 
 AcceptanceCondition residuals(const Qualification& result) {
@@ -85,18 +83,18 @@ AcceptanceCondition residuals_over_image(const QualificationInput& input,
     constexpr double of_limit = 0.25;  // what is less adds a thirtieth to the limit's square
     const ImageCoherence& found = result.corners->coherence;
     const double size_mm = result.corners->coherent_rms_mm,
-                 least_mm = of_limit * input.limits.b3_position_field_rms_mm.value();
+                 least_mm = of_limit * input.limits.by_quantity.at(quantity::position_rms);
     return checked(
         "residuals over the image", found.deviations <= coherence_deviations || size_mm <= least_mm,
         found.deviations, coherence_deviations, "1",
-        fmt::format(
-            "residuals of different poses within {:.0f} px of each other in the image have "
-            "{:.0f} % of their power in common ({:.1f} standard deviations from none; {:.1f} "
-            "is the most), some {:.3f} mm RMS of position{}",
-            found.bin_px, 100.0 * found.share, found.deviations, coherence_deviations, size_mm,
-            found.deviations > coherence_deviations
-                ? ": a distortion, or an error of the stage, that no named error follows"
-                : ""));
+        fmt::format("residuals of different poses within {:.0f} px of each other in the image have "
+                    "{:.0f} % of their power in common ({:.1f} standard deviations from none; "
+                    "{:.1f} is the most), some {:.3f} mm RMS of position{}",
+                    found.bin_px, 100.0 * found.share, found.deviations, coherence_deviations,
+                    size_mm,
+                    found.deviations > coherence_deviations
+                        ? ": a distortion, or an error of the stage, that no named error follows"
+                        : ""));
 }
 
 // "20 ppm", "2.75 mrad", "0.02 mm".
@@ -127,38 +125,37 @@ AcceptanceCondition declared_inputs(const Qualification& result) {
         largest = std::max(largest, input.deviations);
     }
     return checked("declared inputs", texts.empty(), largest, contradiction_deviations, "1",
-                   texts.empty()
-                       ? fmt::format("nothing that is declared is off by more than {:.0f} "
-                                     "of its standard uncertainties",
-                                     contradiction_deviations)
-                       : fmt::format("{}", fmt::join(texts, "; ")));
+                   texts.empty() ? fmt::format("nothing that is declared is off by more than "
+                                               "{:.0f} of its standard uncertainties",
+                                               contradiction_deviations)
+                                 : fmt::format("{}", fmt::join(texts, "; ")));
 }
 
 // A field that some errors make by themselves against the limits of the judged one.
 AcceptanceCondition alone(const char* title, const char* whose, const FieldSummary& field,
                           const QualificationInput& input) {
-    const double rms_limit = input.limits.b3_position_field_rms_mm.value(),
-                 max_limit = input.limits.b3_position_field_max_mm.value();
+    const double rms_limit = input.limits.by_quantity.at(quantity::position_rms),
+                 max_limit = input.limits.by_quantity.at(quantity::position_max);
     const Outcome rms = decide(field.rms, field.rms_uncertainty, rms_limit, input.limits.rule),
                   max = decide(field.max, field.max_uncertainty, max_limit, input.limits.rule);
     const std::string text = fmt::format(
-        "{}: {:.3f} mm RMS with U = {:.3f} mm, limit {:.3f} mm; {:.3f} mm at most with "
-        "U = {:.3f} mm, limit {:.3f} mm",
+        "{}: {:.3f} mm RMS with U = {:.3f} mm, limit {:.3f} mm; {:.3f} mm at most with U = {:.3f} "
+        "mm, limit {:.3f} mm",
         whose, field.rms, field.rms_uncertainty, rms_limit, field.max, field.max_uncertainty,
         max_limit);
     const bool is_within = rms == Outcome::pass && max == Outcome::pass;
     if (is_within || rms == Outcome::fail || max == Outcome::fail)
         return checked(title, is_within, field.rms, rms_limit, "mm", text);
-    return not_checked(title,
-                       "this run does not tell whether it is within its limits, "
-                       "as other errors could hide it; " +
-                           text);
+    return not_checked(
+        title,
+        "this run does not tell whether it is within its limits, as other errors could hide it; " +
+            text);
 }
 
 AcceptanceCondition edges_alone(const QualificationInput& input, const Qualification& result) {
     const char* title = "edges alone";
     if (!result.corners->edges_alone)
-        return checked(title, true, 0.0, input.limits.b3_position_field_rms_mm.value(), "mm",
+        return checked(title, true, 0.0, input.limits.by_quantity.at(quantity::position_rms), "mm",
                        "edges are not seen to lie elsewhere than in the renders");
     return alone(title, "the field that edges make which lie elsewhere than in the renders",
                  *result.corners->edges_alone, input);
@@ -169,8 +166,7 @@ struct Drift {
     double uncertainty_mm = 0.0;  // U, k = 2, in its worst direction
 };
 
-// A shift that grows with time, fitted beside the field: its three columns are freed of what the
-// field can take, then weighted least squares on the field's residuals.
+// A shift that grows with time, by weighted least squares beside the field.
 Drift fitted_drift(const BiasField& field, std::span<const FieldSample> samples,
                    std::span<const double> times) {
     const auto [first, last] = std::minmax_element(times.begin(), times.end());
@@ -211,7 +207,7 @@ AcceptanceCondition drift(const QualificationInput& input, const Qualification& 
         throw NumericalError("acceptance: times and samples do not agree");
     const Drift found = fitted_drift(*result.position_field, samples, times);
     const double size = found.first_to_last_mm.norm(),
-                 limit = input.limits.b3_position_field_rms_mm.value();
+                 limit = input.limits.by_quantity.at(quantity::position_rms);
     if (!std::isfinite(size) || !std::isfinite(found.uncertainty_mm))
         return not_checked(title, "the poses' order does not let drift be told from the field");
     return checked(title, size - found.uncertainty_mm <= limit, size, limit, "mm",
@@ -220,8 +216,7 @@ AcceptanceCondition drift(const QualificationInput& input, const Qualification& 
                                size, found.uncertainty_mm, limit));
 }
 
-// Of both poses at the same target: camera model, detector and stage errors other than random ones
-// are alike and drop out.
+// Of both poses at the same target: all but random errors are alike and drop out.
 AcceptanceCondition repeatability(const QualificationInput& input, const Qualification& result) {
     const char* title = "repeatability";
     const auto usable = [](const AnalysedPose& pose) {
@@ -256,11 +251,10 @@ AcceptanceCondition repeatability(const QualificationInput& input, const Qualifi
         return not_checked(title, "no pose was seen twice by corners whose noise is known");
     const double freedom = 3.0 * pairs;
     const double ratio = sum / freedom, limit = chi_square_limit(freedom);
-    return checked(
-        title, ratio <= limit, ratio, limit, "1",
-        fmt::format("{} poses visited again: chi-square per degree of freedom is {:.2f}; "
-                    "{:.2f} is the most",
-                    pairs, ratio, limit));
+    return checked(title, ratio <= limit, ratio, limit, "1",
+                   fmt::format("{} poses visited again: chi-square per degree of freedom is "
+                               "{:.2f}; {:.2f} is the most",
+                               pairs, ratio, limit));
 }
 
 }  // namespace

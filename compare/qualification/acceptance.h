@@ -1,7 +1,6 @@
 // The conditions under which a PASS is accepted: that the run is what its uncertainty takes it for,
-// and that nothing cancels in the judged field. A condition that is not met withholds PASS and
-// changes no FAIL. One that could not be checked says why and withholds PASS as well, unless the
-// limits let it (may_be_unchecked).
+// and that nothing cancels in the judged field. One that is not met withholds PASS. So does one
+// that could not be checked, unless the limits let it (may_be_unchecked).
 #pragma once
 
 #include <string>
@@ -16,9 +15,8 @@ struct QualificationInput;
 struct Qualification;
 
 struct AcceptanceCondition {
-    // not_asked: the plan leaves out what would check it.
-    enum class State { met, not_met, not_checked, not_asked };
-    std::string name;  // "volume coverage"
+    enum class State { met, not_met, not_checked, not_asked };  // not_asked: not in the plan
+    std::string name;                                           // "volume coverage"
     State state = State::not_checked;
     double value = 0.0, limit = 0.0;  // of what is compared; meaningless when it was not
     std::string unit;
@@ -45,8 +43,8 @@ std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput&
                                                        const Qualification& result,
                                                        std::span<const FieldSample> samples);
 
-// Of a pose's measured position by the noise of its frames, `times` that of the photographs, and of
-// the stage as declared. The pose has corner noise and B2.
+// Of a pose's measured position: by `times` the noise of its frames and by the stage as declared.
+// The pose has corner noise and B2.
 Eigen::Matrix3d position_covariance(const DeclaredStation& station, const AnalysedPose& pose,
                                     double times = 1.0);
 

@@ -3,10 +3,8 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 
 #include "compare/qualification/qualification.h"
-#include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 
 namespace etalon {
@@ -106,10 +104,6 @@ Eigen::MatrixXd declared_fields(const DeclaredStation& station,
 
 namespace {
 
-Eigen::VectorXd stacked_pixels(const std::vector<Eigen::Vector2d>& pixels) {
-    return Eigen::Map<const Eigen::VectorXd>(pixels.front().data(), 2 * std::ssize(pixels));
-}
-
 // Turns the x axis of every point's pixels to where the marker's x axis points in the image.
 Eigen::MatrixXd marker_axes_from_image(const SignatureChain& chain, std::size_t pose) {
     const Eigen::MatrixXd by_shift = chain.pose_jacobian(pose).rightCols<3>();
@@ -127,9 +121,8 @@ Eigen::MatrixXd marker_axes_from_image(const SignatureChain& chain, std::size_t 
     return all;
 }
 
-// Correlation of the noise of a marker's corners, with the mean variance 1: corners where two
-// fitted edges meet do not move on their own. Pooled over the frames of all poses in the marker's
-// axes, drawn towards independence by one frame's weight a coordinate.
+// Correlation of the noise of a marker's corners, with the mean variance 1, pooled over the frames
+// of all poses in the marker's axes, drawn towards independence by one frame's weight a coordinate.
 Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
     const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows, rows);
@@ -143,8 +136,7 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
         for (const FrameRecord& frame : pose.frames) {
             if (frame.corners.size() != pose.corners.size())
                 continue;
-            const Eigen::VectorXd off =
-                turned * stacked_pixels(differences(frame.corners, pose.corners));
+            const Eigen::VectorXd off = turned * stacked(differences(frame.corners, pose.corners));
             sum += off * off.transpose() / frame_variance;
         }
         freedom += pose.detections - 1;
@@ -154,9 +146,9 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
     return sum / (freedom + prior);
 }
 
-// A detector slips now and then: its corners are off by several times their noise from where the
-// pixels of the same photograph put them. In poses beyond 99.9 % of what most poses show the
-// corners' noise is as large as the slip. A marker that was elsewhere slips by nothing.
+// A detector slips where its corners are off by several times their noise from where the pixels of
+// the same photograph put them. Beyond 99.9 % of what most poses show the noise is made as large as
+// the slip.
 void widen_where_slipped(const SignatureChain& chain, std::vector<Eigen::MatrixXd>& noise_px2) {
     const auto freedom = static_cast<double>(2 * chain.points_mm.size());
     constexpr double normal_999 = 3.0902;
@@ -167,7 +159,7 @@ void widen_where_slipped(const SignatureChain& chain, std::vector<Eigen::MatrixX
             continue;
         const auto expected = projected(chain.projector, chain.points_mm, *pose.seen_at);
         const Eigen::VectorXd slip =
-            stacked_pixels(differences(differences(pose.corners, expected), pose.detector_bias_px));
+            stacked(differences(differences(pose.corners, expected), pose.detector_bias_px));
         squares[i] = slip.dot(noise_px2[i].llt().solve(slip));
     }
     const double usual = std::max(1.0, median(squares) / freedom);
@@ -213,7 +205,7 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
         if (pose.settled_s)
             evidence.request.times_s.push_back(*pose.settled_s);
         const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
-        evidence.difference_px.push_back(stacked_pixels(pose.bias.difference_px));
+        evidence.difference_px.push_back(stacked(pose.bias.difference_px));
         evidence.corner_modes.push_back(turned.transpose() * modes);
         // Where noise is not known, it is what registration has left.
         const double left_px = result.registration->registration.residual_rms_px;

@@ -20,13 +20,12 @@ std::vector<StageError> stage_errors_of(const DeclaredStation& station,
 double repeatability_mm2(const DeclaredStation& station);
 double error_maps_mm2(const DeclaredStation& station);
 
-// The widest plausible standard values of what a station may leave undeclared: how far the
-// temperature is off, and by how much more than the stage the marker grows (aluminium: 23e-6).
+// The widest plausible standard values of what is undeclared: how far the temperature is off, and
+// how much more than the stage the marker grows (aluminium: 23e-6).
 inline constexpr double max_temperature_k = 5.0, max_expansion_per_k = 25e-6;
 
-// Standard uncertainties by the names that signatures and candidates have, in their units.
-// Temperature changes the sizes of marker and stage, one that is not declared by the widest
-// plausible.
+// Standard uncertainties by the names that signatures and candidates have, in their units; marker
+// and stage sizes with that of the temperature.
 std::map<std::string, double> declared_uncertainties(const DeclaredStation& station);
 
 // What each of them does to the position errors of the used hold-out poses (3 rows per pose, camera
@@ -40,8 +39,8 @@ DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureC
                                const Qualification& result);
 
 // Of the used poses (`chain`), with a misplaced pose for each that was left out, unless what
-// explains the used ones explains those as well (a distortion far off near the image's corners).
-// Throws as diagnosis_input(). Some 0.5 s, twice that where poses were left out.
+// explains the used ones explains those as well. Throws as diagnosis_input(). Some 0.5 s, twice
+// that where poses were left out.
 Causes causes_of_run(const QualificationInput& input, SignatureChain chain, Qualification result);
 
 }  // namespace etalon

@@ -1,7 +1,6 @@
 #include "compare/qualification/joint_fit.h"
 
 #include <Eigen/Dense>
-#include <algorithm>
 #include <set>
 
 #include "compare/diagnosis/cause_rows.h"
@@ -185,8 +184,7 @@ private:
         }
     };
 
-    // Of those that are left the one that is most needed; its gain in units of the variance that is
-    // then left.
+    // Its gain is in units of the variance that is then left.
     std::optional<Candidate> most_needed() const {
         const double free = freedom();
         std::optional<Candidate> best;
@@ -218,8 +216,7 @@ private:
         }
     }
 
-    // An error that is there and not yet shown would be taken for the camera's, or hide it: where
-    // one is in doubt the camera's effect is the larger of that with it and that without.
+    // Where another error is in doubt: the larger of the effect with it and without.
     EffectAlone camera_alone() {
         const auto is_camera = [](const FittedError& error) { return error.part == Part::camera; };
         const EffectAlone without = alone(std::sqrt(variance()), is_camera);
@@ -247,8 +244,7 @@ private:
         return input;
     }
 
-    // Marker and all linear axes larger alike look the same: one of them off is all others off the
-    // other way.
+    // Marker and all linear axes larger alike: one of them off is all others off the other way.
     std::vector<std::string> looking_the_same(const std::string& name) const {
         std::set<std::string> scales{"marker print size"};
         for (const StageAxisMotion& axis : evidence_.request.axes)
@@ -283,7 +279,6 @@ private:
                 scatter * equations_.half_inverse(effects.transpose()).transpose()};
     }
 
-    // Of what was observed, in px.
     std::vector<Eigen::VectorXd> residuals() const {
         const Eigen::VectorXd all = equations_.residual();
         std::vector<Eigen::VectorXd> residuals;

@@ -4,20 +4,18 @@
 //
 // Generalised least squares on the corners of all used poses, with their covariance
 // (diagnosis_input.h): X and Y and every named error of the camera are free; what the station
-// declares has its standard uncertainty as prior. Then, the best first, what must be added: an
-// input that is off by more than is declared, or an undeclared error of the stage. Each must lower
-// the sum of squares by what chance does as seldom as 4 standard deviations (data snooping; W.
-// Baarda, A testing procedure for use in geodetic networks, 1968). Corners that scatter by more
-// than is stated enlarge all deviations. Errors that cannot be told apart at all are as large and
-// uncertain as their priors allow.
+// declares has its standard uncertainty as prior. Then, the best first, errors are added that must
+// be there: an input off by more than is declared, or an undeclared error of the stage. Each must
+// lower the sum of squares by what chance does as seldom as 4 standard deviations (data snooping;
+// W. Baarda, A testing procedure for use in geodetic networks, 1968). Corners that scatter by more
+// than is stated enlarge all deviations.
 #pragma once
 
 #include "compare/diagnosis/causes.h"
 
 namespace etalon {
 
-// What each error does to the corners, and to the hold-out poses once X and Y are registered
-// again: a run's geometry alone.
+// What each error does to the corners, and to the hold-out poses once X and Y are registered again.
 struct ErrorEffects {
     std::vector<ErrorCandidate> errors;
     // Position errors on each hold-out pose, camera frame, mm at the error's size: 3 rows per pose,
@@ -27,7 +25,6 @@ struct ErrorEffects {
 // Throws as error_candidates() does. Some 10 ms for 70 poses of a tag.
 ErrorEffects error_effects(const CandidateRequest& request);
 
-// A declared input that the run contradicts.
 struct ContradictedInput {
     std::string name, unit;
     double declared = 0.0;               // standard uncertainty

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "compare/qualification/qualification.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -17,10 +16,8 @@ using Monte = MonteCarloUncertainty;
 
 constexpr const char* no_noise =
     "the noise is not known: it takes two frames per pose that differ, or a calibration that "
-    "states "
-    "it";
+    "states it";
 constexpr const char* no_photometric = "too few hold-out poses have a photometric pose";
-
 constexpr const char* no_pixels =
     "too few photographs could be compared, or the camera's file does not say what it should be";
 
@@ -34,9 +31,8 @@ Found pixels_of(const Analysis& a) {
 }
 
 template <std::optional<PixelFigure> ImageAgreement::*figure>
-constexpr QuantityKind of_pixels(const char* name, const char* unit, const char* words,
-                                 std::optional<double> Limits::*limit) {
-    return {name, unit, words, limit, pixels_of<figure>, no_pixels, nullptr, false, true};
+constexpr QuantityKind of_pixels(const char* name, const char* unit, const char* words) {
+    return {name, unit, words, pixels_of<figure>, no_pixels, nullptr, false, true};
 }
 
 Found rms_of(const FieldSummary& field, double unit = 1.0) {
@@ -63,59 +59,46 @@ constexpr double milli = 1e-3;
 
 constexpr QuantityKind kinds[] = {
     {quantity::position_rms, "mm", "Position bias, RMS of the field over the volume",
-     &Limits::b3_position_field_rms_mm,
      [](const Analysis& a) { return rms_of(a.position_summary); }, "", &Monte::rms, true},
     {quantity::position_max, "mm", "Position bias, largest value of the field in the volume",
-     &Limits::b3_position_field_max_mm,
      [](const Analysis& a) { return max_of(a.position_summary); }, "", &Monte::max, true},
     {quantity::rotation_rms, "mrad", "Rotation bias, RMS of the field over the volume",
-     &Limits::b3_rotation_field_rms_mrad,
      [](const Analysis& a) {
          return a.rotation_field ? rms_of(a.rotation_summary, milli) : Found();
      }},
     {quantity::rotation_max, "mrad", "Rotation bias, largest value of the field in the volume",
-     &Limits::b3_rotation_field_max_mrad,
      [](const Analysis& a) {
          return a.rotation_field ? max_of(a.rotation_summary, milli) : Found();
      }},
     {quantity::lack_of_fit_rms, "mm", "Position bias, RMS of what the field leaves, without noise",
-     &Limits::b3_position_rest_rms_mm, rest_of, no_noise},
+     rest_of, no_noise},
     {quantity::length_max, "mm", "Length error, largest that the field makes between two poses",
-     &Limits::b3_length_error_max_mm, length_of, "", &Monte::length_max},
+     length_of, "", &Monte::length_max},
     {quantity::photometric_rms, "mm", "Position bias of photometric poses (B4), RMS of the field",
-     &Limits::b4_position_field_rms_mm,
      [](const Analysis& a) {
          return a.photometric ? rms_of(a.photometric->position_summary) : Found();
      },
      no_photometric},
     {quantity::photometric_max, "mm",
      "Position bias of photometric poses (B4), largest value of the field",
-     &Limits::b4_position_field_max_mm,
      [](const Analysis& a) {
          return a.photometric ? max_of(a.photometric->position_summary) : Found();
      },
      no_photometric},
-    of_pixels<&ImageAgreement::residual_gray>(quantity::pixel_residual, "gray",
-                                              "Pixels: residual beyond the stated noise, RMS",
-                                              &Limits::pixel_residual_gray),
-    of_pixels<&ImageAgreement::blur_px>(quantity::pixel_blur, "px",
-                                        "Pixels: difference of blur, RMS", &Limits::pixel_blur_px),
+    of_pixels<&ImageAgreement::residual_gray>("pixel_residual_gray", "gray",
+                                              "Pixels: residual beyond the stated noise, RMS"),
+    of_pixels<&ImageAgreement::blur_px>("pixel_blur_px", "px", "Pixels: difference of blur, RMS"),
     of_pixels<&ImageAgreement::tone_gray>(
-        quantity::pixel_tone, "gray", "Pixels: difference of tone, half way from black to white",
-        &Limits::pixel_tone_gray),
-    of_pixels<&ImageAgreement::shading_percent>(quantity::pixel_shading, "%",
-                                                "Pixels: change of white over the image",
-                                                &Limits::pixel_shading_percent),
-    of_pixels<&ImageAgreement::noise_ratio>(quantity::pixel_noise, "1",
-                                            "Pixels: noise over the stated noise, less 1",
-                                            &Limits::pixel_noise_ratio),
-    of_pixels<&ImageAgreement::edge_px>(quantity::pixel_edge, "px", "Pixels: position of edges",
-                                        &Limits::pixel_edge_px),
-    of_pixels<&ImageAgreement::background_gray>(quantity::pixel_background, "gray",
-                                                "Pixels: difference of what is beside the marker",
-                                                &Limits::pixel_background_gray),
-    of_pixels<&ImageAgreement::black_gray>(
-        quantity::pixel_black, "gray", "Pixels: difference of black", &Limits::pixel_black_gray)};
+        "pixel_tone_gray", "gray", "Pixels: difference of tone, half way from black to white"),
+    of_pixels<&ImageAgreement::shading_percent>("pixel_shading_percent", "%",
+                                                "Pixels: change of white over the image"),
+    of_pixels<&ImageAgreement::noise_ratio>("pixel_noise_ratio", "1",
+                                            "Pixels: noise over the stated noise, less 1"),
+    of_pixels<&ImageAgreement::edge_px>("pixel_edge_px", "px", "Pixels: position of edges"),
+    of_pixels<&ImageAgreement::background_gray>("pixel_background_gray", "gray",
+                                                "Pixels: difference of what is beside the marker"),
+    of_pixels<&ImageAgreement::black_gray>("pixel_black_gray", "gray",
+                                           "Pixels: difference of black")};
 
 }  // namespace
 

@@ -26,7 +26,7 @@ Limits read_limits(const std::filesystem::path& path) {
         if (!given)
             continue;
         const Unit& unit = unit_named(kind.unit);
-        limits.*kind.limit = given->at("limit").number(unit.positive());
+        limits.by_quantity[kind.name] = given->at("limit").number(unit.positive());
         given->at("unit").one_of({kind.unit});
         if (const auto prior = given->find("prior"))
             limits.priors[kind.name] = {prior->at("mean").number(unit.non_negative()),

@@ -5,15 +5,9 @@
 //     b3_position_field_rms_mm: {limit: 0.06, unit: mm}
 //     b3_position_field_max_mm: {limit: 0.20, unit: mm}
 //
-// and, optional, each judged where it is there and otherwise only reported:
+// and, optional, all other quantities of judged_quantities.h, judged where they are there and
+// otherwise only reported, and:
 //
-//     b3_rotation_field_rms_mrad: {limit: 1.0, unit: mrad}
-//     b3_rotation_field_max_mrad: {limit: 3.0, unit: mrad}
-//     b3_position_rest_rms_mm: {limit: 0.05, unit: mm}     # what the smooth field leaves
-//     b3_length_error_max_mm: {limit: 0.25, unit: mm}      # between any two hold-out poses
-//     b4_position_field_rms_mm, b4_position_field_max_mm   # of photometric poses
-//     pixel_residual_gray, pixel_blur_px, pixel_tone_gray, pixel_shading_percent (unit: "%"),
-//     pixel_noise_ratio (unit: "1"), pixel_edge_px, pixel_background_gray, pixel_black_gray
 //     pixels: must_match     # any difference of photographs and renders that is shown is a FAIL
 //     decision_rule: guarded         # or simple, or {guard_band: 0.5}, a factor of U
 //     may_be_unchecked: [repeatability]   # conditions of a PASS that a run may leave unchecked
@@ -33,26 +27,22 @@
 
 namespace etalon {
 
-// All > 0. The first two are there in every limits file.
+// Names of judged quantities (judged_quantities.h) that are asked for one by one.
+namespace quantity {
+inline constexpr const char* position_rms = "b3_position_field_rms_mm";
+inline constexpr const char* position_max = "b3_position_field_max_mm";
+inline constexpr const char* rotation_rms = "b3_rotation_field_rms_mrad";
+inline constexpr const char* rotation_max = "b3_rotation_field_max_mrad";
+inline constexpr const char* lack_of_fit_rms = "b3_position_rest_rms_mm";
+inline constexpr const char* length_max = "b3_length_error_max_mm";
+inline constexpr const char* photometric_rms = "b4_position_field_rms_mm";
+inline constexpr const char* photometric_max = "b4_position_field_max_mm";
+}  // namespace quantity
+
 struct Limits {
     std::string id;
-    std::optional<double> b3_position_field_rms_mm = {};
-    std::optional<double> b3_position_field_max_mm = {};
-    std::optional<double> b3_rotation_field_rms_mrad = {};
-    std::optional<double> b3_rotation_field_max_mrad = {};
-    std::optional<double> b3_position_rest_rms_mm = {};
-    std::optional<double> b3_length_error_max_mm = {};
-    std::optional<double> b4_position_field_rms_mm = {};
-    std::optional<double> b4_position_field_max_mm = {};
-    // Of photographs less renders (compare/diagnosis/image_agreement.h).
-    std::optional<double> pixel_residual_gray = {};
-    std::optional<double> pixel_blur_px = {};
-    std::optional<double> pixel_tone_gray = {};
-    std::optional<double> pixel_shading_percent = {};
-    std::optional<double> pixel_noise_ratio = {};
-    std::optional<double> pixel_edge_px = {};
-    std::optional<double> pixel_background_gray = {};
-    std::optional<double> pixel_black_gray = {};
+    // > 0, by the quantity's name. position_rms and position_max are always there.
+    std::map<std::string, double> by_quantity;
     bool pixels_must_match = false;
     DecisionRule rule = {};
     std::map<std::string, ValuePrior> priors = {};   // by the quantity's name
@@ -60,7 +50,7 @@ struct Limits {
     std::optional<int> due_after_days = {};
 
     bool lets_pass_unchecked(const std::string& condition) const {
-        return std::ranges::find(may_be_unchecked, condition) != may_be_unchecked.end();
+        return std::ranges::count(may_be_unchecked, condition) > 0;
     }
 };
 

@@ -12,7 +12,6 @@
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
 #include "compare/qualification/qualification_budget.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -30,7 +29,7 @@ void require_usable(const QualificationInput& input) {
                 "a stage position is not finite");
         if (!pose.is_detected())
             continue;
-        const std::vector<Eigen::Vector2d>& bias = pose.detector_bias_px;
+        const ImagePoints& bias = pose.detector_bias_px;
         if (pose.corners.size() != input.points_mm.size())
             throw NumericalError(fmt::format("qualification: {} corners for a marker of {} points",
                                              pose.corners.size(), input.points_mm.size()));
@@ -50,12 +49,11 @@ void count_detections(const QualificationInput& input, Qualification& result) {
     DetectionCounts& counts = result.detection;
     for (const VisitedPose& pose : input.poses) {
         (pose.hold_out ? counts.hold_out : counts.training) += 1;
-        if (pose.is_detected())
-            (pose.hold_out ? counts.hold_out_detected : counts.training_detected) += 1;
+        (pose.hold_out ? counts.hold_out_detected : counts.training_detected) += pose.is_detected();
     }
-    if (result.detection.rate() < 1.0)
-        result.reasons.push_back(fmt::format("the marker was detected in {:.1f} % of the poses",
-                                             100.0 * result.detection.rate()));
+    if (counts.rate() < 1.0)
+        result.reasons.push_back(
+            fmt::format("the marker was detected in {:.1f} % of the poses", 100.0 * counts.rate()));
 }
 
 // A camera that gives one picture again and again may give an old one.
@@ -73,15 +71,15 @@ void find_equal_frames(const QualificationInput& input, Qualification& result) {
 // All quantities in the documented order: those with a limit are judged, the others reported.
 void list_quantities(const QualificationInput& input, Qualification& result) {
     for (const QuantityKind& kind : quantity_kinds()) {
-        const std::optional<double>& limit = input.limits.*kind.limit;
-        if (!limit && !input.options.measure_reported)
+        const auto limit = input.limits.by_quantity.find(kind.name);
+        const bool is_judged = limit != input.limits.by_quantity.end();
+        if (!is_judged && !input.options.measure_reported)
             continue;
-        JudgedQuantity quantity;
-        quantity.name = kind.name;
-        quantity.unit = kind.unit;
-        quantity.limit = limit.value_or(0.0);
-        quantity.reason = limit ? "" : "the limits have none for it";
-        (limit ? result.quantities : result.reported).push_back(quantity);
+        (is_judged ? result.quantities : result.reported)
+            .push_back({.name = kind.name,
+                        .unit = kind.unit,
+                        .limit = is_judged ? limit->second : 0.0,
+                        .reason = is_judged ? "" : "the limits have none for it"});
     }
     result.risk = family_risk(result.quantities, input.limits.rule);
 }
@@ -105,13 +103,12 @@ Qualification overexposed(Qualification result) {
 }
 
 // With the marker at `predicted`: where the detector's bias is known, that is what it adds there.
-std::optional<std::vector<Eigen::Vector2d>> expected_corners(const QualificationInput& input,
-                                                             const Projector& projector,
-                                                             const AnalysedPose& pose,
-                                                             const Rigid& predicted) {
+std::optional<ImagePoints> expected_corners(const QualificationInput& input,
+                                            const Projector& projector, const AnalysedPose& pose,
+                                            const Rigid& predicted) {
     if (pose.detector_bias_px.empty())
         return input.render_and_detect(predicted);
-    std::vector<Eigen::Vector2d> corners = projected(projector, input.points_mm, predicted);
+    ImagePoints corners = projected(projector, input.points_mm, predicted);
     for (std::size_t k = 0; k < corners.size(); ++k)
         corners[k] += pose.detector_bias_px[k];
     return corners;
@@ -120,7 +117,7 @@ std::optional<std::vector<Eigen::Vector2d>> expected_corners(const Qualification
 // Those to register on, and their indices among the input's.
 struct TrainingPoses {
     std::vector<RegistrationPose> poses;
-    std::vector<std::vector<Eigen::Vector2d>> known_bias;
+    std::vector<ImagePoints> known_bias;
     std::vector<std::size_t> indices;
 };
 
@@ -145,8 +142,7 @@ TrainingPoses training_poses(const QualificationInput& input, const Projector& p
     return training;
 }
 
-// Whether the photograph's pixels show the marker elsewhere, too: where only its corners lie off,
-// the detector slipped, and that the field's robust fit can bear.
+// Whether the photograph's pixels show the marker elsewhere, too: else the detector slipped.
 bool was_elsewhere(const VisitedPose& pose, const Registration& registration,
                    const Eigen::Vector3d& off_mm) {
     const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
@@ -154,8 +150,7 @@ bool was_elsewhere(const VisitedPose& pose, const Registration& registration,
            (pose.seen_at->translation - predicted.translation).norm() > 0.5 * off_mm.norm();
 }
 
-// Leaves out those of these outliers (`indices`: which of the result's poses each is) that were
-// elsewhere; false where none was.
+// Leaves out the outliers (`indices`: among the result's poses) that were elsewhere; false: none.
 bool leave_out(const QualificationInput& input, const std::vector<OutlierPose>& outliers,
                const std::vector<std::size_t>& indices, Qualification& result) {
     const Registration& registration = result.registration->registration;
@@ -176,8 +171,7 @@ bool leave_out(const QualificationInput& input, const std::vector<OutlierPose>& 
     return is_any;
 }
 
-// Registers on the training poses with a pose estimate, but for those that are outlying; false when
-// there are too few of them.
+// On the training poses with a pose estimate that are not outlying; false for too few of them.
 bool registered(const QualificationInput& input, const Projector& projector,
                 Qualification& result) {
     TrainingPoses training = training_poses(input, projector, result);
@@ -198,7 +192,7 @@ bool registered(const QualificationInput& input, const Projector& projector,
     register_all();
     const auto outliers =
         outlying_registered(projector, input.points_mm, *result.registration, training.poses,
-                            input.limits.b3_position_field_rms_mm.value());
+                            input.limits.by_quantity.at(quantity::position_rms));
     if (leave_out(input, outliers, training.indices, result)) {
         training = training_poses(input, projector, result);
         register_all();
@@ -210,18 +204,19 @@ bool registered(const QualificationInput& input, const Projector& projector,
     return std::ssize(result.registration->used) >= min_training_poses;
 }
 
-// Biases of all poses; B3 only of hold-out poses. Returns how many hold-out poses have B3.
+// Biases of all poses; B3 only of hold-out poses, and the training poses' differences of the
+// registration's last round. Returns how many hold-out poses have B3.
 int find_biases(const QualificationInput& input, const Projector& projector,
                 Qualification& result) {
     const Registration& registration = result.registration->registration;
     int usable = 0;
     for (AnalysedPose& pose : result.poses) {
         const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
-        std::optional<std::vector<Eigen::Vector2d>> expected;
+        std::optional<ImagePoints> expected;
         if (pose.hold_out && pose.is_detected())
             expected = expected_corners(input, projector, pose, predicted);
         pose.bias = pose_bias(projector, input.points_mm, predicted, pose.corners,
-                              expected.value_or(std::vector<Eigen::Vector2d>{}));
+                              expected.value_or(ImagePoints{}));
         if (pose.photometric)
             pose.bias.b4 = pose_error(pose.photometric->camera_from_marker, predicted);
         if (pose.hold_out) {
@@ -229,18 +224,12 @@ int find_biases(const QualificationInput& input, const Projector& projector,
             usable += pose.used ? 1 : 0;
         }
     }
-    return usable;
-}
-
-// Of the training poses, from the registration's last round.
-void find_training_differences(const QualificationInput& input, const Projector& projector,
-                               Qualification& result) {
-    const BiasCorrectedRegistration& registration = *result.registration;
-    for (std::size_t i = 0; i < registration.used.size(); ++i) {
-        PoseBias& bias = result.poses[registration.used[i]].bias;
-        bias.difference_px = differences(registration.corrected_px[i],
+    for (std::size_t i = 0; i < result.registration->used.size(); ++i) {
+        PoseBias& bias = result.poses[result.registration->used[i]].bias;
+        bias.difference_px = differences(result.registration->corrected_px[i],
                                          projected(projector, input.points_mm, bias.predicted));
     }
+    return usable;
 }
 
 // `covariance` gives the levels of noise along the axis and across it.
@@ -305,16 +294,14 @@ void fit_position_field(const QualificationInput& input, Qualification& result) 
         if (result.poses[i].is_judged())
             judged.push_back(i);
     const auto outliers = outlying_samples(positions, *result.position_field,
-                                           input.limits.b3_position_field_rms_mm.value());
+                                           input.limits.by_quantity.at(quantity::position_rms));
     if (leave_out(input, outliers, judged, result))
         result.position_field = fit_smooth_field(position_samples(result.poses), basis);
 }
 
 bool is_listed(const Qualification& result, const char* quantity) {
-    const auto holds = [&](const std::vector<JudgedQuantity>& list) {
-        return std::ranges::find(list, quantity, &JudgedQuantity::name) != list.end();
-    };
-    return holds(result.quantities) || holds(result.reported);
+    return std::ranges::count(result.quantities, quantity, &JudgedQuantity::name) > 0 ||
+           std::ranges::count(result.reported, quantity, &JudgedQuantity::name) > 0;
 }
 
 void fit_fields(const QualificationInput& input, const NoiseDraws& draws, Qualification& result) {
@@ -366,7 +353,7 @@ void find_signatures(const QualificationInput& input, const SignatureChain& chai
         noise.across_mm.push_back(result.position_field->scale_across * sample.sigma_across);
     }
     result.signatures = error_signatures(chain, stage_errors_of(input, result.poses), noise,
-                                         input.limits.b3_position_field_rms_mm.value());
+                                         input.limits.by_quantity.at(quantity::position_rms));
 }
 
 // Whether these are of as many poses, and of the same pixel errors.
@@ -395,10 +382,8 @@ std::vector<PoseResiduals> residuals_in_image(const DiagnosisInput& evidence, co
     std::vector<PoseResiduals> all;
     const std::vector<AnalysedPose>& poses = evidence.request.chain.poses;
     for (std::size_t i = 0; i < poses.size(); ++i) {
-        const Eigen::Map<const Eigen::VectorXd> place(poses[i].corners.front().data(),
-                                                      2 * std::ssize(poses[i].corners));
         const double deviation = std::sqrt(evidence.covariance_px2[i].diagonal().mean());
-        all.push_back({place, fit.residual_px[i] / deviation});
+        all.push_back({stacked(poses[i].corners), fit.residual_px[i] / deviation});
     }
     return all;
 }
@@ -433,8 +418,7 @@ void find_corner_figures(const QualificationInput& input, const SignatureChain& 
         residual_rms_mm(chain, figures.fit) * std::sqrt(figures.coherence.share);
 }
 
-// What the noise of each used hold-out pose's corners makes of its position, with the declared
-// stage noise and the error maps' uncertainty on top. Nothing when it is not known.
+// Of each judged pose's position, by corners, stage and error maps. Nothing when it is not known.
 std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input,
                                                        const Qualification& result) {
     std::vector<SampleNoise> noise;
@@ -602,7 +586,6 @@ Qualification qualify(const QualificationInput& input) {
         !registered(input, projector, result))
         return skipped(std::move(result), too_few);
     const int usable = find_biases(input, projector, result);
-    find_training_differences(input, projector, result);
     if (usable < min_hold_out_poses)
         return skipped(std::move(result),
                        "too few hold-out poses whose render is detected as well");

@@ -1,6 +1,5 @@
-// The analysis of a run: registration, biases, the fields that are judged, their uncertainty
-// budget, error signatures and the verdict. Renders through a callback, touches no device or file.
-// Method: docs/metrology.md.
+// The analysis of a run: registration, biases, fields, uncertainty budget, error signatures and
+// verdict. Renders through a callback, touches no device or file. Method: docs/metrology.md.
 #pragma once
 
 #include <stop_token>
@@ -19,7 +18,7 @@ namespace etalon {
 
 struct Qualification;
 
-// A standard uncertainty that the station declares, with the stage error it belongs to.
+// A standard uncertainty that the station declares, with its stage error.
 struct DeclaredStageTerm {
     StageError error;  // any small size; the field is scaled to the uncertainty
     // True: a term of the budget; without a value it is `unknown` and the verdict cannot be PASS.
@@ -31,13 +30,12 @@ struct DeclaredStageTerm {
 // Random errors of the stage: how far repeated approaches leave the marker's centre apart.
 struct DeclaredRepeatability {
     std::string axis;
-    // Standard deviation at the marker's centre, mm; of a rotary axis the angle times the distance
-    // of the marker's centre from the axis. Nothing: unknown.
+    // Standard deviation at the marker's centre, mm, of a rotary axis too. Nothing: unknown.
     std::optional<double> marker_mm;
 };
 
-// What the uncertainty of an axis' error map leaves at the marker's centre, standard, mm. It counts
-// in full: neighbouring points of a map may be wrong together, in the worst way.
+// What the uncertainty of an axis' error map leaves at the marker's centre, standard, mm. Its
+// points may be wrong together, in the worst way.
 struct DeclaredErrorMap {
     std::string axis;
     double marker_rms_mm = 0.0, marker_max_mm = 0.0;  // over the poses
@@ -46,28 +44,25 @@ struct DeclaredErrorMap {
 // How far the temperature may be from that of the declared sizes.
 struct DeclaredTemperature {
     double standard_uncertainty_k = 0.0;
-    double marker_expansion_per_k = 0.0, stage_expansion_per_k = 0.0;  // relative
-    double reference_c = 20.0;                                         // of these sizes (ISO 1)
-    // Of a measured one, and how it was measured; empty: declared.
-    double degrees_of_freedom = std::numeric_limits<double>::infinity();
-    std::string basis = {};
+    double marker_expansion_per_k = 0.0, stage_expansion_per_k = 0.0;     // relative
+    double reference_c = 20.0;                                            // of these sizes (ISO 1)
+    double degrees_of_freedom = std::numeric_limits<double>::infinity();  // of a measured one
+    std::string basis = {};  // how it was measured; empty: declared
 };
 
 // What the station and the calibration under test say, and how a render of it is made.
 struct DeclaredStation {
-    const CameraModel* camera = nullptr;     // the calibration under test
-    std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
-    Rigid nominal_carriage_from_marker;      // as mounted by design: fixes the gauge freedoms only
-    // What the plan's volume lets the stage do (calib/registration/stage_motion.h); training poses
-    // that move less are degenerate. Empty: not checked.
+    const CameraModel* camera = nullptr;  // the calibration under test
+    ObjectPoints points_mm;               // of the marker, as its detector reports them
+    Rigid nominal_carriage_from_marker;   // as mounted by design: fixes the gauge freedoms only
+    // The motion that the plan's volume allows (calib/registration/stage_motion.h), which training
+    // poses need. Empty: not checked.
     std::vector<Rigid> stage_reach;
-    // For poses without a detector's bias of their own: called once per training pose and round,
-    // then once per hold-out pose; may throw Interrupted.
+    // For poses without a known detector's bias: called once per training pose and round, then once
+    // per hold-out pose; may throw Interrupted.
     RenderAndDetect render_and_detect;
-    // Variance of its corners by noise, in units of that of a pose's mean corners in photographs.
-    double render_noise_ratio = 0.0;
-    // How far a render's edges may lie from where they belong; 0 for exact ones.
-    double render_edge_bound_px = 0.0;
+    double render_noise_ratio = 0.0;  // variance of its corners over that of a pose's mean corners
+    double render_edge_bound_px = 0.0;  // how far its edges may be off; 0 for exact ones
     std::vector<DeclaredStageTerm> stage_terms;
     std::vector<DeclaredRepeatability> repeatability;
     std::vector<DeclaredErrorMap> error_maps;
@@ -83,20 +78,16 @@ struct RunMeasurements {
     // Without corner noise, photometric poses, times or repeats what rests on them is SKIPPED or
     // not checked.
     std::vector<VisitedPose> poses;
-    // Of all poses, to look for backlash, bent guides and errors that repeat; empty: not looked
-    // for.
+    // Of all poses, for backlash, bent guides and errors that repeat; empty: not looked for.
     std::vector<StageAxisMotion> axis_motions = {};
-    // First estimates of each camera_from_marker. Empty: from the corners.
-    std::vector<Rigid> expected_poses = {};
-    // Of the hold-out photographs against their renders; nothing: not compared.
-    std::optional<ImageAgreement> pixels = {};
+    std::vector<Rigid> expected_poses = {};     // camera_from_marker; empty: from the corners
+    std::optional<ImageAgreement> pixels = {};  // of hold-out photographs; nothing: not compared
 };
 
-// Of the calculation.
 struct QualificationOptions {
     std::uint64_t seed = 1;  // of the simultaneous band's draws
     // For studies of thousands of runs: signatures and effects of errors from another run of the
-    // same plan, which take most of the time. Taken when they are of as many poses.
+    // same plan. Taken when they are of as many poses.
     const Qualification* known_run = nullptr;
     const NoiseDraws* known_draws = nullptr;  // for the same; nothing: drawn by `seed`
     bool measure_reported = true;             // also measure what has no limit
@@ -120,7 +111,6 @@ struct RejectedPose {
     std::string text;  // "pose 7 along x by 96.1 mm"
 };
 
-// The field of B4 on hold-out poses.
 struct PhotometricField {
     BiasField position_field;
     FieldSummary position_summary;
@@ -130,9 +120,8 @@ struct PhotometricField {
 // What all corners together say of the camera (compare/qualification/joint_fit.h).
 struct CornerFigures {
     JointFit fit;
-    // The judged field that the camera's errors make by themselves; and, where there are any, edges
-    // that lie elsewhere in photographs than in renders, by tone, exposure or print.
-    FieldSummary camera_alone;
+    FieldSummary camera_alone;  // the field that the camera's errors make by themselves
+    // Of edges that lie elsewhere in photographs than in renders, where there are any.
     std::optional<FieldSummary> edges_alone = {};
     ImageCoherence coherence;
     double coherent_rms_mm = 0.0;  // what correlated residuals make of the positions
@@ -141,8 +130,8 @@ struct CornerFigures {
 struct Qualification {
     std::vector<AnalysedPose> poses;  // of the input, with what was found of each
     Outcome verdict = Outcome::inconclusive;
-    // Those that have a limit, in the order of compare/qualification/judged_quantities.h, and those
-    // that have none: SKIPPED, with a limit of 0, and value and U where they were measured.
+    // In the order of quantity_kinds(): those with a limit, and those without: SKIPPED, limit 0,
+    // with value and U where they were measured.
     std::vector<JudgedQuantity> quantities, reported;
     DecisionRule rule;                 // that they are judged by
     FamilyRisk risk;                   // of the judged ones together
@@ -171,8 +160,7 @@ struct Qualification {
     std::optional<Causes> causes;          // nothing where not looked for
 };
 
-// Smallest numbers of detected poses that are judged at all; fewer give SKIPPED quantities and the
-// verdict INCONCLUSIVE.
+// Fewer detected poses give SKIPPED quantities and the verdict INCONCLUSIVE.
 inline constexpr int min_training_poses = 8;
 inline constexpr int min_hold_out_poses = 15;
 

@@ -7,7 +7,6 @@
 
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/judged_quantities.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -201,7 +200,6 @@ private:
         const Matrix12d factor =
             eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
         double shift = 0.0, turn = 0.0, largest_shift = 0.0, largest_turn = 0.0;
-        // Of the hold-out poses.
         Eigen::MatrixXd shifts(3 * std::ranges::count_if(result_.poses, &AnalysedPose::is_judged),
                                12);
         Eigen::Index judged = 0;
@@ -278,8 +276,7 @@ private:
         }
     }
 
-    // Marker and stage grow together as far as they are of one material: their effects are added
-    // with their signs.
+    // Marker and stage grow together: their effects are added with their signs.
     void add_temperature() {
         BudgetRow row = declared("temperature", "K", std::nullopt);
         const Effect marker = effect_of(*signature("marker print size"));
@@ -303,8 +300,8 @@ private:
         add_effect(std::move(row), effect);
     }
 
-    // A bound, not a scatter: anything within it is as likely. Corners of a chessboard are saddle
-    // points and stay where they are when edges move.
+    // A bound: anything within it is as likely. Saddle points of a chessboard do not move with
+    // edges.
     void add_render() {
         const double bound_px = input_.render_edge_bound_px;
         const ErrorSignature* edges = signature("edge shrink", true);
@@ -329,8 +326,7 @@ private:
         if (!calibration.empty()) {
             row.standard_uncertainty = 1.0;
             row.basis = fmt::format(
-                "stated by the calibration, {} directions, not in U: its error "
-                "is what is measured",
+                "stated by the calibration, {} directions, not in U: its error is what is measured",
                 calibration.size());
         }
         for (const ErrorSignature& direction : calibration) {

@@ -1,6 +1,5 @@
 // The uncertainty budget of a qualification: every input that moves the judged fields, with its
-// sensitivity from this run's own geometry (error signatures) and residuals. docs/metrology.md has
-// the list of inputs and what each one assumes.
+// sensitivity from this run's geometry and residuals. The inputs: docs/metrology.md.
 #pragma once
 
 #include "compare/qualification/qualification.h"
@@ -10,8 +9,7 @@ namespace etalon {
 
 struct QualificationBudget {
     std::vector<BudgetRow> rows;
-    // The systematic inputs of the position field among them, for the Monte Carlo propagation. The
-    // image noise is the field's own; random stage errors are in it.
+    // The systematic inputs of the position field among them, for the Monte Carlo propagation.
     std::vector<FieldInput> inputs;
 };
 

@@ -45,8 +45,7 @@ void require_usable(std::span<const FieldSample> samples, FieldBasis basis) {
         if (!finite || !has_value_at(basis, sample.position_mm) || sample.sigma_along <= 0.0 ||
             sample.sigma_across <= 0.0 || !(std::abs(sample.axis.norm() - 1.0) < 1e-6))
             throw NumericalError(
-                "smooth field: a sample is not finite, behind the camera or "
-                "without a noise level");
+                "smooth field: a sample is not finite, behind the camera or without a noise level");
     }
 }
 
@@ -343,8 +342,7 @@ namespace {
 
 // The field's power P = c^T M c has, for a true RMS of R, the variance 4 R^2 l + t: l is the
 // largest variance of a unit field's amplitude and t what noise alone does. The upper end of the
-// interval is the R with R^2 = rms^2 + k sqrt(4 R^2 l + t); for R well above the noise U = k
-// sqrt(l), which for equal noise on n poses is k s / sqrt(n).
+// interval is the R with R^2 = rms^2 + k sqrt(4 R^2 l + t).
 void summarize_rms(const BiasField& field, std::span<const Eigen::Vector3d> positions,
                    FieldSummary& summary) {
     const Eigen::MatrixXd factor = covariance_factor(field), power = mean_power(field, positions);

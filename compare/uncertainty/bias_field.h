@@ -1,14 +1,10 @@
 // A smooth vector field over the working volume, fitted to pose errors at scattered positions.
 //
-// The verdict is about this field and never about the errors' mean: registration makes the mean
-// about zero whatever the camera. Noise alone also gives a fitted field; its expected power is
-// known from the fit and is taken out of the RMS.
+// The verdict is about this field and not the errors' mean, which registration makes about zero.
+// The power that noise alone gives it is taken out of the RMS.
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
-#include <span>
-#include <vector>
 
 #include "calib/camera/lens_projection.h"
 
@@ -17,10 +13,9 @@ namespace etalon {
 struct FieldSample {
     Eigen::Vector3d position_mm;  // of the marker, camera frame
     Eigen::Vector3d error;        // mm or rad, camera frame
-    // The noise of a pose is far from isotropic: one standard deviation along `axis` (unit; the
-    // line of sight for positions, the marker's normal for rotations) and one across it, both > 0.
-    // Only their course from sample to sample matters: the two levels are estimated from the
-    // residuals.
+    // Standard deviations along `axis` (unit; the line of sight for positions, the marker's normal
+    // for rotations) and across it, both > 0. Only their course from sample to sample matters: the
+    // two levels are estimated from the residuals.
     Eigen::Vector3d axis{0, 0, 1};
     double sigma_along = 1.0, sigma_across = 1.0;
 };
@@ -58,16 +53,14 @@ struct BiasField {
 // That of positions that a camera is judged by.
 FieldBasis position_basis(const LensProjection& projection);
 
-// Least squares with Huber's weights and both noise levels re-estimated until they settle. Throws
-// NumericalError when there are fewer than 10 samples, when they do not span the basis (all in one
-// plane, say), or anything is not finite.
+// Least squares with Huber's weights and both noise levels re-estimated. Throws NumericalError for
+// fewer than 10 samples, samples that do not span the basis, and what is not finite.
 BiasField fit_smooth_field(std::span<const FieldSample> samples, FieldBasis basis);
 
 // The samples' design matrices below one another, 3 rows per sample.
 Eigen::MatrixXd stacked_design(const BiasField& field, std::span<const FieldSample> samples);
 
-// One over the noise's variance along each sample's axis and across it, at the field's levels: the
-// blocks on the diagonal of the stacked samples' weight.
+// One over the noise's variance along each sample's axis and across it, at the field's levels.
 std::vector<Eigen::Matrix3d> sample_weights(const BiasField& field,
                                             std::span<const FieldSample> samples);
 
@@ -77,24 +70,23 @@ Eigen::MatrixXd times_blocks(const Eigen::MatrixXd& left, std::span<const Eigen:
 // Coefficients x (3 per sample): what the fit makes of the samples' errors, Huber's weights aside.
 Eigen::MatrixXd estimator(const BiasField& field, std::span<const FieldSample> samples);
 
-// Normal deviates for 2000 draws of a field's noise, each a column, the same for all figures of a
-// run: a field of fewer coefficients takes the first rows.
+// Normal deviates for 2000 draws of a field's noise, each a column; a field of fewer coefficients
+// takes the first rows.
 struct NoiseDraws {
     explicit NoiseDraws(std::uint64_t seed);
     Eigen::MatrixXd deviates;  // 15 x 2000
 };
 
-// Vectors that are linear in a field's coefficients: rows(first, count) times the coefficients are
-// `count` of them below one another, each of `components`. May be too many for memory.
+// Vectors that are linear in a field's coefficients, too many for memory: rows(first, count) times
+// the coefficients are `count` of them below one another, each of `components`.
 struct LinearVectors {
     Eigen::Index size = 0;
     int components = 1;
     std::function<Eigen::MatrixXd(Eigen::Index first, Eigen::Index count)> rows;
 };
 
-// The 97.7 % quantile, over the draws of the coefficients' noise from their covariance, of the
-// largest length among the vectors. Exact: only vectors are left out that by the Cauchy-Schwarz
-// inequality cannot matter.
+// The 97.7 % quantile, over the draws of the coefficients' noise, of the largest length among the
+// vectors. Exact: only vectors are left out that cannot matter (Cauchy-Schwarz).
 double noise_quantile(const BiasField& field, const NoiseDraws& draws,
                       const LinearVectors& vectors);
 
@@ -105,15 +97,13 @@ Eigen::MatrixXd covariance_factor(const BiasField& field);
 Eigen::MatrixXd mean_power(const BiasField& field, std::span<const Eigen::Vector3d> positions_mm);
 
 // A field over given positions, as vector norms, with expanded uncertainties (k = 2) from noise.
-// The RMS is over the positions; the maximum over them and the midpoints of all pairs
-// (hull_positions).
+// The RMS is over the positions, the maximum over hull_positions().
 struct FieldSummary {
     // sqrt(max(0, mean |f|^2 - power that noise alone puts into the coefficients)).
     double rms = 0.0;
     double rms_uncertainty = 0.0;  // U: rms + U covers the true RMS in 97.7 % of runs
     double noise_rms = 0.0;        // square root of the power that was taken out
-    // Largest |f|, and the 97.7 % quantile of the largest |noise field| over the same positions: a
-    // simultaneous band.
+    // Largest |f|, and the 97.7 % quantile of the largest |noise field|: a simultaneous band.
     double max = 0.0;
     double max_uncertainty = 0.0;
     Eigen::Vector3d max_position_mm = Eigen::Vector3d::Zero();
@@ -124,8 +114,7 @@ struct FieldSummary {
 FieldSummary summarize(const BiasField& field, std::span<const Eigen::Vector3d> positions_mm,
                        const NoiseDraws& draws);
 
-// The given positions and the midpoints of all pairs: they fill the convex hull, where the field is
-// supported, without leaving it. The largest norm of a linear field is always at a given position.
+// The given positions and the midpoints of all pairs: they fill the convex hull.
 std::vector<Eigen::Vector3d> hull_positions(std::span<const Eigen::Vector3d> positions_mm);
 
 }  // namespace etalon

@@ -5,8 +5,6 @@
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
-#include <algorithm>
-#include <numbers>
 #include <numeric>
 
 #include "compare/uncertainty/length_error.h"
@@ -25,9 +23,8 @@ void throw_if_stopped(const std::stop_token& stop) {
         throw Interrupted();
 }
 
-// The largest length of a field at many positions, for one field after another. From the range of
-// the design's numbers in a box of positions follows what a field can reach there: few boxes can
-// hold its largest length.
+// The largest length of a field at many positions, for one field after another. The range of the
+// design's numbers in a box bounds it there: few boxes can hold the largest length.
 class LargestLength {
 public:
     LargestLength(const BiasField& field, std::vector<Eigen::Vector3d> positions)
@@ -49,9 +46,10 @@ public:
     }
 
 private:
+    using Design = Eigen::Array<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, 15>;  // no heap
     struct Box {
-        std::size_t begin, end;     // of order_
-        Eigen::MatrixXd low, high;  // of the design's numbers there
+        std::size_t begin, end;  // of order_
+        Design low, high;        // of the design's numbers there
     };
 
     // Halves what is too large along its longest side.
@@ -76,30 +74,22 @@ private:
     }
 
     void add_box(std::size_t begin, std::size_t end) {
-        const Eigen::MatrixXd first = field_.design(positions_[order_[begin]]);
-        Box box{begin, end, first, first};
+        const Design first = field_.design(positions_[order_[begin]]);
+        Box& box = boxes_.emplace_back(Box{begin, end, first, first});
         for (std::size_t i = begin; i < end; ++i) {
-            const Eigen::MatrixXd design = field_.design(positions_[order_[i]]);
-            box.low = box.low.cwiseMin(design);
-            box.high = box.high.cwiseMax(design);
+            const Design design = field_.design(positions_[order_[i]]);
+            box.low = box.low.min(design);
+            box.high = box.high.max(design);
         }
-        boxes_.push_back(std::move(box));
     }
 
     // Not below any length in the box, rounding included.
     static double bound(const Box& box, const Eigen::VectorXd& c) {
         constexpr double rounding = 1.0 + 1e-9;
-        double squares = 0.0;
-        for (Eigen::Index row = 0; row < 3; ++row) {
-            double low = 0.0, high = 0.0;
-            for (Eigen::Index k = 0; k < c.size(); ++k) {
-                const double a = box.low(row, k) * c[k], b = box.high(row, k) * c[k];
-                low += std::min(a, b);
-                high += std::max(a, b);
-            }
-            squares += std::max(low * low, high * high);
-        }
-        return rounding * std::sqrt(squares);
+        const Design a = box.low.rowwise() * c.transpose().array(),
+                     b = box.high.rowwise() * c.transpose().array();
+        const Eigen::Array3d low = a.min(b).rowwise().sum(), high = a.max(b).rowwise().sum();
+        return rounding * low.abs().max(high.abs()).matrix().norm();
     }
 
     double within(const Box& box, const Eigen::VectorXd& c) const {

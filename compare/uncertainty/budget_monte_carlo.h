@@ -24,8 +24,8 @@ struct MonteCarloUncertainty {
 };
 
 // `samples` are those that the field was fitted to, `positions_mm` those of summarize(). Inputs
-// with degrees of freedom are drawn from Student's distribution, the field's own noise too. 2000
-// draws from `seed`; some 0.2 s for 40 samples and 70 positions. Throws what summarize() throws,
+// with degrees of freedom and the field's noise are drawn from Student's distribution. 2000 draws
+// from `seed`; some 0.2 s for 40 samples and 70 positions. Throws what summarize() throws,
 // NumericalError for an input of another size, and Interrupted when a stop is requested.
 MonteCarloUncertainty monte_carlo_uncertainty(const BiasField& field,
                                               std::span<const FieldSample> samples,

@@ -186,9 +186,9 @@ QuadraticForm form_of(const BlocksAndThin& kernel, std::span<const SampleNoise> 
     return form;
 }
 
-// The rest is taken as independent from sample to sample and alike in all directions: then a rest
-// of mean square length s puts s t into |r|^2, t = trace(K) / 3. The upper end of the interval is
-// the s with s = s_0 + k sigma(s), which grows with s itself.
+// A rest that is independent from sample to sample and alike in all directions, of mean square
+// length s, puts s t into |r|^2, t = trace(K) / 3. The upper end of the interval is the s with s =
+// s_0 + k sigma(s).
 void find_rest(const Eigen::VectorXd& residual, const QuadraticForm& form, LackOfFit& rest) {
     const double gain = trace(form.kernel) / 3.0;
     const double mean_square = std::max(0.0, (residual.squaredNorm() - form.mean) / gain);

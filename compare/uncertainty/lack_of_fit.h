@@ -1,6 +1,6 @@
 // What a smooth field leaves unexplained, once the noise and what is declared as uncertain are
-// taken out of it: structure finer than the field's basis, which registration and field cannot
-// show. And whether the residuals are as large as both say (chi-square, pooled over the samples).
+// taken out: structure finer than the field's basis. And whether the residuals are as large as both
+// say (chi-square, pooled over the samples).
 #pragma once
 
 #include "compare/uncertainty/bias_field.h"
@@ -14,26 +14,19 @@ struct SampleNoise {
 };
 
 struct LackOfFit {
-    // Root mean square of the rest's length per sample: what the residuals' power has beyond the
-    // noise's. 0 when there is less.
-    double rms = 0.0;
+    double rms = 0.0;              // of the rest's length per sample; 0 where noise explains it all
     double rms_uncertainty = 0.0;  // U: rms + U covers the true one in 97.7 % of runs
     double noise_rms = 0.0;        // root mean square length of a sample's stated noise
 
-    // Mean square of the residuals in units of what the stated noise and declared errors leave of
-    // themselves in them, its degrees of freedom, and the 99.9 % quantile for residuals that are
-    // nothing but these.
-    double chi_square_ratio = 0.0;
-    double degrees_of_freedom = 0.0;
-    double chi_square_limit = 0.0;
+    // Mean square of the residuals over that of stated noise and declared errors, its degrees of
+    // freedom, and the 99.9 % quantile for residuals of nothing but these.
+    double chi_square_ratio = 0.0, degrees_of_freedom = 0.0, chi_square_limit = 0.0;
 };
 
-// `samples` are those that the field was fitted to, `noise` one for each. `declared`: what each
-// declared error does to the samples' errors (3 rows per sample) at its standard uncertainty; a
-// column each. Mean and variance of the residuals' power follow from the fit's own weights
-// (quadratic forms of normal deviates). Throws NumericalError when the sizes do not agree, a
-// covariance is not finite and positive, or a declared error not finite. A millisecond for 60
-// samples, time and memory in proportion to their number.
+// `samples` are those that the field was fitted to, `noise` one for each. `declared`: a column for
+// each declared error, what it does to the samples' errors (3 rows per sample) at its standard
+// uncertainty. Throws NumericalError when the sizes do not agree, a covariance is not finite and
+// positive, or a declared error not finite. A millisecond for 60 samples, in proportion to them.
 LackOfFit lack_of_fit(const BiasField& field, std::span<const FieldSample> samples,
                       std::span<const SampleNoise> noise, const Eigen::MatrixXd& declared = {});
 

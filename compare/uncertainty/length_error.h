@@ -1,7 +1,6 @@
-// Length error: by how much the distance between two positions of the marker comes out too long.
-// Neither the registered stage pose nor any constant offset is in it. After the length tests of ISO
-// 10360 and VDI/VDE 2634, over all pairs of hold-out poses instead of a ball bar in a few places.
-// What the smooth field does to lengths is judged; single pairs carry the noise of two poses.
+// Length error: by how much the distance between two positions of the marker comes out too long,
+// without registration and constant offsets. After ISO 10360 and VDI/VDE 2634, over all pairs of
+// hold-out poses. What the smooth field does to lengths is judged.
 #pragma once
 
 #include "compare/uncertainty/bias_field.h"
@@ -10,11 +9,9 @@ namespace etalon {
 
 struct LengthErrors {
     int pairs = 0;
-    double longest_mm = 0.0;  // distance between two poses
-    // Of the single pairs, noise included.
-    double measured_rms_mm = 0.0, measured_max_mm = 0.0;
-    // Largest |error| that the field makes, over all pairs, and where.
-    double field_max_mm = 0.0;
+    double longest_mm = 0.0;                              // distance between two poses
+    double measured_rms_mm = 0.0, measured_max_mm = 0.0;  // of the single pairs, noise included
+    double field_max_mm = 0.0;  // largest |error| that the field makes, over all pairs, and where
     double field_max_length_mm = 0.0;  // distance of that pair
     // The 97.7 % quantile of what noise alone makes of it: a simultaneous band over all pairs.
     double field_max_uncertainty_mm = 0.0;
@@ -26,15 +23,14 @@ LengthErrors length_errors(const BiasField& field, std::span<const FieldSample> 
                            const NoiseDraws& draws);
 
 // By how much shifts of the samples lengthen the distances of all their pairs, to first order.
-// Nothing of a pair is kept: there are as many as the square of the samples.
 class PairLengthening {
 public:
     explicit PairLengthening(std::span<const FieldSample> samples);
 
     Eigen::Index size() const { return n_ * (n_ - 1) / 2; }
 
-    // A row for each pair from `first` on, of `shifts`, which have 3 rows for each sample and any
-    // number of columns. Zeros for two poses in the same place.
+    // A row for each pair from `first` on. `shifts` have 3 rows for each sample and any number of
+    // columns. Zeros for two poses in the same place.
     Eigen::MatrixXd of(const Eigen::MatrixXd& shifts, Eigen::Index first, Eigen::Index count) const;
 
     // The pair whose row of `shifts` is the longest, and how long that is; nothing is 0.

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 

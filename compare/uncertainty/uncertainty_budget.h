@@ -1,9 +1,7 @@
-// An uncertainty budget as data: every input with its standard uncertainty, distribution, degrees
-// of freedom and source, and how strongly each judged quantity depends on it.
-//
-// GUM (JCGM 100:2008): contributions in quadrature (5.1), effective degrees of freedom by Welch and
-// Satterthwaite, and the coverage factor from Student's distribution (annex G). Which inputs there
-// are, and their sensitivities: compare/qualification/qualification_budget.h.
+// An uncertainty budget as data: inputs with their standard uncertainties and sensitivities. GUM
+// (JCGM 100:2008): contributions in quadrature (5.1), effective degrees of freedom by Welch and
+// Satterthwaite, coverage factor from Student's distribution (annex G). Which inputs there are:
+// compare/qualification/qualification_budget.h.
 #pragma once
 
 #include <limits>
@@ -31,13 +29,11 @@ struct BudgetRow {
     // that is not here does not depend on the input.
     std::map<std::string, double> sensitivity;
 
-    // Of an unknown input: the largest standard uncertainty that it can plausibly have. Nothing:
-    // there is no telling.
+    // Of an unknown input: the largest plausible standard uncertainty. Nothing: there is no
+    // telling.
     std::optional<double> widest;
 
-    // False: shown beside the others, as its effect is in the measured value and not in its
-    // uncertainty.
-    bool counted = true;
+    bool counted = true;  // false: shown only, as its effect is in the measured value
 
     // Sensitivity times standard uncertainty; 0 for an unknown input and an independent quantity.
     double contribution(const std::string& quantity) const;
@@ -56,8 +52,7 @@ inline constexpr double coverage_probability = 0.97724986805182079;
 // The t with P(T <= t) = coverage_probability; 2 for infinitely many degrees of freedom (>= 1).
 double coverage_factor(double degrees_of_freedom);
 
-// Of the noise of a fitted field, whose deviations are known well: its fits have hundreds of
-// degrees of freedom.
+// Of a fitted field's noise, which has hundreds of degrees of freedom.
 inline constexpr double field_coverage_factor = 2.0;
 
 // Of the known, counted rows; `at_widest`: with every unknown input at its widest. Throws

@@ -58,7 +58,7 @@ const Ordinate noise_ordinate{"noise", &ExpectedPose::noise, &Expectation::noise
 std::string component_plot(const Expectation& expectation, const Ordinate& what,
                            std::size_t component, const Abscissa& along) {
     constexpr int steps = 30;
-    const ErrorComponent& named = error_components[component];
+    const MeasureName& named = error_components[component];
     SvgPlot plot(along.label, fmt::format("{} {}, {}", what.label, named.name, named.unit),
                  plot_width, plot_height);
     std::vector<double> xs;

@@ -92,7 +92,8 @@ ErrorCharacteristic CharacteristicRuns::with_sizes(const InjectedError& error,
                                signature.reason, {},         {}};
     if (!signature.observable)
         return result;
-    const double start = signature.size * *simulator_.station().limits.b3_position_field_rms_mm /
+    const double start = signature.size *
+                         simulator_.station().limits.by_quantity.at(quantity::position_rms) /
                          signature.after_rms_mm;
     std::vector<double> sizes;
     for (const JudgedQuantity& quantity : planned_.quantities) {

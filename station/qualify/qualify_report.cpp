@@ -486,7 +486,7 @@ void add_bias_plots(HtmlPage& page, const QualifyResult& result) {
     const HoldOut poses = hold_out_biases(result);
     if (poses.biases.xs.empty())
         return;
-    const double limit = *result.station.limits.b3_position_field_max_mm;
+    const double limit = result.station.limits.by_quantity.at(quantity::position_max);
     const bool is_flat = result.station.camera.model.projection.is_flat();
     page.add_heading("Bias over the volume");
     page.add_figures(

@@ -76,7 +76,7 @@ void find_stated_noise(std::vector<AnalysedPose>& poses, const RenderedCorners& 
         if (!pose.is_detected() || !pose.seen_at)
             continue;
         if (const auto noise = rendered.noise_at(*pose.seen_at))
-            pose.stated_noise = CornerNoise{noise->variance_px2, noise->degrees_of_freedom};
+            pose.stated_noise = noise;
     }
 }
 

@@ -27,9 +27,8 @@ using Quad = std::vector<cv::Point2f>;
 struct Refinement {
     const char* detector;
     int of_library;
-    // What is taken off the coordinates. Contour and sub-pixel corners count from the first pixel's
-    // centre, as ours do. The AprilTag quads count from its corner, and OpenCV hands them on
-    // unchanged.
+    // Taken off the coordinates: the AprilTag quads count from the first pixel's corner, the others
+    // from its centre, as we do.
     double offset_px;
 };
 
@@ -79,8 +78,7 @@ void refine_to_subpixels(const cv::Mat& image, int half_window_px, DetectedCorne
 }
 
 int checked_half_window(const ArucoOptions& options, const std::string& place) {
-    // A window of 7x7 px. Wider ones reach the code's cells on small tags: with a side of 60 px and
-    // 6 cells across, 10 px are left.
+    // Windows wider than 7x7 px reach the code's cells on small tags.
     constexpr int usual_px = 3, max_px = 30;
     const SourcePlace key{place, 0, "subpixel_half_window_px"};
     const int half_px = options.subpixel_half_window_px.value_or(usual_px);

@@ -4,7 +4,6 @@
 
 #include <Eigen/Dense>
 
-#include "calib/camera/projector.h"
 #include "calib/intrinsics/calibrate.h"
 #include "compare/detect/board/chessboard_corners.h"
 #include "compare/detect/detector_adaptors.h"

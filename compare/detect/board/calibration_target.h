@@ -1,21 +1,16 @@
-// Targets that a camera is calibrated with, and what a photograph shows of them: the boards of
-// sim/marker/marker.h, their points found in our pixel convention (docs/conventions.md), to
-// sub-pixel, each with its index on the target. Not for single tags and their poses:
-// compare/detect/detector.h. How far off the points are, by kind: docs/calibration.md, "Targets".
+// Targets that a camera is calibrated with, the boards of sim/marker/marker.h, and their points in
+// photographs, to sub-pixel (docs/conventions.md), each with its index on the target. How far off
+// the points are, by kind: docs/calibration.md, "Targets".
 #pragma once
 
 #include <opencv2/core.hpp>
 
-#include <Eigen/Core>
 #include <map>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "calib/camera/camera_model.h"
 #include "calib/intrinsics/calibration_view.h"
 #include "core/geometry/rigid.h"
-#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {
@@ -24,14 +19,12 @@ struct CalibrationTarget {
     Marker board;
 };
 
-// Throws ConfigError at `place` for what sim/marker/marker.h cannot parse and for a marker that is
-// no board with points enough to calibrate with: single tags, bitmaps, boards with less than 3x3
-// inner corners or circles, less than 2x2 tags, or less than 3x3 squares of a ChArUco board.
+// Throws ConfigError at `place` for what sim/marker/marker.h cannot parse, a marker that is no
+// board, and boards with less than 3x3 inner corners, circles or squares of ChArUco, or 2x2 tags.
 CalibrationTarget parse_calibration_target(const std::string& spec, const std::string& place);
 // The same of a marker that is at hand.
 CalibrationTarget calibration_target(const Marker& board, const std::string& place);
 
-// What a photograph shows of a target.
 struct ObservedTarget {
     std::optional<CalibrationView> view;
     std::string reason;         // why there is none, in words
@@ -41,18 +34,16 @@ struct ObservedTarget {
 // The target's points in a photograph, each with its index into Marker::points_mm in `ids`; nothing
 // when less than six are seen (four of a board of 3x3 squares), or only some in one line.
 // Chessboards and circles must be whole in the picture but for single points that dirt or glare
-// hides; ChArUco boards and AprilTag grids may be seen in part. Of circles these are the centroids
-// of their images: with_circle_centres(). Never throws for what an image holds. The same image
-// gives the same result; safe from every thread. 50 to 250 ms for 640x480 px, up to a second where
-// there is no target.
+// hides; boards of tags may be seen in part. Of circles these are the centroids of their images:
+// with_circle_centres(). Never throws for what an image holds. The same image gives the same
+// result; safe from every thread. 50 to 250 ms for 640x480 px, up to a second without a target.
 ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image);
 
-// Where the centres of the circles are seen, for a camera and pose that are known about: each
-// centroid less the distance from the projected centre to the centroid of the projected disk,
-// perspective and distortion included (Mallon and Whelan, Pattern Recognition Letters 28, 2007).
-// `observed` is always what observe() gave: calibrate, correct, calibrate again (the bias is a
-// pixel at most, its error some 1e-3 of it: no third round). Points without a projection stay as
-// they are, and so do the views of all other kinds.
+// Where the centres of the circles are seen: each centroid less the distance from the projected
+// centre to the centroid of the projected disk (Mallon and Whelan, Pattern Recognition Letters 28,
+// 2007). `observed` is what observe() gave. Camera and pose need be known only about: the bias is a
+// pixel at most, its error some 1e-3 of it. Points without a projection stay as they are, and so do
+// the views of all other kinds.
 CalibrationView with_circle_centres(const CalibrationTarget& target,
                                     const CalibrationView& observed, const CameraModel& camera,
                                     const Rigid& camera_from_target);
@@ -67,9 +58,8 @@ std::vector<CalibrationView> with_circle_centres(const CalibrationTarget& target
 // Whether with_circle_centres() has anything to correct.
 bool has_circles(const CalibrationTarget& target);
 
-// The points of boards with tags, circles and squares, to sub-pixel, none where the board is not
-// seen (tag_boards.cpp, circle_grid.cpp, square_grid.cpp). Safe from every thread. Corners are
-// refined by compare/detect/board/saddle_point.h in windows that hold no other edge.
+// The points of boards with tags, circles and squares, none where the board is not seen
+// (tag_boards.cpp, circle_grid.cpp, square_grid.cpp). Safe from every thread.
 
 struct FoundBoard {
     std::map<int, Eigen::Vector2d> points = {};  // by the index into Marker::points_mm
@@ -91,12 +81,12 @@ struct BoardPhoto {
 // markers agree with.
 FoundBoard find_charuco_corners(const Marker& board, const BoardPhoto& photo);
 
-// Corners of the tags that were read. They are looked for in copies with dark parts shrunk by one
-// and two pixels, too: blur and dark squares that touch at their corners join tags to one outline.
+// Corners of the tags that were read, also in copies with dark parts shrunk by one and two pixels:
+// blur joins tags and the squares between them to one outline.
 FoundBoard find_tag_grid_corners(const Marker& board, const BoardPhoto& photo);
 
-// Centroids of the circles' images; a quarter of them may be hidden. Of 1 - brightness /
-// background, with the background a plane through what is seen halfway to the neighbours.
+// Centroids of 1 - brightness / background, the background a plane through what is seen halfway to
+// the neighbours. A quarter of the circles may be hidden.
 FoundBoard find_circle_centroids(const Marker& board, const BoardPhoto& photo);
 
 // Corners of dark squares on their own; a quarter of the squares may be hidden.

@@ -7,7 +7,6 @@
 #include "compare/detect/board/saddle_point.h"
 #include "compare/detect/detector_adaptors.h"
 #include "core/file/text.h"
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -76,9 +75,8 @@ double even_minus_odd(const Board& board, const cv::Mat& pixels) {
     return sum[0] / std::max(count[0], 1) - sum[1] / std::max(count[1], 1);
 }
 
-// With the histogram spread over all levels, which dark photos need, and without, which serves
-// bright ones better; then from saddles instead of squares, which sees boards whose outer squares
-// the image cuts.
+// With the histogram spread over all levels, for dark photos, and without, for bright ones; then
+// from saddles, for boards whose outer squares the image cuts.
 bool find_board_at_scale(const cv::Mat& image, Board& board) {
     const cv::Size size(board.columns, board.rows);
     for (const int flags : {cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE,

@@ -1,7 +1,5 @@
-// Inner corners of a chessboard in a photograph, to sub-pixel, in the order of sim/marker/marker.h.
-//
-// Found by OpenCV's quad-linking finder, refined by compare/detect/board/saddle_point.h in a window
-// that the size of the squares around each corner decides.
+// Inner corners of a chessboard in a photograph, in the order of sim/marker/marker.h: found by
+// OpenCV's quad-linking finder, refined to sub-pixel by compare/detect/board/saddle_point.h.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,11 +12,8 @@ namespace etalon {
 
 struct ChessboardCorners {
     std::vector<Eigen::Vector2d> pixels;  // row by row as Marker::points_mm, columns * rows
-    // Of each corner. Where dirt, glare or the image's border is in the way it stays where the
-    // finder put it, to 0.5 px or worse.
-    std::vector<bool> refined;
-    // The squares are black where a board of these columns and rows has white ones: it is the board
-    // of `rows` columns and `columns` rows that lies on its side.
+    std::vector<bool> refined;  // of each corner; else it is where the finder put it, to 0.5 px
+    // Black and white are exchanged: it is the board of `rows` columns and `columns` rows.
     bool lies_on_its_side = false;
 };
 

@@ -102,7 +102,7 @@ std::optional<Eigen::Vector3d> background_of(const cv::Mat& pixels, const Circle
     return plane.allFinite() && plane[0] > 0.0 ? std::optional(plane) : std::nullopt;
 }
 
-// Calls `use(place, distance_mm, darkness)` for the window's pixels: 0 is the background, 1 black.
+// Calls `use(place, distance_mm, darkness)`: 0 is the background, 1 black. False without pixels.
 template <class Use>
 bool for_each_darkness(const cv::Mat& pixels, const CircleWindow& window,
                        const Eigen::Vector2d& centre, Use use) {

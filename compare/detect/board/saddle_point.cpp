@@ -1,13 +1,10 @@
 #include "compare/detect/board/saddle_point.h"
 
 #include <Eigen/Dense>
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <initializer_list>
 #include <numbers>
-#include <utility>
-#include <vector>
 
 #include "compare/detect/detector_adaptors.h"
 #include "core/optimize/least_squares.h"

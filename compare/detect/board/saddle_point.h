@@ -4,9 +4,8 @@
 //
 // The pixels around are fitted with the product of two blurred steps, (1 + d . x) (b + a g(u1)
 // g(u2)): centre, the edges' directions, blur, the pattern's mean b and contrast a, the light's
-// gradient d. The crossing is symmetric about its centre under every symmetric blur and every tone
-// curve, so neither moves the centre. Error 0.01 px on sharp images (cv::cornerSubPix: up to 0.1
-// px), 0.002 px with the blur of a lens (docs/calibration.md, "Targets").
+// gradient d. No symmetric blur and no tone curve moves the centre. Error 0.01 px on sharp images,
+// 0.002 px with the blur of a lens (docs/calibration.md, "Targets").
 #pragma once
 
 #include <Eigen/Core>
@@ -25,10 +24,10 @@ struct SaddleGuess {
     bool is_lone = false;
 };
 
-// `pixels`: CV_32FC1, full scale 1. Nothing where there is no such crossing: too little room (less
-// than 2.5 px, or the image's border), contrast below 0.02, dark and bright the other way round, a
-// misfit above a quarter of the contrast, or a fit that leaves the guess by more than half the room
-// or turns an edge by more than 30 degrees. Safe from every thread; some 0.3 ms.
+// `pixels`: CV_32FC1, full scale 1. Nothing for room below 2.5 px or beyond the image's border,
+// contrast below 0.02, dark and bright exchanged, a misfit above a quarter of the contrast, or a
+// fit that leaves the guess by more than half the room or turns an edge by more than 30 degrees.
+// Safe from every thread; some 0.3 ms.
 std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const SaddleGuess& guess);
 
 // The window's radius for that much room: 5.5 px or, on large squares, more; 0: too little room.

@@ -72,39 +72,24 @@ std::optional<DarkShape> square_of(const Outline& outline) {
     return square;
 }
 
-struct ShapeScale {
-    int halvings, window;  // of the image, and its side in px
-};
-
-// From the coarsest, the cheapest, to the finest, which sees dots of 5 px.
-std::vector<ShapeScale> shape_scales(cv::Size image_size) {
-    constexpr int min_side_px = 100, narrow_window = 15, wide_window = 45;
-    std::vector<ShapeScale> scales;
-    for (int halvings = 0;
-         halvings == 0 || std::min(image_size.width, image_size.height) >> halvings >= min_side_px;
-         ++halvings)
-        for (const int window : {narrow_window, wide_window})
-            scales.insert(scales.begin(), {halvings, window});
-    return scales;
-}
-
 // Pixels of the halved image in those of the whole one.
 Eigen::Vector2d in_whole(const Eigen::Vector2d& pixel, double factor) {
     return (factor * (pixel.array() + 0.5) - 0.5).matrix();
 }
 
-std::vector<DarkShape> find_shapes(ShapeKind kind, const cv::Mat& image, const ShapeScale& scale) {
+// In the image halved so often, by the mean in a window of so many px a side.
+std::vector<DarkShape> find_shapes(ShapeKind kind, const cv::Mat& image, int halvings, int window) {
     constexpr double darker_by = 6.0;  // of 255: less is noise
     cv::Mat halved = image;
-    for (int i = 0; i < scale.halvings; ++i)
+    for (int i = 0; i < halvings; ++i)
         cv::resize(halved, halved, {}, 0.5, 0.5, cv::INTER_AREA);
     cv::Mat dark;
     cv::adaptiveThreshold(halved, dark, 255, cv::ADAPTIVE_THRESH_MEAN_C, cv::THRESH_BINARY_INV,
-                          scale.window, darker_by);
+                          window, darker_by);
     std::vector<Outline> outlines;
     std::vector<cv::Vec4i> relatives;  // the last is the outline that this one is a hole in
     cv::findContours(dark, outlines, relatives, cv::RETR_CCOMP, cv::CHAIN_APPROX_NONE);
-    const double factor = 1 << scale.halvings;
+    const double factor = 1 << halvings;
     std::vector<DarkShape> found;
     for (std::size_t i = 0; i < outlines.size(); ++i) {
         if (relatives[i][3] >= 0)
@@ -169,7 +154,6 @@ struct PlaceLess {
 // Shapes by their place in steps; the second step is clockwise of the first as seen.
 using Lattice = std::map<Eigen::Vector2i, std::size_t, PlaceLess>;
 
-// One lattice being grown.
 class Growth {
 public:
     Growth(const std::vector<DarkShape>& points, const Neighbourhood& near,
@@ -407,23 +391,28 @@ FoundShapes first_half_at_upper_left(const std::vector<DarkShape>& shapes,
 
 FoundShapes find_shape_grid(ShapeKind kind, const cv::Mat& image,
                             const std::vector<Eigen::Vector2i>& board) {
+    constexpr int min_side_px = 100, narrow_window = 15, wide_window = 45;
     FoundShapes none{{}, "no grid is seen"};
-    for (const ShapeScale& scale : shape_scales(image.size())) {
-        const std::vector<DarkShape> shapes = find_shapes(kind, image, scale);
-        for (const Lattice& lattice : find_lattices(shapes, board.size() / 3)) {
-            const std::vector<LaidBoard> ways =
-                best_ways(lattice, board, (3 * board.size() + 3) / 4);
-            const bool is_one_place = std::ranges::all_of(ways, [&](const LaidBoard& way) {
-                return std::ranges::is_permutation(way.covered, ways[0].covered);
-            });
-            if (!ways.empty() && is_one_place)
-                return first_half_at_upper_left(shapes, ways);
-            none.reason =
-                fmt::format("{} points of a grid are seen, {} {}{}", lattice.size(),
-                            ways.empty() ? "which are not the board's" : "in which a board of",
-                            board.size(), ways.empty() ? "" : " has several places");
+    int coarsest = 0;
+    while (std::min(image.cols, image.rows) >> (coarsest + 1) >= min_side_px)
+        ++coarsest;
+    for (int halvings = coarsest; halvings >= 0; --halvings)  // the finest sees dots of 5 px
+        for (const int window : {wide_window, narrow_window}) {
+            const std::vector<DarkShape> shapes = find_shapes(kind, image, halvings, window);
+            for (const Lattice& lattice : find_lattices(shapes, board.size() / 3)) {
+                const std::vector<LaidBoard> ways =
+                    best_ways(lattice, board, (3 * board.size() + 3) / 4);
+                const bool is_one_place = std::ranges::all_of(ways, [&](const LaidBoard& way) {
+                    return std::ranges::is_permutation(way.covered, ways[0].covered);
+                });
+                if (!ways.empty() && is_one_place)
+                    return first_half_at_upper_left(shapes, ways);
+                none.reason =
+                    fmt::format("{} points of a grid are seen, {} {}{}", lattice.size(),
+                                ways.empty() ? "which are not the board's" : "in which a board of",
+                                board.size(), ways.empty() ? "" : " has several places");
+            }
         }
-    }
     return none;
 }
 

@@ -1,15 +1,13 @@
 // Grids of dark shapes on a brighter ground, dots or squares, and where a board lies in one.
 //
 // Shapes: the image is halved until little of it is left, and at each size compared with its local
-// mean in two windows, which takes uneven light off. An ellipse's outline has the same distance
-// from the centre all around, measured by its own second moments. A square is seen as four corners
-// with straight sides between them.
+// mean in two windows. An ellipse's outline has the same distance from the centre all around, by
+// its own second moments. A square is four corners with straight sides between them.
 //
-// Lattices: one is grown from every shape. Two neighbours give the steps, each further shape must
-// be where its neighbours' steps lead, and passes its own steps on, so that perspective and
-// distortion may change them. The board is looked for under every change of basis with small whole
-// numbers (determinant 1: boards are seen from the front) and every shift: square, staggered and
-// hexagonal boards are one case.
+// Lattices: one is grown from every shape. Two neighbours give the steps; each further shape must
+// be where its neighbours' steps lead, and passes its own steps on. The board is looked for under
+// every change of basis with small whole numbers (determinant 1: boards are seen from the front)
+// and every shift, so that square, staggered and hexagonal boards are one case.
 #pragma once
 
 #include <Eigen/Core>
@@ -36,9 +34,9 @@ struct FoundShapes {
 };
 
 // `board`: the places of a board's shapes in a lattice, in their order. At least three quarters of
-// them must be seen, and no other place in the lattice may have as many. Where nothing tells one
-// end from the other, the first half of the board's places is the one nearer to the image's upper
-// left. `image`: CV_8UC1; the coarsest size that shows the board serves. Safe from every thread.
+// them must be seen, and no other place in the lattice may have as many. Where a half turn changes
+// nothing, the first half of the places is nearer to the image's upper left. `image`: CV_8UC1. Safe
+// from every thread.
 FoundShapes find_shape_grid(ShapeKind kind, const cv::Mat& image,
                             const std::vector<Eigen::Vector2i>& board);
 

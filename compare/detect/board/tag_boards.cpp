@@ -1,6 +1,6 @@
 // Boards of tags, ChArUco and AprilTag grids: the tags tell which point is which and where about;
-// the points are then refined on the image. OpenCV's own interpolation of ChArUco corners is not
-// used: it differs between versions, and refines in a window that may hold a marker.
+// the points are then refined on the image. OpenCV's interpolation of ChArUco corners differs
+// between versions, and refines in a window that may hold a marker.
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
@@ -62,9 +62,8 @@ bool agree(const MatchedTag& a, const MatchedTag& b) {
 }
 
 // The largest set of tags that agree with their neighbours: each one's four corners, continued to
-// the other's place on the board, must meet it there to within half its side. No single map holds
-// for the whole board, so that strong distortion does no harm. Fewer than two tags are no board. An
-// id seen twice is left out.
+// the other's place on the board, must meet it to within half its side. No map holds for the whole
+// board, because of distortion. Fewer than two tags are no board. An id seen twice is left out.
 std::vector<MatchedTag> match_tags(const std::vector<BoardTag>& board,
                                    const std::vector<DetectedCorners>& found) {
     std::vector<MatchedTag> tags;
@@ -161,13 +160,11 @@ SeenLayout best_layout(const Marker& board, int first_id,
 }
 
 std::vector<DetectedCorners> with_ids_from(int first_id, const Marker& board,
-                                           const std::vector<DetectedCorners>& found) {
+                                           std::vector<DetectedCorners> found) {
     const int last_id = first_id + board.columns * board.rows / 2 - 1;
-    std::vector<DetectedCorners> of_board;
-    std::ranges::copy_if(found, std::back_inserter(of_board), [&](const DetectedCorners& tag) {
-        return tag.id >= first_id && tag.id <= last_id;
-    });
-    return of_board;
+    std::erase_if(
+        found, [&](const DetectedCorners& tag) { return tag.id < first_id || tag.id > last_id; });
+    return found;
 }
 
 // Tags of another board agree here and there, too: a row of them may be a row shifted by a square.

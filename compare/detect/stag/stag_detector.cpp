@@ -44,7 +44,6 @@ namespace {
 
 using Chain = std::vector<cv::Point>;
 
-// A straight part of a chain.
 struct Line {
     Eigen::Vector2d from, to;  // its ends, on the line
     Eigen::Vector2d along;     // unit
@@ -83,8 +82,7 @@ void cut(std::span<const cv::Point> chain, std::size_t first, double tolerance_p
     }
 }
 
-// The line with the least squared distances to the pixels, without the two next to each end, which
-// belong to the corner.
+// By least squares, without the two pixels next to each end, which belong to the corner.
 std::optional<Line> fit_line(std::span<const cv::Point> pixels) {
     constexpr std::size_t corner_pixels = 2, min_pixels = 4;
     if (pixels.size() < min_pixels + 2 * corner_pixels)
@@ -205,11 +203,9 @@ void add_quads(std::vector<Line> lines, bool closed, std::vector<Quad>& quads) {
             quads.push_back(*quad);
 }
 
-// Convex quadrilaterals in a CV_8UC1 image, from edge segments: chains of pixels along which the
-// gradient is largest (Edge Drawing, parameter free: C. Akinlar, C. Topal, "EDPF", IJPRAI 26,
-// 2012). A chain is cut into straight lines; four lines in a row of which each meets the next make
-// a quadrilateral, whose fourth corner is where the last line meets the first. They begin anywhere
-// and are good to a pixel or two; many are no markers. About 2 ms for 640x480.
+// Convex quadrilaterals in a CV_8UC1 image, good to a pixel or two, from edge segments (Edge
+// Drawing, parameter free: C. Akinlar, C. Topal, "EDPF", IJPRAI 26, 2012). A chain of pixels is cut
+// into straight lines, of which four in a row may meet. About 2 ms for 640x480.
 std::vector<Quad> find_quads(const cv::Mat& image) {
     constexpr int min_side_px = 16;     // what the library's own filters need
     constexpr double max_gap_px = 5.0;  // where Edge Drawing begins and ends a closed curve
@@ -228,8 +224,8 @@ std::vector<Quad> find_quads(const cv::Mat& image) {
 
 constexpr std::size_t references = 12;  // of each shade
 
-// The code points, then the references in the black corners and those on the white border, as far
-// from edges as there is room: three of each shade, turned by the four quarters.
+// The code points, then the references in the black corners and those on the white border: three of
+// each shade, turned by the four quarters.
 const std::vector<Eigen::Vector2d>& places_to_read() {
     static const auto all = [] {
         constexpr double white = -0.5 - stag_border / 2.0;
@@ -270,9 +266,7 @@ struct StagReading {
     double contrast = 0.0;  // mean white reference - mean black reference, in the image's values
 };
 
-// Samples the 48 code points and 12 black and 12 white references outside the circle, bilinearly,
-// in a CV_32FC1 image, and cuts between black and white by Otsu's method. Nothing when a point is
-// outside the image.
+// Samples places_to_read() in a CV_32FC1 image. Nothing when one is outside the image.
 std::optional<StagReading> read_stag_code(const cv::Mat& image,
                                           const Homography& image_from_marker) {
     std::vector<double> values;

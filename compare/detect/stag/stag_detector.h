@@ -1,18 +1,11 @@
-// Our finder of STag markers (sim/marker/stag_pattern.h): quadrilaterals, their codewords, and the
-// corners from all edges. Method and figures: docs/stag.md. All functions are safe from every
-// thread.
+// STag markers (sim/marker/stag_pattern.h): quadrilaterals, their codewords, and the corners from
+// all edges. Method and figures: docs/stag.md. All functions are safe from every thread.
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
 #include <memory>
-#include <opencv2/core.hpp>
-#include <optional>
 #include <span>
-#include <vector>
 
 #include "compare/detect/detector.h"
-#include "core/image/image.h"
 #include "sim/marker/stag_pattern.h"
 
 namespace etalon {
@@ -20,8 +13,7 @@ namespace etalon {
 // Corners in our pixels, clockwise as seen in the image.
 using Quad = std::array<Eigen::Vector2d, 4>;
 
-// The bilinear value of a CV_32FC1 image; nothing outside the pixels' centres and for a place that
-// is not finite.
+// Of a CV_32FC1 image; nothing outside the pixels' centres and for a place that is not finite.
 std::optional<double> bilinear(const cv::Mat& image, const Eigen::Vector2d& place);
 
 // From the marker's plane, sides of its black square, origin at its centre, x right, y down, to
@@ -32,20 +24,18 @@ using Homography = Eigen::Matrix3d;
 // number. Nothing when three of them are on a line.
 std::optional<Homography> homography_to(const Quad& corners);
 
-// The corners from all edges, from the marker's top left clockwise: the four sides and the circle
-// are measured edge by edge along their normals, by the area under the gray profile, which no
-// symmetric blur displaces. A joint least-squares fit with Tukey's weights finds the homography,
-// radial distortion, and by how much all edges are displaced towards the light. (The publication
-// fits the circle alone, on whole edge pixels.)
+// The corners from all edges, from the marker's top left clockwise. Sides and circle are measured
+// edge by edge along their normals, by the area under the gray profile, which no symmetric blur
+// displaces. A joint least-squares fit with Tukey's weights finds the homography, radial
+// distortion, and by how much all edges are displaced towards the light.
 //
-// `start` has the marker upright, with corners good to two pixels or so; `code` is its word, and
-// `contrast` that of its references in `image` (CV_32FC1). Nothing when the edges that are found do
-// not fix every corner to 0.25 px (small or hidden markers), or do not fit one view. About 0.3 ms.
+// `start` has the marker upright, with corners good to two pixels or so; `code` is its word,
+// `contrast` that of its references in `image` (CV_32FC1). Nothing when the edges do not fix every
+// corner to 0.25 px, or do not fit one view. About 0.3 ms.
 std::optional<Quad> refine_stag(const cv::Mat& image, const Homography& start, StagCode code,
                                 double contrast);
 
-// Unrefined corners are where the edge segments' lines meet, good to a pixel or so, sometimes
-// several pixels wrong: a sign of the marker, no measurement.
+// Unrefined corners are where the edge segments' lines meet: no measurement, good to a pixel or so.
 struct FoundStag {
     int id = 0;    // place among the words
     Quad corners;  // of the black square, from its top left clockwise
@@ -53,8 +43,7 @@ struct FoundStag {
 };
 
 // All places where a marker with one of these words is seen, with at most so many of its 48 discs
-// misread; of those that overlap the one with the fewest. A refined place has been read again with
-// its refined corners. 3 ms for 640x480.
+// misread; of those that overlap the one with the fewest. 3 ms for 640x480.
 std::vector<FoundStag> find_stags(const CodeImage& image, std::span<const StagCode> words,
                                   int correctable_bits);
 

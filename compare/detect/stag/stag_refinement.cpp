@@ -1,8 +1,5 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <numeric>
 
 #include "compare/detect/stag/stag_detector.h"
@@ -14,11 +11,9 @@ namespace {
 // How a STag marker lies in an image: a homography from the marker's plane (sides of its square,
 // origin at its centre), and radial distortion about the image's centre by the division model with
 // one number L (A. Fitzgibbon, CVPR 2001): offsets d from the centre, in half diagonals, are
-// straight as d / (1 + L |d|^2). So that L does not move the marker, the homography goes to the
-// straight image displaced, turned and scaled to agree with the image at the marker's centre.
-//
-// A tone curve, overexposure or print gain moves every edge by about the same length: the square
-// shrinks when the disk grows, which tells by how much.
+// straight as d / (1 + L |d|^2). The homography goes to a straight image that agrees with the image
+// at the marker's centre, so that L does not move the marker. A tone curve, overexposure or print
+// gain moves every edge by about the same length.
 class StagView {
 public:
     static constexpr int parameters = 10;  // eight numbers of the homography, then these
@@ -172,9 +167,8 @@ struct MeasuredEdge {
 };
 
 // From the gray profile along the edge's normal, `reach_px` to either side at most: the area under
-// it says where a step between the levels of its ends would be. `contrast` is the marker's; nothing
-// for an edge of less than a third of it, one too near another for a profile, and one not wholly in
-// the image.
+// it says where the step is. Nothing for less than a third of the marker's `contrast`, too near
+// another edge, and not wholly in the image.
 std::optional<MeasuredEdge> measure_edge(const cv::Mat& image, const StagView& view,
                                          const StagEdge& edge, double reach_px, double contrast) {
     constexpr double min_reach_px = 1.0, sample_px = 0.5, corner_px = 2.0, little = 1e-3;
@@ -223,16 +217,12 @@ struct Solution {
     double rms_px = 0.0;
 };
 
-const std::array<Eigen::Vector2d, 4>& square() {
-    static const std::array<Eigen::Vector2d, 4> corners{
-        Eigen::Vector2d(-0.5, -0.5), {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}};
-    return corners;
-}
+const Quad square_corners{Eigen::Vector2d(-0.5, -0.5), {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}};
 
 Quad corners_of(const StagView& view) {
     Quad corners;
     for (std::size_t i = 0; i < 4; ++i)
-        corners[i] = view.pixel(square()[i]);
+        corners[i] = view.pixel(square_corners[i]);
     return corners;
 }
 
@@ -252,7 +242,6 @@ std::vector<Row> measure(const cv::Mat& image, const StagView& view,
 // edges of 0.1 px: they decide only where the marker cannot tell.
 constexpr double usual_distortion = 0.3, usual_shift_px = 0.3, usual_edge_px = 0.1;
 
-// Least squares.
 std::optional<Solution> solve(const std::vector<Row>& rows, const StagView& view) {
     Information information = Information::Zero();
     Parameters gradient = Parameters::Zero();
@@ -326,7 +315,7 @@ double largest_distance(const Quad& a, const Quad& b) {
 // The standard deviation of the worst corner's coordinate, from the edges' rests.
 double corner_sigma(const StagView& view, const Solution& solution) {
     double largest = 0.0;
-    for (const Eigen::Vector2d& corner : square()) {
+    for (const Eigen::Vector2d& corner : square_corners) {
         const auto derivatives = view.derivatives(corner);
         largest = std::max(
             largest,

@@ -4,13 +4,58 @@
 #include <algorithm>
 #include <array>
 #include <limits>
-#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detect/detector_adaptors.h"
 #include "sim/marker/topotag_pattern.h"
 
 namespace etalon {
+namespace {
+
+struct Labelled {
+    cv::Mat labels, statistics, centroids;
+    std::vector<int> region;  // by label, -1: not met yet
+
+    Labelled(const cv::Mat& pixels, int neighbours)
+        : region(static_cast<std::size_t>(cv::connectedComponentsWithStats(
+                     pixels, labels, statistics, centroids, neighbours)),
+                 -1) {}
+};
+
+}  // namespace
+
+std::vector<Region> region_tree(const cv::Mat& dark) {
+    cv::Mat framed;  // what is outside is white
+    cv::copyMakeBorder(dark, framed, 1, 1, 1, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
+    Labelled white(framed == 0, 8), black(framed, 4);
+    // The outermost one is what the others leave of the image.
+    const double all = static_cast<double>(dark.total());
+    std::vector<Region> regions{
+        {-1, false, all, 0.5 * all * Eigen::Vector2d(dark.cols - 1, dark.rows - 1)}};
+    white.region[static_cast<std::size_t>(white.labels.at<int>(0, 0))] = 0;
+    for (int y = 1; y <= dark.rows; ++y)
+        for (int x = 1; x <= dark.cols; ++x) {
+            const bool is_dark = framed.at<uchar>(y, x) != 0;
+            Labelled &own = is_dark ? black : white, &other = is_dark ? white : black;
+            const int label = own.labels.at<int>(y, x);
+            int& region = own.region[static_cast<std::size_t>(label)];
+            if (region >= 0)
+                continue;
+            // To the left of a region's first pixel is the region around it.
+            const int parent =
+                other.region[static_cast<std::size_t>(other.labels.at<int>(y, x - 1))];
+            region = static_cast<int>(regions.size());
+            const double area = own.statistics.at<int>(label, cv::CC_STAT_AREA);
+            const Eigen::Array2d centroid(own.centroids.ptr<double>(label));
+            const Eigen::Vector2d sum = (centroid * area).round() - area;  // without the frame
+            regions.front().area -= area;
+            regions.front().sum -= sum;
+            regions[static_cast<std::size_t>(parent)].children.push_back(region);
+            regions.push_back({parent, is_dark, area, sum});
+        }
+    return regions;
+}
+
 namespace {
 
 using Points = std::vector<Eigen::Vector2d>;
@@ -110,18 +155,6 @@ std::optional<std::array<Eigen::Vector2d, 4>> largest_quadrangle(const Points& h
     return result;
 }
 
-Eigen::Matrix3d homography_of_corners(const std::array<Eigen::Vector2d, 4>& from,
-                                      const std::array<Eigen::Vector2d, 4>& to) {
-    std::array<cv::Point2f, 4> a, b;
-    for (std::size_t i = 0; i < 4; ++i) {
-        a[i] = {static_cast<float>(from[i].x()), static_cast<float>(from[i].y())};
-        b[i] = {static_cast<float>(to[i].x()), static_cast<float>(to[i].y())};
-    }
-    Eigen::Matrix3d result;
-    cv::cv2eigen(cv::getPerspectiveTransform(a.data(), b.data()), result);
-    return result;
-}
-
 // The point nearest to a place, taken out; nothing when none is near.
 std::optional<Eigen::Vector2d> take_nearest(Points& points, const Eigen::Vector2d& place,
                                             double reach) {
@@ -159,11 +192,13 @@ std::optional<Points> in_order(const Candidate& candidate, int order) {
     std::rotate(corners->begin(), first, corners->end());
     const Points cells = topotag_vertices(order);
     const auto n = static_cast<std::size_t>(order);
-    const Eigen::Matrix3d h = homography_of_corners(
-        {cells[0], cells[n - 1], cells[n * n - 1], cells[n * (n - 1)]}, *corners);
+    const auto h = homography({cells[0], cells[n - 1], cells[n * n - 1], cells[n * (n - 1)]},
+                              {corners->begin(), corners->end()});
+    if (!h)
+        return std::nullopt;
     Points expected, vertices;
     for (const Eigen::Vector2d& cell : cells)
-        expected.push_back(seen_at(h, cell));
+        expected.push_back(seen_at(*h, cell));
     Points dots(candidate.baseline.begin(), candidate.baseline.end()), nodes = candidate.nodes;
     for (std::size_t i = 0; i < expected.size(); ++i) {
         const auto vertex = take_nearest(i < 2 ? dots : nodes, expected[i],

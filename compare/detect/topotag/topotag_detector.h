@@ -1,27 +1,18 @@
 // TopoTags in an image, by their topology: a white region that holds n^2 - 1 black nodes, one of
 // which, the baseline, has two white dots and the others one or none
-// (sim/marker/topotag_pattern.h).
+// (sim/marker/topotag_pattern.h). All functions are safe from every thread.
 //
 //   1. The image at twice, once, half, a quarter... of its size; in each a pixel is black when it
-//      is darker than the mean of the square around it. At one of these sizes the square is wider
-//      than a node and narrower than the tag.
-//   2. The regions and what encloses what; white regions with the right number of nodes. Specks do
-//      not count.
+//      is darker than the mean of the square around it.
+//   2. White regions that enclose the right number of nodes, specks aside.
 //   3. The centroids of nodes and of the baseline's dots, matched with the vertices: the largest
 //      quadrangle is that of the corner vertices, the dot among its corners is the first one.
 //   4. A homography through all n^2 points. All must fit.
-//   5. The image of this tag fitted to the pixels: sub-pixel vertices, and whether each dot is
-//      really there. What does not look like the tag all over is none.
-//
-// All functions are safe from every thread.
+//   5. fit_topotag(): sub-pixel vertices, and whether each dot is there.
 #pragma once
 
-#include <Eigen/Core>
 #include <memory>
 #include <opencv2/core.hpp>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "compare/detect/detector.h"
 
@@ -36,10 +27,10 @@ struct Region {
     std::vector<int> children = {};                 // ascending
 };
 
-// White regions are joined over corners too (8 neighbours), black ones over edges only (4): every
-// region but the outermost one then has exactly one region around it (Rosenfeld, J. ACM 17, 1970).
-// Outside the image all is white. Region 0 is the outermost one; every region comes after its
-// parent. `dark` is CV_8UC1, 255 or 0 (white). Some 5 ns a pixel.
+// White regions have 8 neighbours, black ones 4: every region but the outermost one then has
+// exactly one region around it (Rosenfeld, J. ACM 17, 1970). Outside the image all is white. Region
+// 0 is the outermost one; every region comes after its parent. `dark` is CV_8UC1, 255 or 0 (white).
+// Some 5 ns a pixel.
 std::vector<Region> region_tree(const cv::Mat& dark);
 
 struct TopotagFit {
@@ -57,14 +48,13 @@ struct TopotagFit {
 //     pixel = dark + (step + g_x x + g_y y) m(p - shift)
 //
 // is fitted by least squares, with m the tag's image after the homography of all vertices, its
-// edges blurred by pixels and lens. Fitted too are the blur and the shift of black edges by a tone
-// curve or print gain, for all windows together, and whether the dot is there (an amplitude from 0
-// to 1). The shift need not obey the homography: lens distortion stays in the vertices. Three
-// times, each with m from what was found before.
+// edges blurred. Fitted too are the blur and the shift of black edges (tone, print gain) for all
+// windows together, and an amplitude of the dot, 0 to 1. The shift need not obey the homography:
+// lens distortion stays in the vertices. Three times, each with m from what was found before.
 //
-// `pixels` is CV_32FC1 and `vertices` are near those of a tag of this family, to a cell or so.
-// Nothing when a window leaves the image, there is not enough contrast all over the tag, the tag
-// explains too little of what is seen, or a dot is neither there nor not there. CPU time 1 to 3 ms.
+// `pixels` is CV_32FC1; `vertices` are right to a cell or so. Nothing when a window leaves the
+// image, the contrast is too low, the tag explains too little of what is seen, or a dot is neither
+// there nor not there. CPU time 1 to 3 ms.
 std::optional<TopotagFit> fit_topotag(const cv::Mat& pixels, const std::string& family,
                                       const std::vector<Eigen::Vector2d>& vertices);
 

@@ -1,7 +1,4 @@
 #include <Eigen/Dense>
-#include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <span>
 
 #include "compare/detect/detector_adaptors.h"
@@ -12,9 +9,8 @@
 namespace etalon {
 namespace {
 
-// How a TopoTag's shapes are seen around a node. The blur (pixels and lens) is taken as normal:
-// exact along straight edges, and symmetric about each shape's centre, on which a vertex's place
-// depends. Shapes are painted over each other as if each had been blurred alone.
+// How a TopoTag's shapes are seen around a node: behind a normal blur, painted over each other as
+// if each had been blurred alone.
 
 // With derivatives by the place on the tag (per cell), ln blur and white's growth (per px).
 struct Shade {
@@ -166,7 +162,6 @@ struct WindowFit {
     double residual_square = 0.0, variance = 0.0;
 };
 
-// What all windows of an iteration share.
 struct TagView {
     Eigen::Matrix3d pixel_from_cell, cell_from_pixel;
     std::vector<TopotagShape> shapes;

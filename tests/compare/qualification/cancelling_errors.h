@@ -74,8 +74,8 @@ private:
             squares += length * length / static_cast<double>(volume_.size());
             largest = std::max(largest, length);
         }
-        return std::max(std::sqrt(squares) / *limits_.b3_position_field_rms_mm,
-                        largest / *limits_.b3_position_field_max_mm);
+        return std::max(std::sqrt(squares) / limits_.by_quantity.at(quantity::position_rms),
+                        largest / limits_.by_quantity.at(quantity::position_max));
     }
 
     // The stacked field over the volume.

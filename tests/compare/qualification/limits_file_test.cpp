@@ -35,8 +35,8 @@ std::string refusal(const std::string& text) {
 TEST(LimitsFile, ReadsWhatIsRequired) {
     const Limits limits = read_limits(file_with(good));
     EXPECT_EQ(limits.id, "demo-7");
-    EXPECT_EQ(limits.b3_position_field_rms_mm, 0.07);
-    EXPECT_EQ(limits.b3_position_field_max_mm, 0.25);
+    EXPECT_EQ(limits.by_quantity.at(quantity::position_rms), 0.07);
+    EXPECT_EQ(limits.by_quantity.at(quantity::position_max), 0.25);
     EXPECT_FALSE(limits.pixels_must_match);
 }
 
@@ -44,12 +44,12 @@ TEST(LimitsFile, ReadsEveryOtherLimitWhenItIsThere) {
     std::string text = good;
     double limit = 0.11;
     for (const QuantityKind& kind : quantity_kinds().subspan(2)) {
-        EXPECT_FALSE(read_limits(file_with(text)).*kind.limit) << kind.name;
+        EXPECT_FALSE(read_limits(file_with(text)).by_quantity.contains(kind.name)) << kind.name;
         text +=
             fmt::format("{}: {{limit: {}, unit: \"{}\"}}\n", kind.name, limit += 0.25, kind.unit);
-        EXPECT_EQ(read_limits(file_with(text)).*kind.limit, limit) << kind.name;
+        EXPECT_EQ(read_limits(file_with(text)).by_quantity.at(kind.name), limit) << kind.name;
     }
-    EXPECT_EQ(read_limits(file_with(text)).b3_rotation_field_rms_mrad, 0.36);
+    EXPECT_EQ(read_limits(file_with(text)).by_quantity.at(quantity::rotation_rms), 0.36);
 }
 
 TEST(LimitsFile, SaysWhereAndWhatIsWrong) {

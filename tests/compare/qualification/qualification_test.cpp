@@ -133,8 +133,8 @@ TEST(Qualification, GoesOnWithoutTheFewPosesThatWereNotDetected) {
 
 TEST(Qualification, JudgesRotationsWhenTheLimitsAskForThem) {
     SimulatedRun run = demo_run();
-    run.limits.b3_rotation_field_rms_mrad = 2.0;
-    run.limits.b3_rotation_field_max_mrad = 6.0;
+    run.limits.by_quantity[quantity::rotation_rms] = 2.0;
+    run.limits.by_quantity[quantity::rotation_max] = 6.0;
     const Qualification result = qualified(run);
     ASSERT_EQ(result.quantities.size(), 4u);
     EXPECT_EQ(result.quantities[2].outcome, Outcome::pass);
@@ -167,14 +167,12 @@ TEST(Qualification, ReportsPixelsWithoutALimitAndPasses) {
     input.pixels = blurry();
     const Qualification result = qualify(input);
     EXPECT_EQ(result.verdict, Outcome::pass);
-    const auto blur =
-        std::ranges::find(result.reported, quantity::pixel_blur, &JudgedQuantity::name);
+    const auto blur = std::ranges::find(result.reported, "pixel_blur_px", &JudgedQuantity::name);
     ASSERT_NE(blur, result.reported.end());
     EXPECT_EQ(blur->value, 0.21);
     EXPECT_EQ(blur->expanded_uncertainty, 0.03);
     EXPECT_EQ(blur->coverage_factor, 3.0);
-    const auto tone =
-        std::ranges::find(result.reported, quantity::pixel_tone, &JudgedQuantity::name);
+    const auto tone = std::ranges::find(result.reported, "pixel_tone_gray", &JudgedQuantity::name);
     EXPECT_FALSE(tone->measured);
 }
 
@@ -183,7 +181,7 @@ TEST(Qualification, JudgesPixelsByTheirLimits) {
          {std::pair(0.30, Outcome::pass), std::pair(0.22, Outcome::inconclusive),
           std::pair(0.10, Outcome::fail)}) {
         QualificationInput input = demo_input();
-        input.limits.pixel_blur_px = limit;
+        input.limits.by_quantity["pixel_blur_px"] = limit;
         input.pixels = blurry();
         EXPECT_EQ(qualify(input).verdict, expected) << limit;
     }

@@ -26,7 +26,7 @@ struct SimulatedRun {
     std::optional<std::uint64_t> plan_seed;  // nothing: another plan for every seed of the noise
     Rigid nominal_carriage_from_marker;
     bool look_for_causes = false;
-    Limits limits{"demo", 0.16, 0.45, {}, {}};
+    Limits limits{"demo", {{quantity::position_rms, 0.16}, {quantity::position_max, 0.45}}};
 
     // The truth.
     CameraModel true_camera;

@@ -39,8 +39,8 @@ std::function<Corners(const Corners&)> detector_that_reads(
 // half a pixel. B1 shows it; B3 and B4 stay within their U.
 TEST(BiasedDetector, LeavesNoTraceInB3NorB4) {
     SimulatedRun run = demo_run();
-    run.limits.b4_position_field_rms_mm = 0.16;
-    run.limits.b4_position_field_max_mm = 0.45;
+    run.limits.by_quantity[quantity::photometric_rms] = 0.16;
+    run.limits.by_quantity[quantity::photometric_max] = 0.45;
     const std::function<Corners(const Corners&)> detectors[] = {
         detector_that_reads(run, [](Eigen::Vector3d& t) { t.z() += 10.0; }),
         detector_that_reads(run, [](Eigen::Vector3d& t) { t.z() *= 1.02; }),
@@ -68,7 +68,7 @@ TEST(BiasedDetector, LeavesNoTraceInB3NorB4) {
 TEST(PhotometricField, IsJudgedBesideB3) {
     SimulatedRun run = demo_run();
     run.true_scale[2] = 1.01;
-    run.limits.b4_position_field_rms_mm = 0.16;
+    run.limits.by_quantity[quantity::photometric_rms] = 0.16;
     const Qualification result = qualify(input_of(run, 1));
     EXPECT_EQ(quantity_named(result, quantity::photometric_rms).outcome, Outcome::fail);
     EXPECT_NEAR(quantity_named(result, quantity::photometric_rms).value, 0.87, 0.2);
@@ -78,7 +78,7 @@ TEST(PhotometricField, IsJudgedBesideB3) {
 
 TEST(PhotometricField, IsSkippedWithoutPhotometricPoses) {
     SimulatedRun run = demo_run();
-    run.limits.b4_position_field_rms_mm = 0.16;
+    run.limits.by_quantity[quantity::photometric_rms] = 0.16;
     QualificationInput input = input_of(run, 1);
     for (VisitedPose& pose : input.poses)
         pose.photometric.reset();
@@ -90,7 +90,7 @@ TEST(PhotometricField, IsSkippedWithoutPhotometricPoses) {
 
 TEST(Rest, IsSkippedWhereTheNoiseIsNotKnown) {
     SimulatedRun run = demo_run();
-    run.limits.b3_position_rest_rms_mm = 0.2;
+    run.limits.by_quantity[quantity::lack_of_fit_rms] = 0.2;
     QualificationInput input = input_of(run, 1);
     EXPECT_EQ(qualify(input).verdict, Outcome::pass);
     for (VisitedPose& pose : input.poses)
@@ -309,8 +309,8 @@ TEST(Rec709, DoesNotKeepAPerfectCameraFromPassing) {
     run.camera = run.true_camera = rec709_camera(run.camera);
     run.training = 20;
     run.hold_out = 20;
-    run.limits.b4_position_field_rms_mm = 0.16;
-    run.limits.b4_position_field_max_mm = 0.45;
+    run.limits.by_quantity[quantity::photometric_rms] = 0.16;
+    run.limits.by_quantity[quantity::photometric_max] = 0.45;
     const Marker marker = parse_marker("apriltag:36h11:5@80mm", "test");
     const Renderer renderer(run.camera);
     const SensorModel sensor(run.camera);

@@ -1,16 +1,12 @@
 #include "bench/published_method.h"
 
-#include <gtest/gtest.h>
-
-#include <numbers>
 #include <opencv2/calib3d.hpp>
-#include <set>
 
-#include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/scene/pose_sampling.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

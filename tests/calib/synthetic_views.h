@@ -4,7 +4,6 @@
 #include <cmath>
 #include <functional>
 
-#include "calib/camera/projector.h"
 #include "calib/intrinsics/calibrate.h"
 #include "core/statistics/random.h"
 #include "tests/calib/cameras.h"

@@ -1,8 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "capture/frame/camera.h"
-#include "tests/error_text.h"
 #include "tests/paths.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,14 +1,11 @@
 // A camera that is not there at once.
 #include "capture/camera_recovery.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/fakes/fake_camera.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 // Another program's until `free_at`.
 struct BusyCamera {

@@ -1,18 +1,13 @@
 #include "capture/files_camera.h"
 
-#include <gtest/gtest.h>
-
-#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
 namespace fs = std::filesystem;
-using namespace std::chrono_literals;
 
 class FilesCameraTest : public testing::Test {
 protected:

@@ -9,7 +9,6 @@
 #include <functional>
 
 #include "compare/detect/detector_adaptors.h"
-#include "compare/make_detector.h"
 #include "core/time/clock.h"
 #include "tests/compare/rendered_targets.h"
 

@@ -8,7 +8,6 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "calib/camera/projector.h"
 #include "compare/detect/detector_adaptors.h"
 #include "compare/detect/topotag/topotag_detector.h"
 #include "core/statistics/random.h"

@@ -1,21 +1,14 @@
 // The GenICam backend against a GigE Vision camera on 127.0.0.1: real protocols, real sockets, the
 // machine's stock receive buffer.
-#include "capture/frame/camera.h"
-
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 
 #include <atomic>
 #include <future>
-#include <set>
 
-#include "tests/error_text.h"
 #include "tests/loopback/gige_rig.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 using Rig = GigeRig;
 

@@ -1,16 +1,11 @@
 // `etalon capture` as its user sees it, with a GigE Vision camera on loopback.
-#include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 
-#include "core/file/text.h"
 #include "tests/loopback/powered_camera.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 GigeCameraOptions options_of_12_bits() {
     return {.width = 68, .height = 41, .bits = 12};

@@ -1,13 +1,10 @@
 // The way to a certificate over the real protocols: a twin with a sensor in its room, a run that
 // reads it, and the program `etalon certify`.
-#include <gmock/gmock.h>
 
 #include "tests/loopback/quick_run.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 class CertifyCommand : public QuickRun {
 protected:

@@ -1,15 +1,11 @@
 // Clocks that lie, and a program that stands still: `etalon qualify` against the twin ends with its
 // verdict or with a clear error.
-#include <gmock/gmock.h>
 
 #include "station/record/run_record.h"
 #include "tests/loopback/quick_run.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
-using testing::HasSubstr;
 
 // Debian's libfaketime; empty where it is not installed.
 std::string faking_library() {

@@ -1,17 +1,11 @@
 // `etalon demo`: the twin goes whenever and however the run goes. What the run itself gives is
 // shown by ./demo.sh in continuous integration.
-#include <gmock/gmock.h>
 
-#include "core/file/text.h"
 #include "tests/loopback/program.h"
 #include "tests/loopback/tcp_connection.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
-using testing::StartsWith;
 
 constexpr int stage_port = 1502;  // of the demo's twin
 

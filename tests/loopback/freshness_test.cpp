@@ -1,18 +1,16 @@
 // Freshness where it matters: a stage that is moved over Modbus, and a GigE Vision camera that runs
 // freely meanwhile. Every picture is stamped with where the carriage truly was, and whether it
 // moved, when its exposure began, so the test knows what the station must not be shown.
-#include <gtest/gtest.h>
 
 #include <cstring>
 
 #include "capture/frame/camera.h"
 #include "mocks/camera/gige_camera.h"
 #include "tests/loopback/stage_rig.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 struct Stamp {
     double position_mm = 0.0;

@@ -1,18 +1,12 @@
 // Programs that record on a disk that becomes full: a file system of 1 MB of their own.
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 
-#include "core/file/text.h"
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 constexpr int cannot_be_mounted = 77;
 

@@ -1,15 +1,12 @@
 // The contract of Camera, kept by the GenICam backend on loopback: for packed and plain formats,
 // for a camera that is triggered by software and for one that runs freely, with and without a clock
 // that can be read, with and without chunks.
-#include "mocks/camera/gige_camera.h"
 #include "tests/capture/frame/camera_contract.h"
 #include "tests/fakes/in_process_camera.h"
 #include "tests/loopback/gige_rig.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 struct GenicamCase {
     std::string format;

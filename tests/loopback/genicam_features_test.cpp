@@ -1,19 +1,12 @@
 // What the GenICam backend does beyond the contract of all cameras: pixel formats, triggers, the
 // device's clock, statistics, and faults with their time bounds.
-#include <gmock/gmock.h>
-
-#include <set>
-#include <thread>
 
 #include "capture/camera_recovery.h"
-#include "tests/error_text.h"
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 // Of a width with which packed formats fill whole bytes.
 GigeCameraOptions sensor(bool latches = false) {
@@ -253,7 +246,7 @@ TEST_F(GenicamFeatures, DoesNotTakeAnotherCameraForTheOneThatWasLost) {
     rig.options_.serial = "OTHER";
     rig.restart();
     EXPECT_THAT(device_error_of([&] { camera->reconnect(rig.clock_.now() + 10s, {}); }),
-                testing::HasSubstr("OTHER"));
+                HasSubstr("OTHER"));
     EXPECT_THROW(camera->frame_after(rig.clock_.now(), 0, {}), DeviceError);
 }
 

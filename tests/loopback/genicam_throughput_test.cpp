@@ -1,16 +1,14 @@
 // Many frames, byte for byte, over GigE Vision on loopback: every one carries its number, and the
 // test knows what the camera showed at each.
-#include <gtest/gtest.h>
 
 #include <cstring>
 
 #include "capture/genicam/genicam_device.h"
 #include "tests/loopback/gige_rig.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 constexpr int large_width = 1280, large_height = 1024;
 

@@ -3,15 +3,11 @@
 #include <atomic>
 #include <future>
 
-#include "core/file/text.h"
 #include "tests/loopback/program.h"
 #include "tests/loopback/stage_rig.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 constexpr int interrupted = 130;  // the program's exit code
 

@@ -1,9 +1,8 @@
 // Every fault of the wire, by name, over TCP and over a serial line.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include "tests/loopback/stage_rig.h"
+#include "tests/test.h"
 
 namespace etalon {
 

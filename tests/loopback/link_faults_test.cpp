@@ -5,8 +5,6 @@
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
-
 class LinkFault : public testing::TestWithParam<LinkCaseOnAWire> {
 protected:
     const ModbusFault& fault() const { return std::get<0>(GetParam()).fault; }

@@ -2,8 +2,6 @@
 // (gige_camera_main.cpp), which loses everything that it was told when it is killed.
 #pragma once
 
-#include <fmt/format.h>
-
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"
 

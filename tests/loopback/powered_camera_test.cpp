@@ -9,8 +9,6 @@
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
-
 // Its parameter is the trigger: by software, or none for a camera that runs freely.
 class PoweredCameraTest : public testing::TestWithParam<const char*> {
 protected:

@@ -1,15 +1,12 @@
 // Every shipped profile end to end, over TCP and over a serial line: the client and the twin's
 // controller read the same file, and two axes do what they are told. Profiles of one axis drive
 // them as two units on one bus.
-#include <gtest/gtest.h>
 
-#include "tests/error_text.h"
 #include "tests/loopback/stage_rig.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 // Half a count, and the last digit of the conversion.
 double half_count(const StageRig& rig, std::size_t axis) {

@@ -1,15 +1,10 @@
 // The program `etalon qualify` against the twin over the real protocols, when something ends the
 // run early: it stops in time, with its exit code, and keeps what was measured.
 
-#include <gmock/gmock.h>
-
 #include "tests/loopback/quick_run.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
-using testing::HasSubstr;
 
 // A run that has measured a few poses.
 class InterruptedRun : public QuickRun {

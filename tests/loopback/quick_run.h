@@ -3,8 +3,6 @@
 // its own network (own_network.cpp).
 #pragma once
 
-#include <algorithm>
-#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "core/time/clock.h"

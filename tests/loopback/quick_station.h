@@ -2,8 +2,6 @@
 // two seconds, and ends with PASS.
 #pragma once
 
-#include <fmt/format.h>
-
 #include "tests/station/stations.h"
 
 namespace etalon {

@@ -1,15 +1,10 @@
 #include "station/qualify/runner.h"
 
-#include <gmock/gmock.h>
-
 #include "mocks/stage/room_sensor_server.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
-using testing::HasSubstr;
 
 // The sensor of the twin as a station names it.
 RoomSensor sensor_at(int port) {

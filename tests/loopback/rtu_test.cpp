@@ -1,16 +1,14 @@
 // Modbus RTU through libmodbus and a pseudo-terminal: what a serial line adds to TCP.
-#include <gmock/gmock.h>
 #include <time.h>
 
 #include "core/statistics/random.h"
 #include "stage/link/modbus_link.h"
-#include "tests/error_text.h"
 #include "tests/loopback/stage_rig.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
 using Kind = ModbusFault::Kind;
 
 // Registers 100 to 131 of the generic profile keep what is written to them.

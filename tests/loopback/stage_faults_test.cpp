@@ -2,14 +2,12 @@
 // TCP and over a serial line: whether the move goes on, or the axes stop and whether that is
 // confirmed, and in which time.
 #include <future>
-#include <thread>
 
 #include "tests/loopback/link_cases.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
 using Kind = ModbusFault::Kind;
 
 constexpr auto time_out = 250ms, quiet = 100ms;  // T and Q of the table; quiet as in StageRig

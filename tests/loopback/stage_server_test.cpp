@@ -5,7 +5,6 @@
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
 using Bytes = std::vector<std::uint8_t>;
 
 class RawClient {

@@ -1,18 +1,14 @@
 // The client of a Modbus stage against a real server: what it does, and that whatever fails, the
 // axes stop and the error comes in time.
-#include <gtest/gtest.h>
 
 #include <atomic>
 #include <future>
-#include <thread>
 
-#include "tests/error_text.h"
 #include "tests/loopback/stage_rig.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 TEST(ModbusStage, IsOpenedByTheNameOfItsProfile) {
     StageRig rig;

@@ -1,35 +1,31 @@
 #include "report/html.h"
 
-#include <gmock/gmock.h>
-
 #include <opencv2/imgcodecs.hpp>
+
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 TEST(HtmlPage, EscapesWhateverTextItIsGiven) {
     HtmlPage page("<b>title", "sub & title");
     page.add_paragraph("<script>alert(1)</script>");
     page.add_table({"<th>"}, {{"<td>"}});
-    EXPECT_THAT(page.finish(), testing::AllOf(Not(HasSubstr("<script>")),
-                                              Not(HasSubstr("<b>title")), HasSubstr("&lt;td&gt;")));
+    EXPECT_THAT(page.finish(), AllOf(Not(HasSubstr("<script>")), Not(HasSubstr("<b>title")),
+                                     HasSubstr("&lt;td&gt;")));
 }
 
 TEST(HtmlPage, NeedsNothingFromOutside) {
     HtmlPage page("title", "subtitle");
     page.add_figures({{embedded_png(cv::Mat::eye(3, 5, CV_8U) * 255, "eye"), "an eye"}});
-    EXPECT_THAT(page.finish(), testing::AllOf(Not(HasSubstr("http:")), Not(HasSubstr("https:")),
-                                              HasSubstr("src=\"data:image/png;base64,")));
+    EXPECT_THAT(page.finish(), AllOf(Not(HasSubstr("http:")), Not(HasSubstr("https:")),
+                                     HasSubstr("src=\"data:image/png;base64,")));
 }
 
 // The PNG signature 89 50 4E 47 0D 0A 1A 0A and the IHDR length 00 00 00 0D in base64, by hand.
 TEST(HtmlPage, EmbedsPicturesAsBase64AndLoadsThemWhenTheyComeIntoView) {
-    EXPECT_THAT(
-        embedded_png(cv::Mat::zeros(2, 3, CV_8U), "dark"),
-        testing::AllOf(HasSubstr("base64,iVBORw0KGgoAAAAN"), HasSubstr("loading=\"lazy\"")));
+    EXPECT_THAT(embedded_png(cv::Mat::zeros(2, 3, CV_8U), "dark"),
+                AllOf(HasSubstr("base64,iVBORw0KGgoAAAAN"), HasSubstr("loading=\"lazy\"")));
 }
 
 TEST(HtmlPage, AlignsOnlyColumnsOfNumbersToTheRight) {

@@ -1,8 +1,6 @@
 #include "report/number_text.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,10 +1,6 @@
 #include "report/result_rows.h"
 
-#include <gtest/gtest.h>
-
-#include "core/file/text.h"
-#include "tests/file_size_limit.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

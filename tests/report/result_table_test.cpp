@@ -1,11 +1,9 @@
 #include "report/result_table.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "report/html.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,11 +1,8 @@
 #include "report/svg_plot.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <regex>
+
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

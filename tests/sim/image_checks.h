@@ -1,11 +1,11 @@
 // Images against the reference integrator, and against those of parts and of other threads.
 #pragma once
 
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
+#include "tests/test.h"
 
 namespace etalon::test {
 

@@ -1,10 +1,7 @@
 // A small station for tests: its files on disk, and the same devices as mocks.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include "core/file/text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 

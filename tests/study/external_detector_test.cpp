@@ -1,19 +1,12 @@
 // Small shell programs that answer, crash, hang and talk nonsense.
 #include "study/external_detector.h"
 
-#include <gmock/gmock.h>
-
-#include <fstream>
-
-#include "core/program/errors.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
 using std::chrono::milliseconds;
-using testing::HasSubstr;
-using testing::StartsWith;
 
 constexpr const char* good_answer = R"({"camera_from_marker":[0.1,-0.2,0.3,4,-5,600],"more":[1]})";
 

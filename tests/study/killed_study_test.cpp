@@ -1,23 +1,12 @@
 // The program `etalon study`, killed with SIGKILL at moments all over its run: the same command
 // goes on with the poses that are missing, and the end is the folder of a study that nobody
 // disturbed.
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 
-#include <map>
-#include <memory>
-#include <set>
-#include <thread>
-
-#include "core/file/text.h"
 #include "core/statistics/random.h"
 #include "tests/loopback/program.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using testing::StartsWith;
 
 constexpr int poses = 40, rows_per_pose = 2;
 constexpr int killed = -1;  // the exit code that Program gives to the victim of a signal

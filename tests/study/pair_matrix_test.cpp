@@ -1,11 +1,10 @@
 #include "study/pair_matrix.h"
 
-#include <gtest/gtest.h>
-
 #include <numeric>
 
 #include "study/study_report.h"
 #include "tests/study/synthetic_study.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,24 +1,17 @@
 // Small studies from the file to the report, with what must not change them: shards, interruptions,
 // threads; and classes of marker sizes.
-#include <fmt/format.h>
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
 #include <sstream>
 
-#include "core/file/text.h"
 #include "sim/marker/stag_pattern.h"
 #include "study/study_report.h"
 #include "study/study_run.h"
 #include "study/study_summary.h"
-#include "tests/error_text.h"
 #include "tests/pages.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 constexpr const char* camera_text = R"(etalon: camera/1
 serial: "S7"

@@ -4,8 +4,6 @@
 
 namespace etalon {
 
-using namespace std::chrono_literals;
-
 GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(UsbBackendFormats);
 GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(UsbBackendTest);
 

@@ -1,6 +1,6 @@
 // The USB camera without a kernel: what its test pattern tells, and how it answers its host.
-#include <gtest/gtest.h>
 
+#include "tests/test.h"
 #include "tests/vm/test_pattern.h"
 
 namespace etalon {

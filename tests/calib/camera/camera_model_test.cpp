@@ -1,9 +1,7 @@
 #include "calib/camera/camera_model.h"
 
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

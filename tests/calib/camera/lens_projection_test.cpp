@@ -1,10 +1,7 @@
 #include "calib/camera/lens_projection.h"
 
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
 #include "tests/calib/lens_tables.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,13 +1,10 @@
 // Projections with tables: against their formulas written once more, in complex numbers where a
 // derivative is wanted, and their regions by brute force.
-#include "calib/camera/lens_projection.h"
-
-#include <gtest/gtest.h>
 
 #include <Eigen/Geometry>  // cross()
 
-#include "core/program/errors.h"
 #include "tests/calib/lens_tables.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,12 +1,10 @@
 #include "calib/camera/projector.h"
 
-#include <gtest/gtest.h>
-
 #include <opencv2/calib3d.hpp>
 
-#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/lens_tables.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

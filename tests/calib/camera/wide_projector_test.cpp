@@ -1,14 +1,12 @@
 // Projector with lenses that see more than a plane: their projection (lens_projection_test.cpp) and
 // the distortion (projector_test.cpp) one after the other, and back.
-#include <gtest/gtest.h>
 
 #include <opencv2/calib3d.hpp>
 #include <opencv2/ccalib/omnidir.hpp>
 
-#include "calib/camera/projector.h"
-#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/lens_tables.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

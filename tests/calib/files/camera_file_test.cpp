@@ -1,18 +1,11 @@
 #include "calib/files/camera_file.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include "calib/files/foreign_camera.h"
-#include "core/file/text.h"
 #include "tests/calib/cameras.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 std::filesystem::path temporary(const std::string& name) {
     static const TemporaryFolder folder;

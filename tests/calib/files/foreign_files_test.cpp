@@ -1,22 +1,15 @@
 // Files of other tools, laid out as their documentation says (docs/files.md names it), with numbers
 // of which no two are alike.
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 
-#include <fstream>
 #include <opencv2/core.hpp>
 
-#include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
 #include "tests/calib/cameras.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 std::filesystem::path written(const std::string& text) {
     static const TemporaryFolder folder;
@@ -410,7 +403,7 @@ TEST(OpenCvFile, WritesXmlAndJsonByTheEnding) {
         std::ifstream file(path);
         std::string first;
         file >> first;
-        EXPECT_THAT(first, testing::StartsWith(beginning));
+        EXPECT_THAT(first, StartsWith(beginning));
         EXPECT_EQ(tool_of(path), CalibrationTool::opencv);
         EXPECT_EQ(read_camera(path), camera) << name;
     }
@@ -425,7 +418,7 @@ TEST(OpenCvFile, ReadsStandardDeviations) {
         "\"dist_coeffs_std_dev\": [0.125, 3, 0, 0, 0.75]}\n";
     const CameraModel camera = read_foreign(text);
     ASSERT_TRUE(camera.covariance);
-    EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fx", "fy", "cx", "k1", "k2", "k3"));
+    EXPECT_THAT(camera.covariance->order, ElementsAre("fx", "fy", "cx", "k1", "k2", "k3"));
     EXPECT_EQ(camera.covariance->matrix(2, 2), 2.25);
     EXPECT_EQ(camera.covariance->matrix(5, 5), 0.5625);
     EXPECT_EQ(camera.covariance->matrix(0, 1), 0.0);
@@ -460,7 +453,7 @@ TEST(OpenCvFile, ReadsWhatTheInteractiveCalibrationWrites) {
     EXPECT_EQ(camera.intrinsics.fy, 1251.25);
     EXPECT_EQ(camera.distortion.k3, 1.5);
     ASSERT_TRUE(camera.covariance);
-    EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fy", "cx", "cy", "k1", "k2", "k3"));
+    EXPECT_THAT(camera.covariance->order, ElementsAre("fy", "cx", "cy", "k1", "k2", "k3"));
     EXPECT_EQ(camera.covariance->matrix(5, 5), 0.1875 * 0.1875);
     EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
     EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280 -720")),
@@ -483,7 +476,7 @@ TEST(OpenCvFile, WritesStandardDeviationsThatReadBack) {
         const CameraModel back = read_camera(path);
         EXPECT_EQ(back.distortion.in_opencv_order(), camera.distortion.in_opencv_order());
         ASSERT_TRUE(back.covariance) << name;
-        EXPECT_THAT(back.covariance->order, testing::ElementsAre("fx", "cy", "p1", "k6"));
+        EXPECT_THAT(back.covariance->order, ElementsAre("fx", "cy", "p1", "k6"));
         EXPECT_EQ(back.covariance->matrix(0, 0), 9.0);
         EXPECT_EQ(back.covariance->matrix(1, 1), 0.25);
         EXPECT_NEAR(back.covariance->matrix(2, 2), 7.0, 1e-14);  // sqrt(7) squared
@@ -544,13 +537,13 @@ TEST(ForeignFiles, SayWhatTheyDoNotHold) {
     EXPECT_TRUE(lost(CalibrationTool::ros).empty());
     camera.serial = "U3V-7";
     camera.sensor = Sensor{.pixel_pitch_um = 5};
-    EXPECT_THAT(lost(CalibrationTool::ros), testing::ElementsAre("serial", "sensor"));
+    EXPECT_THAT(lost(CalibrationTool::ros), ElementsAre("serial", "sensor"));
     camera.covariance = ParameterCovariance{{"fx", "k1"}, Eigen::Matrix2d::Identity()};
-    EXPECT_THAT(lost(CalibrationTool::ros), testing::ElementsAre("serial", "covariance", "sensor"));
-    EXPECT_THAT(lost(CalibrationTool::opencv), testing::ElementsAre("serial", "sensor"));
+    EXPECT_THAT(lost(CalibrationTool::ros), ElementsAre("serial", "covariance", "sensor"));
+    EXPECT_THAT(lost(CalibrationTool::opencv), ElementsAre("serial", "sensor"));
     camera.covariance->matrix(0, 1) = camera.covariance->matrix(1, 0) = 0.5;
     EXPECT_THAT(lost(CalibrationTool::opencv),
-                testing::ElementsAre("serial", "correlations of the covariance", "sensor"));
+                ElementsAre("serial", "correlations of the covariance", "sensor"));
     camera.projection.kind = Projection::telecentric;
     EXPECT_THROW(write_foreign_camera(written(""), CalibrationTool::colmap, camera), ConfigError);
 }

@@ -1,16 +1,11 @@
 // What we write, read and used by the tool that it is for, where that is installed.
-#include <fmt/format.h>
-#include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <sstream>
 
-#include "calib/camera/projector.h"
 #include "calib/files/foreign_camera.h"
-#include "core/file/text.h"
 #include "tests/calib/lens_tables.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

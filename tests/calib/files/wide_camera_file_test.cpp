@@ -1,20 +1,14 @@
 // Files of cameras with wide lenses, or with rows and columns that do not meet at right angles:
 // ours, and those of the tools that have them.
-#include <gmock/gmock.h>
 
-#include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
-#include "core/file/text.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/lens_tables.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 TEST(WideCameraFile, CarriesEveryProjection) {
     const TemporaryFolder folder;

@@ -2,17 +2,13 @@
 // have, and that their shape and camera are the joint minimum and the truth.
 #include "calib/intrinsics/board_shape.h"
 
-#include <gmock/gmock.h>
-
 #include <Eigen/QR>
 
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 const CalibrationModel& standard() {
     return calibration_model("standard");

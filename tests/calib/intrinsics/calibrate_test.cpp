@@ -1,16 +1,12 @@
 #include "calib/intrinsics/calibrate.h"
 
-#include <gmock/gmock.h>
-
 #include <opencv2/calib3d.hpp>
 
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 const CalibrationOptions quick{.leave_one_out = false, .resamples = 0};
 

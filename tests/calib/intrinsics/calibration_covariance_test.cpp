@@ -1,10 +1,9 @@
 #include "calib/intrinsics/calibration_covariance.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Dense>
 
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

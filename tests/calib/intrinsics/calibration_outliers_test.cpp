@@ -1,16 +1,10 @@
 #include "calib/intrinsics/calibration_outliers.h"
 
-#include <gmock/gmock.h>
-
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 std::vector<std::pair<int, int>> found_in(const CornerMask& mask) {
     std::vector<std::pair<int, int>> found;

@@ -1,12 +1,12 @@
 // What calibrations state against what noise does to them: deviations, the difference of halves,
 // how often a true board is called bent and how often intervals hold the truth of a bowed board,
 // and which model the cross-validation advises for a wide lens.
-#include <gmock/gmock.h>
 
 #include <iostream>
 
 #include "calib/intrinsics/camera_consistency.h"
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -202,8 +202,7 @@ TEST(WideCalibration, ComparesPerspectiveModelsWithThoseOfWideLenses) {
         calibrate_camera(test::wide_views(wide, 12, 0.1, 7), test::image_size, {.resamples = 0});
     EXPECT_EQ(far.model.name, "double_sphere");
     for (const CalibrationModel& model : calibration_models())
-        EXPECT_THAT(score_of(far, model.name).doubt, testing::HasSubstr("px in the fit, "))
-            << model.name;
+        EXPECT_THAT(score_of(far, model.name).doubt, HasSubstr("px in the fit, ")) << model.name;
     EXPECT_FALSE(score_of(far, "tilted").overfits);
 }
 

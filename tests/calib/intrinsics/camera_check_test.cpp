@@ -1,16 +1,12 @@
 #include "calib/intrinsics/camera_check.h"
 
-#include <gmock/gmock.h>
-
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
 using enum CameraFinding::Weight;
-using testing::Contains;
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 std::vector<std::string> about(const CameraCheck& check, CameraFinding::Weight weight) {
     std::vector<std::string> words;
@@ -53,7 +49,7 @@ TEST(CameraCheck, FindsAFoldInsideTheImage) {
     const CameraCheck near = check_camera(camera);
     EXPECT_FALSE(near.has_fault());
     EXPECT_GT(near.margin, 1.0);
-    EXPECT_THAT(about(near, warning), testing::Not(Contains("principal point")));
+    EXPECT_THAT(about(near, warning), Not(Contains("principal point")));
 }
 
 // 95 degrees to each side, along x; the corners lie beyond 180 degrees.
@@ -147,7 +143,7 @@ TEST(CameraCheck, LooksAtATelecentricLensToo) {
     EXPECT_NEAR(check.diagonal_mm, 40.0, 1e-12);
     EXPECT_EQ(check.horizontal_deg, 0.0);
     EXPECT_THAT(check.findings.front().message,
-                testing::HasSubstr("magnification 0.1000, working f-number 10.000"));
+                HasSubstr("magnification 0.1000, working f-number 10.000"));
     camera.lens->object_na = 0.2;  // f/0.25
     EXPECT_THAT(about(check_camera(camera), warning), ElementsAre("lens"));
 }

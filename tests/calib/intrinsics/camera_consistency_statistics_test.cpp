@@ -1,14 +1,12 @@
 // How often an honest set is split: camera_groups() allows one in 100 000. And how mixed sets are
 // told apart.
-#include <gmock/gmock.h>
 
 #include "calib/intrinsics/camera_consistency.h"
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon::test {
 namespace {
-
-using testing::ElementsAre;
 
 // As photos err: each view as a whole as much as all of its points do, the board bent by a
 // paraboloid of its own, 0.15 mm from middle to corner.

@@ -2,14 +2,11 @@
 // here, 0.1 px of noise each.
 #include "calib/intrinsics/camera_consistency.h"
 
-#include <gmock/gmock.h>
-
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon::test {
 namespace {
-
-using testing::ElementsAre;
 
 TEST(MixedViews, OfAnotherCameraWithTheSameFocalLengthAreFoundByItsCentre) {
     CameraModel other = calibration_truth();

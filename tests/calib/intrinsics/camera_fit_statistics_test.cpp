@@ -3,14 +3,13 @@
 //
 // 47 statements are tested, of which the wrong ones shall be less than one in a hundred test
 // programs: each at 0.01 / 47, 3.7 standard errors two-sided. Seeds are the run's number.
-#include <gtest/gtest.h>
 
 #include <cstdio>
-#include <set>
 
 #include "calib/intrinsics/calibration_covariance.h"
 #include "core/statistics/distributions.h"
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

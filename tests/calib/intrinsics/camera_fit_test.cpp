@@ -1,17 +1,13 @@
 #include "calib/intrinsics/camera_fit.h"
 
-#include <gmock/gmock.h>
-
 #include <opencv2/calib3d.hpp>
 
 #include "calib/intrinsics/calibration_start.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 std::string fit_error(const std::vector<CalibrationView>& views,
                       const CameraFitOptions& options = {}) {

@@ -1,10 +1,9 @@
 #include "calib/intrinsics/model_advice.h"
 
-#include <gtest/gtest.h>
-
 #include <opencv2/calib3d.hpp>
 
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,11 +1,9 @@
 #include "calib/intrinsics/projection_uncertainty.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Eigenvalues>
 
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,19 +1,14 @@
 // Calibrating telecentric lenses from the views alone: what is found, what is held, what is
 // refused.
-#include <gmock/gmock.h>
 
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/calibration_start.h"
 #include "calib/intrinsics/camera_consistency.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
 
 constexpr double degree = 0.017453292519943295;
 

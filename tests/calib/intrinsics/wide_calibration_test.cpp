@@ -1,14 +1,11 @@
 // Calibrating lenses that see more than a plane: found from the views alone.
-#include <gmock/gmock.h>
 
 #include "calib/intrinsics/calibration_start.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 TEST(WideCalibration, FindsTheCameraThatMadeExactViews) {
     for (const auto& [name, truth] : test::wide_models()) {

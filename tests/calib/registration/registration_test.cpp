@@ -1,18 +1,13 @@
 #include "calib/registration/registration.h"
 
-#include <gmock/gmock.h>
-
 #include <Eigen/Dense>
 
 #include "tests/calib/registration/true_stage.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
 
 const Projector projector(test::webcam());
 

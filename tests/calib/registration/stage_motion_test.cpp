@@ -1,18 +1,10 @@
 #include "calib/registration/stage_motion.h"
 
-#include <gmock/gmock.h>
-
-#include <limits>
-#include <numbers>
-
 #include "core/statistics/random.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
 
 constexpr double deg = std::numbers::pi / 180.0;
 

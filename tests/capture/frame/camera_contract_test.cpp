@@ -1,16 +1,12 @@
 // The contract, kept by what is no device: the mock and recorded frames.
-#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
 #include "capture/files_camera.h"
 #include "tests/capture/frame/camera_contract.h"
 #include "tests/fakes/fake_camera.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 class MockRig final : public CameraRig {
 public:

@@ -1,11 +1,8 @@
 #include "capture/frame/camera.h"
-
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 TEST(DeviceClock, MapsAStampWithTheUncertaintyOfItsReading) {
     DeviceClock clock;

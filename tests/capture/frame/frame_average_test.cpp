@@ -1,6 +1,6 @@
 #include "capture/frame/frame_average.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,11 +1,9 @@
 #include "capture/frame/frame_checks.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 TEST(FrameId, AdvancesWhenItGrows) {
     EXPECT_TRUE(frame_id_advanced(7, 8));

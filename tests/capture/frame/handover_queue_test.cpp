@@ -1,13 +1,9 @@
 #include "capture/frame/handover_queue.h"
 
-#include <gtest/gtest.h>
-
-#include <thread>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 TEST(HandoverQueue, GivesValuesInTheirOrderAndNothingWhenThereIsNone) {
     HandoverQueue<int> queue;

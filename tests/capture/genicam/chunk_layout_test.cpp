@@ -1,13 +1,10 @@
 #include "capture/genicam/genicam_chunks.h"
 
-#include <gmock/gmock.h>
-
 #include "core/statistics/random.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 using Bytes = std::vector<std::uint8_t>;
 

@@ -1,9 +1,5 @@
 #include "capture/genicam/genicam_device.h"
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -7,8 +7,6 @@
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
-
 struct Kind {
     std::string format = "GREY";
     int bits = 8;

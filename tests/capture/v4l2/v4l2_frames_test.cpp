@@ -1,15 +1,11 @@
 // What the V4L2 backend makes of frames and of their stamps, counters and flags, over a scripted
 // device.
-#include <gmock/gmock.h>
 
 #include "capture/v4l2/v4l2_timing.h"
 #include "tests/capture/v4l2/v4l2_fixture.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
-using testing::HasSubstr;
 
 TEST_F(V4l2, KnowsWhenTheExposureBeganFromTheDriversStamp) {
     struct Case {

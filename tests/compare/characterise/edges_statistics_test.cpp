@@ -5,7 +5,6 @@
 // noise's variance, so that the mean pull of n draws has a standard deviation of up to
 // sqrt(1/n + 0.1), here below 0.4. Limits: means within 3.5 of those; chi-square of the pulls below
 // its 99.9 % quantile, 1 + 3.1 sqrt(2/n) + 2/n or so, plus the square of what the mean may be.
-#include <gtest/gtest.h>
 
 #include <cstdio>
 
@@ -13,6 +12,7 @@
 #include "compare/characterise/slanted_edge.h"
 #include "sim/psf/diffraction.h"
 #include "tests/compare/edges/edge_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -2,13 +2,11 @@
 // / u, are those of a normal deviate or smaller. For each quantity the sum of n squared pulls is
 // below the chi-square quantile, and not below what a U twice too large would give; the levels are
 // family-wise: 0.01 over all of the file's quantities (16).
-#include <gtest/gtest.h>
-
-#include <cmath>
 
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/characterise/photon_transfer.h"
 #include "tests/compare/characterise/level_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

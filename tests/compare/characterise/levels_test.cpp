@@ -1,7 +1,5 @@
 // What measures black level, noise, tone and shading refuses, and what it says then; values with
 // known answers. How often the truth is within U: levels_statistics_test.cpp.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
 
@@ -10,7 +8,7 @@
 #include "compare/characterise/photon_transfer.h"
 #include "sim/render/renderer.h"
 #include "tests/compare/characterise/level_scenes.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -20,7 +18,6 @@ using test::exposed;
 using test::exposure_series;
 using test::noisy_camera;
 using test::squares;
-using testing::HasSubstr;
 
 template <class Action>
 std::string refusal(Action action) {

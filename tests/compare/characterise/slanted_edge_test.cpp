@@ -1,10 +1,8 @@
 #include "compare/characterise/slanted_edge.h"
 
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
 #include "tests/compare/edges/edge_scenes.h"
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

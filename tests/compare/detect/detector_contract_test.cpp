@@ -1,10 +1,8 @@
 // What every detector promises (compare/detect/detector.h), on exact renderings of its marker. What
 // only one of them does is in the tests of their own.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include "core/program/errors.h"
 #include "tests/compare/rendered_targets.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -12,8 +10,6 @@ namespace {
 using test::largest_error_px;
 using test::RenderedTag;
 using test::sharp_camera;
-using testing::HasSubstr;
-using testing::StartsWith;
 
 struct Contract {
     const char* detector;

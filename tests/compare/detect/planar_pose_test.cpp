@@ -1,11 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <limits>
-#include <numbers>
-
 #include "compare/detect/detector.h"
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,13 +1,10 @@
 // AprilTag and ArUco, and what the options of compare/detect/detector_adaptors.h change, on exact
 // renderings; at full size: tests/evidence/detector_options.cpp. What every detector promises is in
 // detector_contract_test.cpp.
-#include <gtest/gtest.h>
-
-#include <limits>
 
 #include "compare/detect/detector_adaptors.h"
 #include "tests/compare/rendered_tags.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -2,20 +2,13 @@
 // they were made.
 #include "compare/diagnosis/causes.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
 #include "tests/compare/qualification/injected_errors.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::Contains;
-using testing::EndsWith;
-using testing::HasSubstr;
 using testing::SizeIs;
-using testing::StartsWith;
 
 Cause named_in(const Causes& causes) {
     if (!causes.named())

@@ -1,15 +1,10 @@
 #include "compare/diagnosis/error_signatures.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "tests/compare/qualification/simulated_run.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::Contains;
-using testing::Not;
 
 struct Study {
     SimulatedRun run = demo_run();

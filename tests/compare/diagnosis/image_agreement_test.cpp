@@ -2,20 +2,12 @@
 // estimate and uncertainty are known; no pixels, no renderer.
 #include "compare/diagnosis/image_agreement.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "core/statistics/random.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 // Focused at 900 mm with f/1.8.
 CameraModel camera() {

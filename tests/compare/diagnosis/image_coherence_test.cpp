@@ -1,11 +1,7 @@
 #include "compare/diagnosis/image_coherence.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,17 +1,12 @@
 // Truth: fields and runs with poses that were put elsewhere.
 #include "compare/diagnosis/outlier_poses.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "tests/compare/qualification/simulated_run.h"
 #include "tests/compare/uncertainty/field_samples.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::ElementsAre;
 
 std::vector<OutlierPose> outlying_of(const std::vector<FieldSample>& all, double least_mm) {
     return outlying_samples(all, fit_smooth_field(all, FieldBasis::position), least_mm);

@@ -1,8 +1,8 @@
 // How often the warm-up check is wrong: its promise is at most 5 % over a whole run, whenever the
 // drift is as large as the limit.
-#include <gtest/gtest.h>
 
 #include "tests/compare/drift/simulated_drift.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

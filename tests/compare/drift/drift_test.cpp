@@ -1,10 +1,6 @@
-#include "compare/drift/drift_monitor.h"
-
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 #include "tests/compare/drift/simulated_drift.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,14 +1,12 @@
 // A tilted board through focus, photographed by the reference integrator with noise, against
 // renderings with the right lens, a wrong focus distance and a wrong f-number.
 
-#include <gtest/gtest.h>
-
 #include <cstdio>
 
 #include "compare/edges/edge_summary.h"
-#include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 #include "tests/compare/edges/edge_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,14 +1,11 @@
 // Edge profiles, edges of a target and what is fitted to them, without noise.
 #include "compare/edges/edge_fit.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/characterise/blur_estimate.h"
-#include "core/program/errors.h"
 #include "tests/compare/edges/edge_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

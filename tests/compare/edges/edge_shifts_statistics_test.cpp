@@ -3,14 +3,11 @@
 // not in place of another.
 #include "compare/edges/edge_shifts.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <ctime>
 
 #include "compare/edges/edge_summary.h"
-#include "core/program/errors.h"
 #include "tests/compare/edges/edge_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

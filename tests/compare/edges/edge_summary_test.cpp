@@ -1,10 +1,8 @@
 #include "compare/edges/edge_summary.h"
 
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

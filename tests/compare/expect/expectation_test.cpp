@@ -1,22 +1,14 @@
 #include "compare/expect/expectation.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "station/planning/expectation_report.h"
 #include "station/qualify/run_analysis.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 // By hand, for a marker on the camera's right that faces the camera's own z.
 TEST(Expectation, ComponentsAreAlongTheSightAndTheTilt) {
@@ -195,7 +187,7 @@ TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
 TEST(RunExpectation, SaysNothingWithoutAnAnalysis) {
     HtmlPage page("test", "");
     add_run_expectation(page, QualifyResult{});
-    EXPECT_THAT(page.finish(), testing::Not(HasSubstr("What to expect")));
+    EXPECT_THAT(page.finish(), Not(HasSubstr("What to expect")));
 }
 
 // Poses aside that are not rendered are not among them, and others are in their place.

@@ -1,7 +1,5 @@
 #include "compare/expect/expected_view.h"
 
-#include <gtest/gtest.h>
-
 #include "compare/make_detector.h"
 #include "station/setup/station_file.h"
 #include "tests/station/stations.h"

@@ -1,7 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "compare/expect/pose_statistics.h"
 #include "core/statistics/random.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

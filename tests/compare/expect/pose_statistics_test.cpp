@@ -1,12 +1,8 @@
 #include "compare/expect/pose_statistics.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
-
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

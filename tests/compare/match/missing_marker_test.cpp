@@ -1,11 +1,11 @@
 // Why nothing was found, and which tag stands there instead: the photographs are made so that the
 // detector cannot find the marker.
-#include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
 
 #include "compare/make_detector.h"
 #include "tests/compare/match/adversarial_photos.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,8 +1,6 @@
 #include "compare/match/overlay.h"
 
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,11 +1,9 @@
 // Real photographs of a board: with their own calibration they are matches, with one that is wrong
 // they are not.
-#include <gtest/gtest.h>
-
-#include <algorithm>
 
 #include "compare/match/photo_findings.h"
 #include "tests/compare/board_photos.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

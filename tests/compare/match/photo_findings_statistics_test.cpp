@@ -4,13 +4,11 @@
 // docs/match-outcome.md.
 #include "compare/match/photo_findings.h"
 
-#include <gtest/gtest.h>
-
 #include <opencv2/imgproc.hpp>
-#include <set>
 
 #include "tests/compare/match/adversarial_photos.h"
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -4,11 +4,8 @@
 // blurred edges with these samples) would be a finding where nothing is wrong.
 #include "compare/match/pixel_measurement.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "tests/compare/match/photographed_run.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -35,7 +32,7 @@ double expanded(const ImageAgreement& match, const std::string& error) {
 
 TEST(PhotoEvidence, MatchWhereTheCameraIsItsCalibration) {
     const ImageAgreement match = matched({});
-    EXPECT_THAT(match.findings, testing::IsEmpty());
+    EXPECT_THAT(match.findings, IsEmpty());
     EXPECT_EQ(match.photos, 14);
     EXPECT_LT(match.blur_px->expanded_uncertainty, 0.02);
     EXPECT_LT(match.edge_px->expanded_uncertainty, 0.02);
@@ -46,8 +43,8 @@ TEST(PhotoEvidence, TellAnApertureTwoStopsDown) {
     truth.camera.lens->f_number = 3.2;
     const ImageAgreement match = matched(truth, RenderMethod::reference);
     ASSERT_EQ(match.findings.size(), 2u);
-    EXPECT_THAT(match.findings[0], testing::HasSubstr("sharper"));
-    EXPECT_THAT(match.findings[1], testing::StartsWith("the lens is at f/3."));
+    EXPECT_THAT(match.findings[0], HasSubstr("sharper"));
+    EXPECT_THAT(match.findings[1], StartsWith("the lens is at f/3."));
 }
 
 TEST(PhotoEvidence, TellWhereTheLensFocuses) {
@@ -55,7 +52,7 @@ TEST(PhotoEvidence, TellWhereTheLensFocuses) {
     truth.camera.lens->focus_distance_mm = 640.0;
     const ImageAgreement match = matched(truth, RenderMethod::reference);
     ASSERT_EQ(match.findings.size(), 2u);
-    EXPECT_THAT(match.findings[1], testing::StartsWith("the lens focuses at 6"));
+    EXPECT_THAT(match.findings[1], StartsWith("the lens focuses at 6"));
     EXPECT_NEAR(evidence(match, "focus distance"), 1.0 / 640.0 - 1.0 / 1100.0,
                 expanded(match, "focus distance"));
 }
@@ -75,7 +72,7 @@ TEST(PhotoEvidence, TellAToneCurve) {
     const ImageAgreement match = matched(truth, RenderMethod::reference);
     EXPECT_NEAR(evidence(match, "tone curve"), flatter, expanded(match, "tone curve"));
     EXPECT_TRUE(match.tone_gray->is_shown());
-    EXPECT_THAT(match.findings, testing::Contains(testing::HasSubstr("half tones are brighter")));
+    EXPECT_THAT(match.findings, Contains(HasSubstr("half tones are brighter")));
 }
 
 // A power of 0.8: t = 0.5, and leaning besides, which looks like another lens.
@@ -97,7 +94,7 @@ TEST(PhotoEvidence, TellNoiseBackgroundAndBlack) {
     truth.camera.sensor->gain_e_per_dn = 10.0;
     truth.camera.sensor->read_noise_e = 2.0;
     const ImageAgreement noise = matched(truth);
-    EXPECT_THAT(noise.findings, testing::ElementsAre(testing::HasSubstr("the noise is larger")));
+    EXPECT_THAT(noise.findings, ElementsAre(HasSubstr("the noise is larger")));
     EXPECT_GT(noise.noise_ratio->value, 0.8);  // twice the shot noise, and rounding
     EXPECT_LT(noise.noise_ratio->value, 1.0);
 
@@ -105,12 +102,12 @@ TEST(PhotoEvidence, TellNoiseBackgroundAndBlack) {
     truth.camera.sensor->black_dn = 15.0;
     const ImageAgreement black = matched(truth);
     EXPECT_NEAR(black.black_gray->value, 6.0, black.black_gray->expanded_uncertainty);
-    EXPECT_THAT(black.findings, testing::ElementsAre(testing::HasSubstr("black is brighter")));
+    EXPECT_THAT(black.findings, ElementsAre(HasSubstr("black is brighter")));
 
     const ImageAgreement beside = matched({.background = test::stated_background + 0.1});
     EXPECT_NEAR(beside.background_gray->value, 0.1 * 0.8 * (255.0 - 9.0),
                 beside.background_gray->expanded_uncertainty + 0.3);
-    EXPECT_THAT(beside.findings, testing::ElementsAre(testing::HasSubstr("is brighter than the")));
+    EXPECT_THAT(beside.findings, ElementsAre(HasSubstr("is brighter than the")));
 }
 
 }  // namespace

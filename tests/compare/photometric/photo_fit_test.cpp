@@ -1,10 +1,8 @@
 #include "compare/photometric/photo_match.h"
 
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

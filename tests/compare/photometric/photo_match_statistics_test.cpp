@@ -2,15 +2,14 @@
 // levels, clipping and noise: the renderer and the model that are fitted have no part in them.
 #include "compare/photometric/photo_match.h"
 
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
 #include <opencv2/imgproc.hpp>
 
-#include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "tests/calib/cameras.h"
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,11 +1,8 @@
 #include "compare/photometric/photometric_model.h"
 
-#include <gtest/gtest.h>
-
-#include <numbers>
-
 #include "sim/sensor/sensor_model.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -2,15 +2,13 @@
 // renderer that is fitted has no part in them.
 #include "compare/photometric/photometric_detector.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <opencv2/imgproc.hpp>
 
-#include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "tests/calib/cameras.h"
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

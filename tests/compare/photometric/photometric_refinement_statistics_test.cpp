@@ -1,13 +1,10 @@
 // Intrinsics from pixels, on photographs made by the reference integrator and the sensor's noise.
 #include "compare/photometric/photometric_refinement.h"
 
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
-#include "core/statistics/random.h"
 #include "sim/render/reference_integrator.h"
 #include "tests/compare/board_photos.h"
 #include "tests/compare/rendered_targets.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,11 +1,10 @@
 // Derivatives of renderings against central differences of renderings.
 #include "compare/photometric/photometric_equations.h"
 
-#include <gtest/gtest.h>
-
 #include "sim/marker/marker.h"
 #include "tests/calib/cameras.h"
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

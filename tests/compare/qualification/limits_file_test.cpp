@@ -1,19 +1,11 @@
 #include "compare/qualification/limits_file.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "compare/qualification/judged_quantities.h"
 #include "core/config/strict_reader.h"
-#include "core/file/text.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 const std::string good =
     "etalon: limits/1\n"

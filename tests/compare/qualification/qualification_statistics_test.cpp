@@ -1,9 +1,9 @@
 // How often the verdict is right, over seeds of the noise, with the demo's plan. 100 runs: a case
 // that must come out in 99 % of runs does so at least 96 times in all but 0.4 % of such tests
 // (binomial).
-#include <gtest/gtest.h>
 
 #include "tests/compare/qualification/cancelling_errors.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

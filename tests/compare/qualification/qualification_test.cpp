@@ -1,18 +1,11 @@
 #include "compare/qualification/qualification.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "compare/qualification/judged_quantities.h"
-#include "core/program/errors.h"
 #include "tests/compare/qualification/simulated_run.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::Contains;
-using testing::HasSubstr;
-using testing::Not;
 
 Qualification qualified(const SimulatedRun& run, std::uint64_t seed = 1) {
     return qualify(input_of(run, seed));
@@ -25,7 +18,7 @@ TEST(Qualification, PassesAPerfectCamera) {
     EXPECT_EQ(result.detection.rate(), 1.0);
     ASSERT_EQ(result.quantities.size(), 2u);
     EXPECT_EQ(result.quantities[0].name, "b3_position_field_rms_mm");
-    EXPECT_THAT(result.reasons, testing::IsEmpty());
+    EXPECT_THAT(result.reasons, IsEmpty());
 }
 
 TEST(Qualification, FailsAWrongFocalLengthAndAWrongDistortion) {

@@ -1,19 +1,15 @@
 // What a verdict needs beside the two figures of the field: photometric poses, lengths, the rest,
 // unknown inputs and the conditions of a PASS.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "compare/qualification/judged_quantities.h"
-#include "core/program/errors.h"
 #include "tests/compare/qualification/simulated_run.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::Contains;
-using testing::HasSubstr;
 using State = AcceptanceCondition::State;
 
 const JudgedQuantity& quantity_named(const Qualification& result, const std::string& name) {

@@ -1,16 +1,11 @@
 // A run before a wide lens, at corner level: as declared it passes, an error fails it and is named.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "core/geometry/units.h"
 #include "tests/compare/qualification/injected_errors.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::Contains;
-using testing::Each;
-using testing::Not;
 
 Qualification qualified_wide(SimulatedRun run, std::uint64_t seed = 1) {
     run.look_for_causes = true;
@@ -39,7 +34,7 @@ TEST(WideQualification, PassesALensThatIsAsDeclaredBeyondNinetyDegreesToo) {
         const SimulatedRun run = wide_run(aside);
         const Qualification result = qualify(input_of(run, 1));
         EXPECT_EQ(result.verdict, Outcome::pass);
-        EXPECT_THAT(result.reasons, testing::IsEmpty());
+        EXPECT_THAT(result.reasons, IsEmpty());
         const auto [least, largest] = angles_deg(result.poses);
         EXPECT_LT(least, aside < 1.0 ? 25.0 : 62.0);
         EXPECT_GT(largest, aside < 1.0 ? 60.0 : 90.0);
@@ -90,7 +85,7 @@ TEST(WideQualification, LooksForErrorsThatTheLensCanHave) {
     EXPECT_THAT(names(further_camera_errors(camera)), Contains("sensor tilt tau_x"));
     camera.projection = {Projection::unified, 1.31};
     EXPECT_THAT(names(named_camera_errors(camera)), testing::IsSupersetOf({"k7", "xi"}));
-    EXPECT_THAT(names(further_camera_errors(camera)), Each(Not(testing::HasSubstr("tilt"))));
+    EXPECT_THAT(names(further_camera_errors(camera)), Each(Not(HasSubstr("tilt"))));
     // At the end of its range it can be off one way only.
     camera.projection = {Projection::double_sphere, 0.1, 1.0};
     EXPECT_THAT(names(named_camera_errors(camera)), Not(Contains("alpha")));

@@ -1,12 +1,8 @@
 #include "compare/uncertainty/bias_field.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
 #include "compare/uncertainty/budget_monte_carlo.h"
-#include "core/program/errors.h"
 #include "tests/compare/uncertainty/field_samples.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,17 +1,9 @@
 #include "compare/uncertainty/uncertainty_budget.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "core/program/errors.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 BudgetRow row(const std::string& source, std::optional<double> uncertainty, double sensitivity,
               double degrees_of_freedom = std::numeric_limits<double>::infinity()) {

@@ -1,10 +1,6 @@
 #include "core/config/csv_file.h"
 
-#include <gmock/gmock.h>
-
-#include "core/file/text.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -68,7 +64,7 @@ TEST(CsvReader, RefusesALineThatNeverEnds) {
     CsvReader reader(folder / "long.csv", {"a,b"});
     EXPECT_EQ(reader.next()->number(1), 2.0);
     EXPECT_THAT(config_error_of([&] { reader.next(); }),
-                testing::HasSubstr("long.csv:3: is longer than 64 KiB"));
+                HasSubstr("long.csv:3: is longer than 64 KiB"));
 }
 
 }  // namespace

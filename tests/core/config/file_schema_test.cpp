@@ -1,9 +1,9 @@
 // A schema says what the reader asked: keys, types, ranges, words, names that files give.
 #include "core/config/file_schema.h"
 
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
+
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

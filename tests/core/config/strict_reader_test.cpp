@@ -1,13 +1,7 @@
 #include "core/config/strict_reader.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
-#include <cmath>
-
-#include "core/file/text.h"
-#include "tests/error_text.h"
 #include "tests/paths.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -133,8 +127,8 @@ TEST(Range, StandsInTheDocuments) {
     const std::string document =
         read_text(std::filesystem::path(ETALON_SOURCE_DIR) / "docs/files.md");
     for (const Unit& unit : units::all)
-        EXPECT_THAT(document, testing::HasSubstr(fmt::format("| {} | {} | {} |", unit.name,
-                                                             unit.least, unit.most)));
+        EXPECT_THAT(document,
+                    HasSubstr(fmt::format("| {} | {} | {} |", unit.name, unit.least, unit.most)));
 }
 
 }  // namespace

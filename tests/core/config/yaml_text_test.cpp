@@ -1,17 +1,11 @@
 #include "core/config/yaml_text.h"
 
-#include <gmock/gmock.h>
 #include <yaml-cpp/yaml.h>
 
-#include <chrono>
-
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
-using testing::StartsWith;
 
 std::string error_of(const std::string& text) {
     return config_error_of([&] { parse_yaml(text, "t.yml"); });

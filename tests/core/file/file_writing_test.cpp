@@ -1,12 +1,8 @@
 #include "core/file/file_writing.h"
 
-#include <gtest/gtest.h>
-
 #include <cerrno>
 
-#include "core/file/text.h"
-#include "tests/file_size_limit.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

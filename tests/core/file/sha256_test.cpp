@@ -1,9 +1,6 @@
 #include "core/file/sha256.h"
 
-#include <gtest/gtest.h>
-
-#include "core/file/text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,10 +1,6 @@
 #include "core/image/image.h"
 
-#include <gtest/gtest.h>
-
-#include "tests/error_text.h"
-#include "tests/read_bytes.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

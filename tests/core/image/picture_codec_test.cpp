@@ -1,18 +1,15 @@
 // Independent: OpenCV's own codecs, which read and write the same formats.
 #include "core/image/picture_codec.h"
 
-#include <gmock/gmock.h>
-
 #include <zlib.h>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
 using Bytes = std::vector<unsigned char>;
 
 // A smooth picture with noise, wider than high, of any type of one or three channels.

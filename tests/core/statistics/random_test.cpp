@@ -1,10 +1,6 @@
 #include "core/statistics/random.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-#include <vector>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,13 +1,9 @@
 #include "core/time/clock.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 TEST(VirtualClock, IsAtOnceAsLateAsWasWaitedFor) {
     VirtualClock clock;

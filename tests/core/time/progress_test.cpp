@@ -1,7 +1,5 @@
 #include "core/time/progress.h"
 
-#include <gmock/gmock.h>
-
 #include "tests/station/stations.h"
 
 namespace etalon {

@@ -1,11 +1,10 @@
 #include "mocks/stage/modbus_fault.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
 using LinkFault = ModbusFault::Kind;
 using When = FaultTrigger::When;
 

@@ -1,6 +1,6 @@
 #include "mocks/stage/modbus_framing.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

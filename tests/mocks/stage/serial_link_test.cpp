@@ -1,9 +1,5 @@
 #include "mocks/stage/serial_pair.h"
-
-#include <gtest/gtest.h>
-
-#include "core/file/text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,12 +1,9 @@
 #include "mocks/stage/simulated_stage.h"
 #include "tests/mocks/stage/two_axes.h"
-
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 struct StageRig {
     explicit StageRig(SimulatedStageOptions options = {}) : stage(two_axes(), options, clock) {}

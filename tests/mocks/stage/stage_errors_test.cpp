@@ -1,13 +1,10 @@
 #include "mocks/stage/simulated_axis.h"
 
-#include <gtest/gtest.h>
-
 #include "mocks/stage/simulated_stage.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 TEST(StageErrors, PeriodicErrorRepeatsWithItsPeriod) {
     const AxisErrors screw{.periodic = 0.003, .period = 2.0, .phase = 0.7};

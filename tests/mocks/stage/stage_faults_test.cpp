@@ -1,13 +1,12 @@
 // Scripted faults of the simulated stage: each by name, by each kind of trigger.
-#include <gtest/gtest.h>
 
 #include "mocks/stage/simulated_stage.h"
 #include "tests/mocks/stage/two_axes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
 using Kind = StageFault::Kind;
 using When = FaultTrigger::When;
 

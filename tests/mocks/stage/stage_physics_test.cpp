@@ -1,16 +1,14 @@
 // The station's own client against a stage that moves, errs and fails as twin.yaml can say, in
 // memory and on virtual time.
-#include <gtest/gtest.h>
 
-#include "core/program/errors.h"
 #include "stage/motion/modbus_stage.h"
 #include "tests/fakes/memory_transport.h"
 #include "tests/mocks/stage/two_axes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
 using Kind = StageFault::Kind;
 using When = FaultTrigger::When;
 

@@ -1,6 +1,5 @@
 #include "mocks/twin/twin_file.h"
 
-#include "tests/error_text.h"
 #include "tests/mocks/twin/twin_folder.h"
 
 namespace etalon {
@@ -81,7 +80,7 @@ TEST(TwinFile, NamesTheKeyOfEveryMistake) {
     for (const Case& wrong : cases) {
         folder.write("twin.yaml", twin_yaml_with(wrong.part, wrong.instead));
         EXPECT_THAT(config_error_of([&] { read_twin_file(folder.file("twin.yaml")); }),
-                    testing::HasSubstr(wrong.key))
+                    HasSubstr(wrong.key))
             << wrong.instead;
     }
 }

@@ -1,9 +1,8 @@
 #include "sim/twin/twin_physics.h"
 
-#include <gtest/gtest.h>
-
 #include "sim/marker/marker.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

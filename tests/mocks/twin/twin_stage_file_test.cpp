@@ -1,10 +1,5 @@
 #include "mocks/twin/twin_file.h"
-
-#include <gmock/gmock.h>
-
-#include "core/file/text.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -213,7 +208,7 @@ TEST(TwinStageFile, NamesTheKeyOfEveryMistake) {
          "faults[0].carried_out"},
         {"faults: [{fault: exception, at: {move: 7}, code: 256}]", "faults[0].code"}};
     for (const auto& [rest, key] : cases) {
-        EXPECT_THAT(config_error_of([&] { read(rest + "\n"); }), testing::HasSubstr(key)) << rest;
+        EXPECT_THAT(config_error_of([&] { read(rest + "\n"); }), HasSubstr(key)) << rest;
     }
 }
 

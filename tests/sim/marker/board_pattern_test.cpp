@@ -1,8 +1,6 @@
 // Truth: OpenCV's own drawing of a ChArUco board, Kalibr's published layout and codes, geometry.
 #include "sim/marker/board_pattern.h"
 
-#include <fmt/format.h>
-
 #include <opencv2/core/version.hpp>
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
 #include <opencv2/objdetect/aruco_board.hpp>

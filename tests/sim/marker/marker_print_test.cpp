@@ -1,21 +1,14 @@
 #include "sim/marker/marker_print.h"
 
 #include <apriltag/tag36h11.h>
-#include <fmt/format.h>
 
-#include <cstdlib>
 #include <opencv2/imgcodecs.hpp>
 #include <regex>
 
-#include "core/file/text.h"
 #include "tests/sim/marker/marker_checks.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 const char* const tag_name = "apriltag:36h11:7@50mm";
 
@@ -256,7 +249,7 @@ TEST(PrintMarker, WritesByExtensionAndLeavesNothingBehindWhenItCannot) {
     EXPECT_THROW(print_marker(marker, temporary("x.png"), 0.1), ConfigError);
     EXPECT_FALSE(std::filesystem::exists(temporary("x.png")));
     print_marker(marker, temporary("x.svg"), 40.0);
-    EXPECT_THAT(read_text(temporary("x.svg")), testing::StartsWith("<?xml"));
+    EXPECT_THAT(read_text(temporary("x.svg")), StartsWith("<?xml"));
 }
 
 }  // namespace

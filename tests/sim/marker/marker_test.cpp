@@ -9,9 +9,7 @@
 #include <apriltag/tagCustom48h12.h>
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
-#include <fmt/format.h>
 
-#include <cstdlib>
 #include <opencv2/core/version.hpp>
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
 #include <opencv2/objdetect/aruco_detector.hpp>
@@ -24,7 +22,6 @@
 #include "core/image/image.h"
 #include "sim/marker/tag_pattern.h"
 #include "tests/sim/marker/marker_checks.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {

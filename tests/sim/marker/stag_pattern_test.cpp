@@ -1,18 +1,13 @@
 // Truth: the published geometry and words, written out here, and counting by hand.
 #include "sim/marker/stag_pattern.h"
 
-#include <fstream>
-
-#include "tests/error_text.h"
 #include "tests/sim/marker/marker_checks.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
 
 using test::expect_refused;
 using test::radiance_at;
-using testing::HasSubstr;
 
 // Word 0 of HD23 as the authors' generator has it in HD23.txt, a character a code point.
 constexpr std::string_view hd23_0 = "001000111110110000101111001011011010001001011001";

@@ -2,7 +2,6 @@
 #include "sim/marker/topotag_pattern.h"
 
 #include <bit>
-#include <numbers>
 #include <opencv2/imgproc.hpp>
 
 #include "tests/sim/marker/marker_checks.h"

@@ -1,12 +1,8 @@
 #include "sim/psf/diffraction.h"
 
-#include <gtest/gtest.h>
-
-#include <numbers>
-
-#include "core/program/errors.h"
 #include "sim/tiles/image_filter.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

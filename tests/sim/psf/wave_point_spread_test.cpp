@@ -1,12 +1,10 @@
 #include "sim/psf/wave_point_spread.h"
 
-#include <gtest/gtest.h>
 #include <math.h>  // j0, j1: POSIX, not in namespace std
 
 #include <complex>
-#include <numbers>
 
-#include "core/program/errors.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,9 +1,6 @@
 #include "sim/psf/wedge_table.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

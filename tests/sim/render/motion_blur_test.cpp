@@ -1,10 +1,8 @@
 #include "sim/render/motion_blur.h"
 
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,10 +1,6 @@
 #include "sim/render/renderer.h"
 
-#include <gmock/gmock.h>
-
 #include "bench/benchmark_scenes.h"
-#include "calib/camera/projector.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/marker/marker.h"
 #include "tests/gray.h"

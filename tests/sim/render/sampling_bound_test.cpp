@@ -1,10 +1,9 @@
 #include "sim/render/sampling_bound.h"
 
-#include <gtest/gtest.h>
-
 #include "sim/tiles/image_filter.h"
 
 #include "tests/sim/edge_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,8 +1,6 @@
 // A telecentric camera: projection, the closed-form methods' geometry and the reference, against
 // rays traced by hand and closed-form images.
-#include <gmock/gmock.h>
 
-#include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"

@@ -1,8 +1,5 @@
 #include "sim/render/wave_render.h"
 
-#include <gmock/gmock.h>
-
-#include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "tests/evidence/edge_spread.h"
 #include "tests/gray.h"

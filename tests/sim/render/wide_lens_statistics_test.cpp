@@ -1,8 +1,6 @@
 // Lenses that see more than a plane, sharp and blurred, to the side and behind the camera's plane:
 // against the reference integrator, and against rays traced to the marker in space.
-#include <fmt/format.h>
 
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"

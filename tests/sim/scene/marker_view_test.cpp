@@ -1,11 +1,9 @@
 #include "sim/scene/marker_view.h"
 
-#include <limits>
 #include <random>
 
 #include "bench/benchmark_scenes.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "sim/tiles/lens_average.h"
 #include "tests/sim/edge_scenes.h"
 #include "tests/sim/image_checks.h"

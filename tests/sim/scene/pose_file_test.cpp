@@ -1,16 +1,9 @@
 #include "sim/scene/pose_file.h"
 
-#include <gmock/gmock.h>
-
-#include "core/file/text.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::EndsWith;
-using testing::HasSubstr;
 
 class PoseFile : public testing::Test {
 protected:
@@ -90,8 +83,7 @@ TEST(ParsePose, TakesSixNumbersAndNamesTheOption) {
     EXPECT_EQ(pose.translation, Eigen::Vector3d(7, -5, 400));
     for (const char* bad :
          {"", "1,2,3", "0,0,0,0,0,inf", "a,0,0,0,0,1", "0,0,0,0,0,1,", "7,0,0,0,0,1"})
-        EXPECT_THAT(config_error_of([&] { parse_pose(bad, "--pose"); }),
-                    testing::StartsWith("--pose: "))
+        EXPECT_THAT(config_error_of([&] { parse_pose(bad, "--pose"); }), StartsWith("--pose: "))
             << bad;
 }
 

@@ -1,13 +1,8 @@
 #include "sim/scene/pose_sampling.h"
 
-#include <gmock/gmock.h>
-
-#include <algorithm>
-#include <cmath>
 #include <numeric>
-#include <set>
 
-#include "core/program/errors.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -211,8 +206,6 @@ INSTANTIATE_TEST_SUITE_P(AllKinds, AnySequence,
                          testing::Values(SequenceKind::halton, SequenceKind::halton_faure,
                                          SequenceKind::sobol));
 
-using testing::ElementsAre;
-
 // The first binary digit of a dimension's direction number i: point 2^i is that number.
 int first_digit(const SobolSequence& sobol, std::size_t dimension, int i) {
     return sobol.point(std::uint64_t{1} << i)[dimension] >= 0.5 ? 1 : 0;
@@ -388,7 +381,7 @@ TEST(SobolSequence, FlipsEveryDigitByARandomBitOfItsOwn) {
 TEST(SobolSequence, TakesAnyIndexAndRefusesOtherDimensions) {
     EXPECT_THAT(SobolSequence(1, {}).point(std::uint64_t{1} << 52), ElementsAre(0x1p-53));
     const auto last = SobolSequence(16, 5).point(~std::uint64_t{0});
-    EXPECT_THAT(last, testing::Each(testing::AllOf(testing::Ge(0.0), testing::Lt(1.0))));
+    EXPECT_THAT(last, Each(AllOf(testing::Ge(0.0), testing::Lt(1.0))));
     EXPECT_THROW(SobolSequence(0, 1), NumericalError);
     EXPECT_THROW(SobolSequence(17, 1), NumericalError);
 }

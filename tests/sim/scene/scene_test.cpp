@@ -1,19 +1,14 @@
 #include "sim/scene/scene.h"
 
-#include <gmock/gmock.h>
-
-#include <numbers>
-
 #include "core/statistics/random.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
 #include "tests/calib/cameras.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
 using testing::ThrowsMessage;
 
 // One pixel per mm at 100 mm.

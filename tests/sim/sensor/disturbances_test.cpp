@@ -1,20 +1,15 @@
 #include "sim/sensor/disturbances.h"
 
-#include <gmock/gmock.h>
 #include <opencv2/imgproc.hpp>
 
-#include <limits>
-#include <thread>
-
 #include "sim/render/motion_blur.h"
-#include "tests/error_text.h"
 #include "tests/sim/edge_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
 using test::swept_normal;
-using testing::HasSubstr;
 
 CameraModel small_camera() {
     return test::camera_with(96, 72, {110.0, 118.0, 46.0, 37.0}, {});
@@ -481,11 +476,10 @@ TEST(DisturbanceAxes, ReachEveryMemberByItsName) {
         EXPECT_TRUE(axis.is_valid(axis.least) && axis.is_valid(axis.most));
         EXPECT_FALSE(axis.is_valid(std::nan("")));
     }
-    EXPECT_THAT(found,
-                testing::ElementsAre(testing::Pair("exposure", 2.0), testing::Pair("contrast", 3.0),
-                                     testing::Pair("uneven", 5.0), testing::Pair("occlusion", 7.0),
-                                     testing::Pair("motion-px", 11.0),
-                                     testing::Pair("noise-dn", 13.0), testing::Pair("jpeg", 17.0)));
+    EXPECT_THAT(found, ElementsAre(testing::Pair("exposure", 2.0), testing::Pair("contrast", 3.0),
+                                   testing::Pair("uneven", 5.0), testing::Pair("occlusion", 7.0),
+                                   testing::Pair("motion-px", 11.0),
+                                   testing::Pair("noise-dn", 13.0), testing::Pair("jpeg", 17.0)));
     static_assert(sizeof(Disturbances) == disturbance_axes.size() * sizeof(double));
 }
 

@@ -1,12 +1,7 @@
 #include "sim/sensor/sensor_model.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
-#include <cmath>
 #include <random>
 
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/sensor/sensor_simd.h"
 #include "tests/calib/cameras.h"
@@ -341,7 +336,7 @@ TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
                                 model.expose(radiance, NoiseKey{1, 2});
                             },
                             testing::ThrowsMessage<NumericalError>(
-                                testing::HasSubstr(fmt::format("pixel ({}, 1)", x))));
+                                HasSubstr(fmt::format("pixel ({}, 1)", x))));
                     }
             });
         }

@@ -1,9 +1,8 @@
 #include "sim/tiles/core_filter.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <random>
+
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,8 +1,5 @@
 #include "sim/tiles/edge_group.h"
 
-#include <cmath>
-#include <numbers>
-
 #include "sim/psf/diffraction.h"
 #include "tests/calib/cameras.h"
 #include "tests/sim/every_target.h"

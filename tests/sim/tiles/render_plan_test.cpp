@@ -1,12 +1,9 @@
 // What a render leaves out: turning an omission off changes no pixel by more than the tolerance.
 #include "sim/tiles/render_plan.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "bench/benchmark_scenes.h"
-#include "core/program/errors.h"
 #include "tests/sim/edge_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -98,7 +95,7 @@ TEST(RenderPlan, CountsEveryTileAndNamesItsBounds) {
     EXPECT_GT(plan.used[0].tiles, 150);
     EXPECT_LT(plan.used[0].tiles, 500);
     EXPECT_GT(plan.uniform_tiles, 640 * 480 / 16 - 500);
-    EXPECT_THAT(plan.describe(), testing::HasSubstr("exact lens averages, "));
+    EXPECT_THAT(plan.describe(), HasSubstr("exact lens averages, "));
 }
 
 TEST(RenderPlan, TakesMoreSamplesForATighterToleranceAndRefusesTheImpossible) {

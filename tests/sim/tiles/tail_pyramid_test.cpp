@@ -1,10 +1,9 @@
 #include "sim/tiles/tail_pyramid.h"
 
-#include <gtest/gtest.h>
-
 #include "sim/tiles/undistortion_map.h"
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

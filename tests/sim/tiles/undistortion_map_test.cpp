@@ -1,12 +1,11 @@
 #include "sim/tiles/undistortion_map.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
 #include "bench/benchmark_scenes.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

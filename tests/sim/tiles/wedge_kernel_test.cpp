@@ -1,8 +1,5 @@
 // Pixels by the table of edges and corners against sums over the pixel, the lens and the spread.
 #include <Eigen/Core>
-#include <cmath>
-#include <numbers>
-#include <string>
 
 #include "sim/psf/wedge_table.h"
 #include "sim/tiles/tile_kernel.h"

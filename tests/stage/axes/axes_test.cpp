@@ -1,8 +1,6 @@
 #include "stage/axes/axes.h"
 
-#include <gtest/gtest.h>
-
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,11 +1,7 @@
 #include "stage/axes/error_map.h"
 
-#include <gtest/gtest.h>
-
-#include "core/file/text.h"
 #include "core/geometry/units.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

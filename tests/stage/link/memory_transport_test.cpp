@@ -1,12 +1,9 @@
 // The link's guards against what a wire can do, on virtual time: thousands of faults in a moment.
 #include "tests/fakes/memory_transport.h"
-
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 // Registers 100 to 131 of the generic profile keep what is written to them.
 constexpr int first_register = 100, register_count = 32;

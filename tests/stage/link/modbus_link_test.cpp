@@ -1,13 +1,10 @@
 #include "stage/link/modbus_link.h"
 
-#include <gtest/gtest.h>
-
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
 constexpr auto holding = RegisterSpace::holding_registers;
 const std::vector<std::uint16_t> one = {1};
 

@@ -1,6 +1,6 @@
 #include "stage/link/register_numbers.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,14 +1,9 @@
 #include "stage/link/stage_link.h"
 
-#include <gmock/gmock.h>
-
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
-using testing::HasSubstr;
 
 StrictFile file_with(const std::string& link) {
     return StrictFile::from_text("etalon: station/1\nlink: " + link + "\n", "s.yaml", "station/1");

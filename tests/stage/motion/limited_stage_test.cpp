@@ -1,17 +1,14 @@
 #include "stage/motion/motion_guard.h"
 
-#include <gmock/gmock.h>
-
 #include "stage/motion/modbus_stage.h"
-#include "tests/error_text.h"
 #include "tests/fakes/fake_stage.h"
 #include "tests/fakes/memory_transport.h"
 #include "tests/stage/motion/two_axes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
 using Positions = std::vector<double>;
 
 // Forbidden: |x| < 20 with z > 100; slow from z = 85 on.

@@ -1,13 +1,8 @@
 #include "stage/motion/motion_guard.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "core/statistics/random.h"
-#include "tests/error_text.h"
 #include "tests/stage/motion/two_axes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

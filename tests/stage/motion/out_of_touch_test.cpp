@@ -1,13 +1,10 @@
 // The client of a stage whose machine was suspended, and one whose line somebody else chatters on.
-#include <gmock/gmock.h>
 
 #include "tests/stage/motion/modbus_rig.h"
 
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
-using namespace std::chrono_literals;
 using namespace test;
 
 // ---- a machine that is suspended

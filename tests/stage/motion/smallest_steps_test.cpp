@@ -1,14 +1,11 @@
 // A controller counts in steps, of the way and of the speed, which may be larger than what it is
 // asked for.
-#include <gmock/gmock.h>
 
 #include "tests/stage/motion/modbus_rig.h"
 
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
-using namespace std::chrono_literals;
 using namespace test;
 
 // Below one count nothing could be told to arrive: every move would end at its time limit.

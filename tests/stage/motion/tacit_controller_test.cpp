@@ -1,13 +1,10 @@
 // A controller that does not tell whether its axes are homed.
-#include <gmock/gmock.h>
 
 #include "tests/stage/motion/modbus_rig.h"
 
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
-using namespace std::chrono_literals;
 using namespace test;
 
 class ATacitController : public testing::Test {

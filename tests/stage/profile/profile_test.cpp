@@ -1,17 +1,9 @@
 #include "stage/profile/profile.h"
 
-#include <gmock/gmock.h>
-
-#include <fstream>
-
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
-using namespace std::chrono_literals;
 
 const std::string valid = R"(etalon: stage-profile/1
 name: test

@@ -1,12 +1,9 @@
 // The profiles that come with Etalon: that each is complete, and that what stands in it is what the
 // makers' register lists say. tests/loopback/profiles_test.cpp drives each of them.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-
-#include "core/program/errors.h"
 #include "stage/profile/profile.h"
 #include "tests/paths.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

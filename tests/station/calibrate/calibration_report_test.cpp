@@ -4,19 +4,12 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/file/text.h"
 #include "station/calibrate/commands.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
 #include "tests/pages.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
 
 // Seven photos of 0.2 px noise; one corner of the fourth is 12 px off.
 CalibrationRun run_with_an_outlier() {
@@ -50,8 +43,8 @@ TEST_F(CalibrationReport, TablesFitATerminalOf80Columns) {
 }
 
 TEST_F(CalibrationReport, RemarksNameTheOutlier) {
-    EXPECT_THAT(calibration_remarks(*run_), testing::Contains(AllOf(HasSubstr("1 of 378 corners"),
-                                                                    HasSubstr("1 of <a>,b3.png"))));
+    EXPECT_THAT(calibration_remarks(*run_),
+                Contains(AllOf(HasSubstr("1 of 378 corners"), HasSubstr("1 of <a>,b3.png"))));
 }
 
 TEST_F(CalibrationReport, JsonHoldsEveryFigure) {
@@ -78,8 +71,8 @@ TEST_F(CalibrationReport, CornersAreARowEachWithTheirResidual) {
     ASSERT_EQ(lines.size(), 1u + 378u + 1u);  // and the empty one behind the last line end
     EXPECT_EQ(lines[0], "photo,id,x_mm,y_mm,x_px,y_px,residual_x_px,residual_y_px,left_out");
     const std::string& outlier = lines[1 + 3 * 54 + 20];
-    EXPECT_THAT(outlier, testing::StartsWith("\"photos/<a>,b3.png\",20,50,50,"));
-    EXPECT_THAT(outlier, testing::EndsWith(",1"));
+    EXPECT_THAT(outlier, StartsWith("\"photos/<a>,b3.png\",20,50,50,"));
+    EXPECT_THAT(outlier, EndsWith(",1"));
     EXPECT_NEAR(*parse_number(split(outlier, ',')[7]), 12.0, 1.0);
 }
 
@@ -117,7 +110,7 @@ TEST(CalibrationReportOfABoard, TellsTheShapeEverywhere) {
     const auto lines = split(read_text(folder / "board.csv"), '\n');
     ASSERT_EQ(lines.size(), 1u + 54u + 1u);
     EXPECT_EQ(lines[0], "id,x_mm,y_mm,dx_mm,dy_mm,dz_mm,dx_sd_mm,dy_sd_mm,dz_sd_mm");
-    EXPECT_THAT(lines[11], testing::StartsWith("10,25,25,"));
+    EXPECT_THAT(lines[11], StartsWith("10,25,25,"));
 }
 
 TEST(CalibrationWords, AValueHasTwoDigitsOfItsDeviation) {

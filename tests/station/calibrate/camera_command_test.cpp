@@ -1,15 +1,11 @@
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
-#include "core/program/errors.h"
 #include "station/calibrate/commands.h"
 #include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 constexpr const char* two_cameras =
     "3 OPENCV 3072 2304 2559.75 2558.5 1536.25 1152.75 -0.2 0.1 0.001 -0.002\n"
@@ -81,7 +77,7 @@ TEST_F(CameraCommand, ChecksWithAnExitCodeAndNeverPrintsNan) {
     EXPECT_EQ(text.exit_code, 1);
     EXPECT_THAT(text.out, HasSubstr("FAULT    valid region: the distortion folds"));
     EXPECT_THAT(text.out, HasSubstr("field of view  no ray x "));
-    EXPECT_THAT(text.out, testing::Not(HasSubstr("nan")));
+    EXPECT_THAT(text.out, Not(HasSubstr("nan")));
     const auto json = nlohmann::json::parse(run(run_camera_check, {.file = own, .json = true}).out);
     EXPECT_TRUE(json["field_of_view_deg"]["horizontal"].is_null());
     EXPECT_GT(json["image_without_ray"], 0.0);

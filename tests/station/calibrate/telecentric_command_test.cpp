@@ -12,7 +12,6 @@
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
 using Json = nlohmann::json;
 
 // 22 mm x 17 mm; 2.5 px of distortion in the corners.

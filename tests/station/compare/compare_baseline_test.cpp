@@ -2,16 +2,10 @@
 // trusted.
 #include "station/compare/compare_baseline.h"
 
-#include <gmock/gmock.h>
-
-#include "tests/error_text.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
 
 PhotoSummary photo(const std::string& name, double residual_gray) {
     return {.name = name, .outcome = "matched", .residual_gray = residual_gray};
@@ -95,7 +89,7 @@ TEST(CompareBaseline, RefusesAnotherCameraByName) {
     EXPECT_EQ(message(now), "no error");
     ComparisonSummary other = now;
     other.serial = "SN-5";
-    EXPECT_THAT(message(other), testing::AllOf(HasSubstr("SN-5"), HasSubstr("SN-7")));
+    EXPECT_THAT(message(other), AllOf(HasSubstr("SN-5"), HasSubstr("SN-7")));
     other.serial = "";
     EXPECT_EQ(message(other), "no error") << "not known is not another one";
     other = now;

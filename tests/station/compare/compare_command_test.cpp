@@ -1,25 +1,19 @@
 // `etalon compare` and `etalon detect` on photographs that were rendered from the same calibration.
-#include <fmt/format.h>
 
 #include <tbb/global_control.h>
 
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
-#include "core/file/text.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 #include "station/compare/commands.h"
-#include "tests/error_text.h"
 #include "tests/pages.h"
-#include "tests/read_bytes.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
 
 constexpr const char* tag_camera_text =
     "etalon: camera/1\n"
@@ -147,7 +141,7 @@ TEST_F(CompareCommand, TakesPosesFromAFileInsteadOfADetector) {
     auto wanted = arguments({photo_of_tag("a.png", 7.0)});
     wanted.poses = poses("0.2,-0.15,0.1,7,5,210\n");
     EXPECT_THAT(printed(run_compare, wanted),
-                testing::StartsWith("mean residual 0."));  // rounding of the photo, 0.3 gray
+                StartsWith("mean residual 0."));  // rounding of the photo, 0.3 gray
 }
 
 TEST_F(CompareCommand, CountsAPhotographWithoutItsMarker) {
@@ -230,7 +224,7 @@ TEST_F(CompareCommand, ComparesWithAnEarlierComparisonOfTheSameCamera) {
     printed(run_compare, then);
     const std::string text = printed(run_compare, now);
     EXPECT_THAT(text, HasSubstr("2 photos paired"));
-    EXPECT_THAT(text, testing::Not(HasSubstr("changed"))) << "the same photographs";
+    EXPECT_THAT(text, Not(HasSubstr("changed"))) << "the same photographs";
     const auto json = json_of(now);
     for (const auto& quantity : json.at("baseline").at("quantities"))
         EXPECT_NEAR(quantity.at("change").get<double>(), 0.0, 1e-9) << quantity.at("quantity");

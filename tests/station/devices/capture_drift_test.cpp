@@ -10,9 +10,6 @@
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
-using namespace std::chrono_literals;
-
 constexpr const char* board = "chessboard:7x5@10mm";
 constexpr double amplitude_px = 1.0, time_constant_min = 4.0;
 

@@ -1,20 +1,15 @@
 #include "station/devices/capture_run.h"
 
-#include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
-#include "core/file/text.h"
 #include "station/devices/live_view.h"
 #include "tests/fakes/fake_camera.h"
-#include "tests/file_size_limit.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
-using namespace std::chrono_literals;
 
 // Frames of 7x5 pixels with 12 bits: 1000, 1001, ... in every pixel.
 class CaptureRun : public testing::Test {

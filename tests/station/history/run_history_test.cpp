@@ -1,18 +1,13 @@
 #include "station/history/run_history.h"
 
-#include "core/file/text.h"
 #include "core/time/clock.h"
-#include "tests/error_text.h"
 #include "tests/pages.h"
 #include "tests/station/history/run_json.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
 
 using Json = nlohmann::json;
-using testing::HasSubstr;
-using testing::Not;
 
 // Deviates by turns: 1, -2, 2, -1 of the last digit.
 double wobble(int i) {

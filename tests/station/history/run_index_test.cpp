@@ -1,9 +1,5 @@
 #include "station/history/run_index.h"
 
-#include <nlohmann/json.hpp>
-
-#include "tests/error_text.h"
-#include "tests/file_size_limit.h"
 #include "tests/station/built_program.h"
 #include "tests/station/history/run_json.h"
 
@@ -105,7 +101,7 @@ TEST_F(RunIndexTest, LeavesOutWhatIsNoRunAndSaysSo) {
     const IndexUpdate update = index.update();
     EXPECT_EQ(update.runs, 1);
     ASSERT_EQ(update.refused.size(), 1u);
-    EXPECT_THAT(update.refused[0], testing::HasSubstr("run.json"));
+    EXPECT_THAT(update.refused[0], HasSubstr("run.json"));
 }
 
 TEST_F(RunIndexTest, IsMadeAnewWhenItIsDeletedDamagedOrOfAnotherVersion) {
@@ -128,14 +124,14 @@ TEST_F(RunIndexTest, GivesTheCommandTheTableThatTheRecordsGive) {
     const Finished indexed = etalon_with(folder_, "history --index .");
     EXPECT_EQ(indexed.exit_code, 0) << indexed.err;
     EXPECT_EQ(indexed.out, etalon_with(folder_, "history .").out);
-    EXPECT_THAT(indexed.err, testing::HasSubstr("3 runs in ./.etalon-index.sqlite, 3 read anew"));
+    EXPECT_THAT(indexed.err, HasSubstr("3 runs in ./.etalon-index.sqlite, 3 read anew"));
     EXPECT_EQ(etalon_with(folder_, "history --index . .").exit_code, 3);
     expect_one_line_error(etalon_with(folder_, "history"), 3, "DIR: is required, or --index");
 }
 
 TEST_F(RunIndexTest, SaysWhereItCannotBe) {
     EXPECT_THAT(config_error_of([&] { RunIndex index(folder_ / "nowhere"); }),
-                testing::HasSubstr(run_index_file));
+                HasSubstr(run_index_file));
 }
 
 TEST_F(RunIndexTest, OnAFullDiskIsADiskError) {

@@ -3,12 +3,10 @@
 // there. Of each such moment several states are made by chance (seeded): every file as it was kept
 // last or as it is now, cut anywhere between, or with zeros where the disk was not reached; and the
 // record is read back, some of them gone on with.
-#include <gmock/gmock.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
 #include "core/statistics/random.h"
-#include "tests/read_bytes.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace {

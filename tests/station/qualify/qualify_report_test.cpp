@@ -7,10 +7,6 @@
 namespace etalon {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
-
 JudgedQuantity judged(const char* name, double value, double u, double limit, Outcome outcome,
                       const std::string& reason = "") {
     JudgedQuantity quantity{name, quantity_kind(name).unit, true, value, u};

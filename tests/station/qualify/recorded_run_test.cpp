@@ -8,16 +8,12 @@
 #include "core/file/sha256.h"
 #include "core/statistics/random.h"
 #include "station/qualify/image_result_cache.h"
-#include "tests/error_text.h"
 #include "tests/pages.h"
-#include "tests/read_bytes.h"
 #include "tests/station/built_program.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 std::map<std::string, std::string> files_of(const std::filesystem::path& folder) {
     std::map<std::string, std::string> files;

@@ -1,18 +1,11 @@
-#include <gmock/gmock.h>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "core/file/text.h"
 #include "core/image/image.h"
 #include "station/render/commands.h"
-#include "tests/error_text.h"
-#include "tests/read_bytes.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 // A sharp camera of one pixel per mm at 100 mm, its axis through the middle of the image.
 constexpr const char* pinhole =
@@ -290,7 +283,7 @@ TEST(MarkerCommand, WritesEachFormatByItsExtension) {
     for (const auto& [name, beginning] :
          {std::pair{"a.svg", "<?xml"}, {"a.pdf", "%PDF-1."}, {"a.png", "\x89PNG"}}) {
         EXPECT_EQ(run_marker({"apriltag:36h11:5@50mm", temporary(name), 10.0}), 0);
-        EXPECT_THAT(read_bytes(temporary(name)), testing::StartsWith(beginning));
+        EXPECT_THAT(read_bytes(temporary(name)), StartsWith(beginning));
     }
 }
 

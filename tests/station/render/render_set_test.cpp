@@ -1,25 +1,18 @@
 #include "station/render/image_set.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <tbb/global_control.h>
 
 #include <nlohmann/json.hpp>
 #include <regex>
 
 #include "core/file/sha256.h"
-#include "core/file/text.h"
 #include "core/image/image.h"
-#include "tests/error_text.h"
-#include "tests/file_size_limit.h"
-#include "tests/read_bytes.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
 
 constexpr const char* camera =
     "etalon: camera/1\n"

@@ -1,11 +1,9 @@
 #include "station/serve/access.h"
 
-#include <gmock/gmock.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 constexpr const char *secret = "4f6b", *action = "9a1c";
 
@@ -118,9 +116,9 @@ TEST(Access, TheLinkWithTheTokenBecomesACookieThatScriptsDoNotSee) {
     ASSERT_TRUE(reply);
     EXPECT_EQ(reply->status, 303);
     EXPECT_EQ(reply->headers[0].second, "/");
-    EXPECT_THAT(reply->headers[1].second,
-                testing::AllOf(HasSubstr("etalon_7530=4f6b"), HasSubstr("HttpOnly"),
-                               HasSubstr("SameSite=Strict")));
+    EXPECT_THAT(
+        reply->headers[1].second,
+        AllOf(HasSubstr("etalon_7530=4f6b"), HasSubstr("HttpOnly"), HasSubstr("SameSite=Strict")));
     request.fields["token"] = "4f6c";
     EXPECT_FALSE(token_link(rules_with(secret), request));
     EXPECT_FALSE(token_link(rules_with(""), request)) << "where no token is set";

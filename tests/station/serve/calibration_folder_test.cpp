@@ -1,14 +1,9 @@
 #include "station/serve/station_control.h"
 
-#include <gmock/gmock.h>
-
-#include "tests/error_text.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 class CalibrationFolder : public testing::Test {
 protected:

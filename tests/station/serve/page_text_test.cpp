@@ -1,13 +1,10 @@
 // The page's files as texts: what no browser is needed for.
-#include <gmock/gmock.h>
 
 #include <regex>
-#include <set>
 
-#include "core/file/text.h"
 #include "station/serve/page_server.h"
 #include "tests/paths.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -78,7 +75,7 @@ TEST(PageText, HasEveryTextThatThePageShowsAndNoOther) {
 TEST(PageText, NothingIsParsedAsHtmlOrLoadedFromElsewhere) {
     for (const auto& file : std::filesystem::directory_iterator(web)) {
         const std::string text = read_text(file.path());
-        EXPECT_THAT(text, testing::Not(testing::ContainsRegex(
+        EXPECT_THAT(text, Not(testing::ContainsRegex(
                               "innerHTML|outerHTML|insertAdjacentHTML|document\\.write|eval\\(|"
                               "new Function|style=|srcdoc|javascript:")))
             << file.path();

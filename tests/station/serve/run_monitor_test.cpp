@@ -1,8 +1,5 @@
 #include "station/serve/run_monitor.h"
 
-#include <gmock/gmock.h>
-
-#include "tests/error_text.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {

@@ -1,16 +1,10 @@
-#include <gmock/gmock.h>
-
 #include "compare/expect/expected_view.h"
 #include "core/file/sha256.h"
 #include "station/setup/plan.h"
-#include "tests/error_text.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
 namespace {
-
-using testing::EndsWith;
-using testing::HasSubstr;
 
 constexpr double deg = std::numbers::pi / 180.0;
 

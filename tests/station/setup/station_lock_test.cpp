@@ -1,24 +1,15 @@
 #include "station/setup/station_lock.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <sched.h>
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdlib>
-
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::EndsWith;
-using testing::HasSubstr;
-using testing::StartsWith;
 
 constexpr uid_t other_user = 65534;
 

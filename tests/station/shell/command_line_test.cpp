@@ -8,10 +8,6 @@
 namespace etalon {
 namespace {
 
-using testing::EndsWith;
-using testing::HasSubstr;
-using testing::Not;
-
 TEST(CommandLine, HelpFits80ColumnsAndNamesEveryCommand) {
     const TemporaryFolder folder;
     const std::string main_help = etalon_with(folder, "--help").out;

@@ -1,11 +1,11 @@
 #include "station/shell/signals.h"
 
-#include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <future>
+
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

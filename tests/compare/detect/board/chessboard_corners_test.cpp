@@ -1,13 +1,10 @@
 #include "compare/detect/board/chessboard_corners.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <opencv2/imgproc.hpp>
 
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -89,7 +86,7 @@ ChessboardCorners expect_found(const Board& board) {
 
 TEST(ChessboardCorners, AreInTheMarkersOrderHoweverTheBoardIsTurned) {
     for (const double degrees : {0.0, 77.0, 131.0, 180.0, 262.0, 311.0})
-        EXPECT_THAT(expect_found({7, 4, 23.0, degrees * rad_per_deg}).refined, testing::Each(true));
+        EXPECT_THAT(expect_found({7, 4, 23.0, degrees * rad_per_deg}).refined, Each(true));
 }
 
 TEST(ChessboardCorners, AreFoundWithSmallAndWithLargeSquares) {

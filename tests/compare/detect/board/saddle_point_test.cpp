@@ -1,11 +1,10 @@
 // Truth: geometry. Two straight edges cross at a known point of a drawing finer than the pixels.
 #include "compare/detect/board/saddle_point.h"
 
-#include <gtest/gtest.h>
-
 #include <opencv2/imgproc.hpp>
 
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,9 +1,9 @@
 // Truth: markers rendered exactly at known poses, corners where the projector puts them; and images
 // made by OpenCV's warping, with and without markers.
-#include <gtest/gtest.h>
 
 #include "tests/compare/detect/stag/stag_images.h"
 #include "tests/compare/rendered_tags.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,7 +1,7 @@
 // Truth: exact renders with defocus and sensor noise; corners where the projector puts them.
-#include <gtest/gtest.h>
 
 #include "tests/compare/detect/stag/stag_study.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

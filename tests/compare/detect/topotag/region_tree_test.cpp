@@ -1,12 +1,11 @@
 // Truth: the same regions by flooding from the outside inwards, pixel by pixel.
 #include "compare/detect/topotag/topotag_detector.h"
 
-#include <gtest/gtest.h>
-
 #include <deque>
 #include <tuple>
 
 #include "core/statistics/random.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,10 +1,10 @@
 // Truth: tags rendered exactly at known poses; vertices where the projector puts them. The same at
 // full size: tests/evidence/topotag.cpp.
-#include <gtest/gtest.h>
 
 #include "core/statistics/distributions.h"
 #include "tests/compare/rendered_tags.h"
 #include "tests/evidence/topotag_study.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

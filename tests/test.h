@@ -1,0 +1,95 @@
+// What every test may use: GoogleTest, what an action's error says, files as bytes, a full disk.
+#pragma once
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <map>
+#include <memory>
+#include <numbers>
+#include <set>
+#include <thread>
+#include <vector>
+
+#include "core/file/text.h"
+#include "core/program/errors.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+
+using namespace std::chrono_literals;
+using testing::AllOf;
+using testing::Contains;
+using testing::Each;
+using testing::ElementsAre;
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+using testing::StartsWith;
+
+// Runs `act`, which must fail with such an error, and returns its text.
+template <class Expected, class Act>
+std::string text_of_error(Act act) {
+    try {
+        act();
+    } catch (const Expected& error) {
+        return error.what();
+    }
+    return "no error";
+}
+
+template <class Act>
+std::string device_error_of(Act act) {
+    return text_of_error<DeviceError>(act);
+}
+
+template <class Act>
+std::string config_error_of(Act act) {
+    return text_of_error<ConfigError>(act);
+}
+
+inline bool has(const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos;
+}
+
+// A whole file as it is: pictures and pages for print are no text.
+inline std::string read_bytes(const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    if (!file)
+        throw std::runtime_error("cannot read " + path.string());
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// A disk that takes no more than so many bytes of each file of this process, while it lives:
+// writing further fails with EFBIG.
+class FileSizeLimit {
+public:
+    explicit FileSizeLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
+        getrlimit(RLIMIT_FSIZE, &before_);
+        const rlimit limit{bytes, before_.rlim_max};
+        setrlimit(RLIMIT_FSIZE, &limit);
+    }
+    ~FileSizeLimit() {
+        setrlimit(RLIMIT_FSIZE, &before_);
+        std::signal(SIGXFSZ, handler_);
+    }
+    FileSizeLimit(const FileSizeLimit&) = delete;
+    FileSizeLimit& operator=(const FileSizeLimit&) = delete;
+
+private:
+    rlimit before_{};
+    void (*handler_)(int);
+};
+
+}  // namespace etalon

@@ -1,5 +1,8 @@
 #include "capture/frame/frame_checks.h"
 
+#include "capture/frame/camera.h"
+#include "capture/frame/frame_average.h"
+#include "capture/frame/handover_queue.h"
 #include "tests/test.h"
 
 namespace etalon {
@@ -138,6 +141,115 @@ TEST(FrameChecks, TakesFramesUntilOneIsComplete) {
     EXPECT_EQ(taken, 3);
     EXPECT_EQ(counts.rejected, 2);
     EXPECT_EQ(counts.delivered, 1);
+}
+
+// ---- device clock
+
+TEST(DeviceClock, MapsAStampWithTheUncertaintyOfItsReading) {
+    DeviceClock clock;
+    EXPECT_FALSE(clock.known());
+    clock.read(5'000'000'000, {Instant(70s), Instant(70s + 4ms)});
+    const TimeWindow same = clock.station_time(5'000'000'000);
+    EXPECT_EQ(same.middle(), Instant(70s + 2ms));
+    EXPECT_EQ(same.half_width(), 2ms);
+    const TimeWindow later = clock.station_time(5'000'000'000 + 10'000'000'000);
+    EXPECT_EQ(later.middle(), Instant(80s + 2ms));
+    EXPECT_EQ(later.half_width(), 4ms);  // + 200 ppm of 10 s
+    const TimeWindow before = clock.station_time(4'000'000'000);
+    EXPECT_EQ(before.earliest, Instant(69s - 200us));
+    EXPECT_EQ(before.latest, Instant(69s + 4ms + 200us));
+    clock.forget();
+    EXPECT_FALSE(clock.known());
+}
+
+TEST(DeviceClock, GoesOnAcrossAWrapOfItsCounter) {
+    DeviceClock clock;
+    clock.read(~0ull - 999'999, {Instant(7s), Instant(7s)});
+    EXPECT_EQ(clock.station_time(4'000'000).middle(), Instant(7s + 5ms));
+}
+
+TEST(TimeWindow, IsEmptyWhereTwoContradictEachOther) {
+    const TimeWindow a{Instant(1s), Instant(5s)}, b{Instant(3s), Instant(9s)};
+    EXPECT_EQ(intersection(a, b).earliest, Instant(3s));
+    EXPECT_EQ(intersection(a, b).latest, Instant(5s));
+    EXPECT_FALSE(intersection(a, b).empty());
+    EXPECT_TRUE(intersection(a, {Instant(6s), Instant(7s)}).empty());
+}
+
+// ---- frame average
+
+// Of frames with these codes, the second pixel one higher.
+FrameAverage average_of(const std::vector<int>& codes) {
+    FrameAverager averager;
+    for (const int code : codes) {
+        Frame frame;
+        frame.image = {(cv::Mat_<std::uint16_t>(1, 2) << code, code + 1), 16};
+        averager.add(frame);
+    }
+    return averager.average();
+}
+
+TEST(FrameAverage, IsTheMeanAndTheVarianceOfOneFrame) {
+    const FrameAverage average = average_of({10, 14, 15});
+    EXPECT_EQ(average.frames, 3);
+    EXPECT_EQ(average.bits, 16);
+    EXPECT_NEAR(average.mean.at<double>(0, 0), 13.0, 1e-12);
+    EXPECT_NEAR(average.mean.at<double>(0, 1), 14.0, 1e-12);
+    EXPECT_NEAR(average.variance.at<double>(0, 1), 7.0, 1e-12);  // (9 + 1 + 4) / 2
+    EXPECT_NEAR(average.noise(), std::sqrt(7.0), 1e-12);
+}
+
+TEST(FrameAverage, LosesNothingOfSmallNoiseAtTheTopOfSixteenBits) {
+    std::vector<int> codes;
+    for (int i = 0; i < 400; ++i)
+        codes.push_back(65533 + i % 2);
+    // 400 values, each half a code from the mean: 400 / 4 / 399.
+    EXPECT_NEAR(average_of(codes).variance.at<double>(0, 0), 100.0 / 399.0, 1e-9);
+}
+
+TEST(FrameAverage, NeedsTwoFrames) {
+    EXPECT_THROW(average_of({3}), ConfigError);
+}
+
+// ---- handover queue
+
+TEST(HandoverQueue, GivesValuesInTheirOrderAndNothingWhenThereIsNone) {
+    HandoverQueue<int> queue;
+    queue.push(7);
+    queue.push(5);
+    EXPECT_EQ(queue.pop(0ms, {}), 7);
+    EXPECT_EQ(queue.pop(0ms, {}), 5);
+    EXPECT_EQ(queue.pop(0ms, {}), std::nullopt);
+}
+
+TEST(HandoverQueue, WakesWhoWaitsForAValue) {
+    HandoverQueue<int> queue;
+    std::thread other([&] { queue.push(7); });
+    EXPECT_EQ(queue.pop(1h, {}), 7);
+    other.join();
+}
+
+TEST(HandoverQueue, WakesWhoWaitsForAValueThatWillNotCome) {
+    HandoverQueue<int> queue;
+    std::thread other([&] { queue.end(); });
+    EXPECT_EQ(queue.pop(1h, {}), std::nullopt);
+    other.join();
+}
+
+TEST(HandoverQueue, GivesWhatCameBeforeTheEnd) {
+    HandoverQueue<int> queue;
+    queue.push(7);
+    queue.end();
+    EXPECT_EQ(queue.pop(1h, {}), 7);
+    EXPECT_EQ(queue.pop(1h, {}), std::nullopt);
+}
+
+TEST(HandoverQueue, StopsWaitingWhenAskedTo) {
+    HandoverQueue<int> queue;
+    std::stop_source stop;
+    std::thread other([&] { stop.request_stop(); });
+    EXPECT_THROW(queue.pop(1h, stop.get_token()), Interrupted);
+    other.join();
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // Photographs of a tag by a camera that differs from its calibration, with its sensor's noise, and
-// what their pixels tell: shared by pixel_measurement_statistics_test.cpp and
+// what their pixels tell: shared by photo_findings_statistics_test.cpp and
 // tests/evidence/causes.cpp.
 #pragma once
 

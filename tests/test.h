@@ -25,9 +25,12 @@
 #include "core/program/errors.h"
 #include "tests/temporary_folder.h"
 
+namespace etalon::test {}
+
 namespace etalon {
 
 using namespace std::chrono_literals;
+using namespace test;  // what the tests' headers declare
 using testing::AllOf;
 using testing::Contains;
 using testing::Each;

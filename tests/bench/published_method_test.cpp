@@ -16,7 +16,7 @@ using Undistortion = PublishedMethod::Undistortion;
 // Wide and strongly distorted, so that a fixed-point step more or less shows; blurred by some 2 px;
 // infrared, so that the Airy pattern is as wide as a pixel.
 CameraModel small_camera() {
-    CameraModel camera = test::camera_with(
+    CameraModel camera = camera_with(
         61, 47, {60.0, 68.0, 29.0, 25.5},
         // k1, k2, p1, p2, k3 to k6, s1 to s4
         {-0.35, 0.09, 0.003, -0.002, 0.1, 0.01, 0.02, 0.03, 0.002, 0.004, 0.006, -0.01});

@@ -37,9 +37,9 @@ std::uint32_t sum(const PairPanel& panel, std::size_t first_row, std::size_t row
 }
 
 TEST(PairMatrix, CountsEveryDetectedPoseOnceInEveryPanel) {
-    const auto poses = test::study_poses(3000);
-    const PairMatrix matrix = pair_matrix("tag", test::components(poses),
-                                          test::synthetic_errors({1.0, 0.01, 0.1, 0.5}, poses, 1));
+    const auto poses = study_poses(3000);
+    const PairMatrix matrix =
+        pair_matrix("tag", components(poses), synthetic_errors({1.0, 0.01, 0.1, 0.5}, poses, 1));
     EXPECT_EQ(matrix.poses, 3000u);
     EXPECT_LT(matrix.detected, 2900u);
     EXPECT_GT(matrix.above[3] + matrix.below[3], 100u);  // flips
@@ -84,13 +84,13 @@ TEST(PairMatrix, ShowsAnErrorThatGrowsWithDepth) {
 }
 
 TEST(PairMatrix, KeepsWhatLiesBeyondAnAxis) {
-    auto poses = test::study_poses(500);
-    DetectorErrors errors = test::synthetic_errors({1.0, 0.0, 0.0, 0.0}, poses, 1);
+    auto poses = study_poses(500);
+    DetectorErrors errors = synthetic_errors({1.0, 0.0, 0.0, 0.0}, poses, 1);
     for (std::size_t i = 0; i < errors.size(); ++i)
         errors[i]->measures[0] = 0.1 * static_cast<double>(i % 7);
     errors[7]->measures[0] = 4000.0;
     errors[8]->measures[0] = errors[9]->measures[0] = -4000.0;
-    const PairMatrix matrix = pair_matrix("tag", test::components(poses), errors);
+    const PairMatrix matrix = pair_matrix("tag", components(poses), errors);
     EXPECT_EQ(matrix.above[0], 1u);
     EXPECT_EQ(matrix.below[0], 2u);
     EXPECT_LT(matrix.errors[0].high, 10.0);
@@ -104,10 +104,9 @@ TEST(PairMatrix, KeepsWhatLiesBeyondAnAxis) {
 }
 
 TEST(PairMatrix, IsAPictureOfItsOwnForPapers) {
-    const auto poses = test::study_poses(2000);
-    const std::string svg =
-        pair_matrix_svg(pair_matrix("<tag> & co", test::components(poses),
-                                    test::synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1)));
+    const auto poses = study_poses(2000);
+    const std::string svg = pair_matrix_svg(pair_matrix(
+        "<tag> & co", components(poses), synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1)));
     EXPECT_EQ(svg.find("<svg"), 0u);
     EXPECT_NE(svg.find("xmlns='http://www.w3.org/2000/svg'"), std::string::npos);
     EXPECT_EQ(occurrences(svg, "<image "), 36u);
@@ -118,9 +117,9 @@ TEST(PairMatrix, IsAPictureOfItsOwnForPapers) {
 }
 
 TEST(PairMatrix, OfManyPosesIsNoLargerThanAMegabyte) {
-    const auto poses = test::study_poses(100000);
-    const auto matrix = pair_matrix("tag", test::components(poses),
-                                    test::synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1));
+    const auto poses = study_poses(100000);
+    const auto matrix =
+        pair_matrix("tag", components(poses), synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1));
     EXPECT_LT(pair_matrix_svg(matrix).size(), 1000000u);
     HtmlPage page("study", "");
     add_pair_matrices(page, {&matrix, 1});
@@ -128,9 +127,9 @@ TEST(PairMatrix, OfManyPosesIsNoLargerThanAMegabyte) {
 }
 
 TEST(PairMatrix, IsChosenByTabsInAReportThatNeedsNothingFromOutside) {
-    const auto poses = test::study_poses(300);
-    const auto truth = test::components(poses);
-    const DetectorErrors errors = test::synthetic_errors({}, poses, 1);
+    const auto poses = study_poses(300);
+    const auto truth = components(poses);
+    const DetectorErrors errors = synthetic_errors({}, poses, 1);
     const std::vector<PairMatrix> matrices{pair_matrix("one", truth, errors),
                                            pair_matrix("<b>", truth, errors)};
     HtmlPage page("study", "");

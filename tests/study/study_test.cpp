@@ -267,7 +267,7 @@ TEST_F(StudyTest, ReportsCornersBySizeAndWhyPosesWereMissed) {
     EXPECT_THAT(csv, HasSubstr(",25,40,"));
     const std::string page = study_html(found, summary);
     EXPECT_THAT(page, HasSubstr(">25 to 40</td>"));
-    test::expect_readable_page(page);
+    expect_readable_page(page);
     EXPECT_THAT(page, HasSubstr("not detected"));
     EXPECT_THAT(page, HasSubstr(escape_html(found.failures[0].begin()->first)));
 }

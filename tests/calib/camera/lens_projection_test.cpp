@@ -9,8 +9,6 @@ namespace etalon {
 namespace {
 
 using Kind = Projection;
-using test::Complex, test::ComplexPoint, test::pi, test::ray_at;
-using test::pi, test::ray_at;
 
 // Each with parameters on both sides of where its formula or its limit changes.
 const std::vector<LensProjection> projections{
@@ -98,8 +96,8 @@ TEST(LensProjection, AndItsDerivativesAreThePapers) {
             const double scale = found->point.norm();
             EXPECT_NEAR(found->point.x(), m[0].real(), 1e-13 * scale);
             EXPECT_NEAR(found->point.y(), m[1].real(), 1e-13 * scale);
-            const Eigen::MatrixXd derivatives = test::complex_step(
-                [&](const auto& moved) { return complex_plane(p.kind, moved); }, at);
+            const Eigen::MatrixXd derivatives =
+                complex_step([&](const auto& moved) { return complex_plane(p.kind, moved); }, at);
             const double steepest = derivatives.cwiseAbs().maxCoeff();
             EXPECT_LE((found->by_ray - derivatives.leftCols<3>()).cwiseAbs().maxCoeff(),
                       1e-11 * steepest);
@@ -230,7 +228,7 @@ ComplexRay polynomial_ray(const std::vector<double>& a, const ComplexPoint& m) {
 }
 
 TEST(PolynomialProjection, AndItsDerivativesInvertTheFormula) {
-    for (const LensProjection& p : test::polynomials())
+    for (const LensProjection& p : polynomials())
         for (const double share : {1e-9, 0.1, 0.4, 0.8, 0.99})
             for (const double azimuth : {0.3, 2.2, -1.9}) {
                 const double r = share * std::min(p.table->limit, 4.0);
@@ -251,7 +249,7 @@ TEST(PolynomialProjection, AndItsDerivativesInvertTheFormula) {
 }
 
 TEST(PolynomialProjection, EndsWhereItsAngleStopsToGrow) {
-    for (const LensProjection& p : test::polynomials()) {
+    for (const LensProjection& p : polynomials()) {
         const std::vector<double>& a = p.table->coefficients;
         const auto angle = [&](double r) {
             return std::atan2(r, 1.0 + a[0] * r * r + a[1] * r * r * r + a[2] * r * r * r * r);
@@ -305,7 +303,7 @@ ComplexPoint cahvor_point(const std::vector<double>& n, const ComplexRay& p) {
 }
 
 TEST(CahvorProjection, AndItsDerivativesAreMrcalsFormulas) {
-    for (const LensProjection& p : test::cahvors())
+    for (const LensProjection& p : cahvors())
         for (const double angle : {1e-7, 0.05, 0.3, 0.7, 1.0})
             for (const double azimuth : {0.3, 2.2, -1.9}) {
                 const std::vector<double>& n = p.table->coefficients;
@@ -322,7 +320,7 @@ TEST(CahvorProjection, AndItsDerivativesAreMrcalsFormulas) {
 }
 
 TEST(CahvorProjection, HasItsSlopeOnItsOwnAxis) {
-    for (const LensProjection& p : test::cahvors()) {
+    for (const LensProjection& p : cahvors()) {
         const Eigen::Vector3d o = cahvor_axis(p.table->coefficients);
         const Eigen::Vector3d step(2e-7, -1e-7, 3e-7);
         const auto at_axis = onto_plane(p, o), beside = onto_plane(p, o + step);
@@ -336,7 +334,7 @@ TEST(CahvorProjection, HasItsSlopeOnItsOwnAxis) {
 // By brute force along many directions from the axis o: t' grows, and Z of the bent ray is
 // positive.
 TEST(CahvorProjection, EndsAtItsFoldOrAtARightAngle) {
-    for (const LensProjection& p : test::cahvors()) {
+    for (const LensProjection& p : cahvors()) {
         const std::vector<double>& n = p.table->coefficients;
         const Eigen::Vector3d o = cahvor_axis(n);
         for (const double azimuth : {0.1, 1.7, 3.0, 4.9}) {
@@ -398,7 +396,7 @@ ComplexPoint splined_point(const LensTable& table, const ComplexRay& ray) {
 }
 
 TEST(SplinedProjection, AndItsDerivativesAreDeBoorsRecursion) {
-    for (const LensProjection& p : test::splines())
+    for (const LensProjection& p : splines())
         for (const double angle : {0.01, 0.3, 0.9, 1.4, 1.75})
             for (const double azimuth : {0.1, 3.0, -0.3}) {
                 const Eigen::Vector3d ray = ray_at(angle, azimuth, 3.7);
@@ -416,7 +414,7 @@ TEST(SplinedProjection, AndItsDerivativesAreDeBoorsRecursion) {
 }
 
 TEST(SplinedProjection, EndsWithItsField) {
-    for (const LensProjection& p : test::splines()) {
+    for (const LensProjection& p : splines()) {
         const double half = p.table->field_of_view_deg * pi / 360.0;
         const double edge = 2.0 * std::tan(0.5 * half);
         const double down =
@@ -493,7 +491,7 @@ TEST(LensTable, IsComparedByWhatItHolds) {
 TEST(LensTable, HasNoImageOfWhatIsNoRay) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const double infinite = std::numeric_limits<double>::infinity();
-    for (const auto& projections : {test::polynomials(), test::cahvors(), test::splines()})
+    for (const auto& projections : {polynomials(), cahvors(), splines()})
         for (const LensProjection& p : projections) {
             for (const Eigen::Vector3d& ray :
                  {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(nan, 0, 1), Eigen::Vector3d(1, nan, 1),

@@ -11,10 +11,6 @@
 namespace etalon {
 namespace {
 
-using test::camera_with;
-using test::Complex, test::ComplexPoint, test::ComplexRay;
-using test::pi, test::ray_at;
-
 Eigen::Vector2d opencv_projection(const CameraModel& camera, const Eigen::Vector3d& p) {
     const Intrinsics& i = camera.intrinsics;
     const cv::Matx33d k(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
@@ -56,8 +52,7 @@ const std::vector<Eigen::Vector3d> points{
     {0, 0, 500}, {110, -70, 500}, {-90, 130, 730}, {210, 170, 900}, {-7, -5, 40}};
 
 TEST(Projector, AgreesWithOpenCvForEveryCoefficient) {
-    for (const CameraModel& camera :
-         {test::webcam(), test::canon(), test::all_fourteen(), test::wide_angle()}) {
+    for (const CameraModel& camera : {webcam(), canon(), all_fourteen(), wide_angle()}) {
         const Projector projector(camera);
         for (const Eigen::Vector3d& p : points) {
             const auto pixel = projector.project(p);
@@ -68,7 +63,7 @@ TEST(Projector, AgreesWithOpenCvForEveryCoefficient) {
 }
 
 CameraModel skewed() {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     camera.intrinsics.skew = -23.7;
     return camera;
 }
@@ -92,13 +87,12 @@ TEST(Projector, PutsTheSkewAfterTheDistortion) {
 }
 
 TEST(Projector, JacobianIsTheComplexStepDerivative) {
-    for (const CameraModel& camera :
-         {test::webcam(), test::canon(), test::all_fourteen(), test::wide_angle(), skewed()}) {
+    for (const CameraModel& camera : {webcam(), canon(), all_fourteen(), wide_angle(), skewed()}) {
         const Projector projector(camera);
         for (const Eigen::Vector3d& p : points) {
             const auto projected = projector.project_with_jacobian(p);
             ASSERT_TRUE(projected);
-            const Eigen::MatrixXd expected = test::complex_step(
+            const Eigen::MatrixXd expected = complex_step(
                 [&](const ComplexRay& at) { return complex_projection(camera, at); }, p);
             EXPECT_LT((projected->jacobian - expected).norm(), 1e-12 * expected.norm())
                 << projected->jacobian << "\n"
@@ -122,11 +116,11 @@ void expect_round_trip(const CameraModel& camera, int step) {
 }
 
 TEST(Projector, EveryPixelOfTheNamedCamerasSurvivesTheRoundTrip) {
-    expect_round_trip(test::webcam(), 3);
-    expect_round_trip(test::canon(), 17);
-    expect_round_trip(test::all_fourteen(), 3);
+    expect_round_trip(webcam(), 3);
+    expect_round_trip(canon(), 17);
+    expect_round_trip(all_fourteen(), 3);
     expect_round_trip(skewed(), 3);
-    expect_round_trip(test::wide_angle(), 7);
+    expect_round_trip(wide_angle(), 7);
 }
 
 TEST(Projector, WorksFromFivePixelsToHalfAMillionPixelsOfFocalLength) {
@@ -203,7 +197,7 @@ TEST(Projector, GivesNothingBehindTheCameraAndForWhatIsNoNumber) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const double infinity = std::numeric_limits<double>::infinity();
     for (const CameraModel& camera :
-         {test::webcam(), test::all_fourteen(), camera_with(8, 8, {5, 7, 3, 2}, {})}) {
+         {webcam(), all_fourteen(), camera_with(8, 8, {5, 7, 3, 2}, {})}) {
         const Projector projector(camera);
         EXPECT_FALSE(projector.project({7, 5, 0}));
         EXPECT_FALSE(projector.project({7, 5, -500}));
@@ -233,8 +227,7 @@ TEST(Projector, RefusesCamerasThatCannotExist) {
 // the distortion (projector_test.cpp) one after the other, and back.
 
 CameraModel wide(LensProjection projection, Distortion distortion = {}, double focal = 150.0) {
-    CameraModel camera =
-        test::camera_with(700, 500, {focal, 0.97 * focal, 361.0, 239.0}, distortion);
+    CameraModel camera = camera_with(700, 500, {focal, 0.97 * focal, 361.0, 239.0}, distortion);
     camera.projection = projection;
     return camera;
 }
@@ -250,7 +243,7 @@ std::vector<CameraModel> wide_cameras() {
                           .s1 = 0.001,
                           .s4 = -2e-4,
                           .k7 = -2e-5};
-    const auto cahvors = test::cahvors();
+    const auto cahvors = cahvors();
     return {wide({equidistant}, some),
             wide({stereographic}, some, 180.0),
             wide({field_of_view, 0.93}, some),
@@ -260,12 +253,12 @@ std::vector<CameraModel> wide_cameras() {
             wide({double_sphere, -0.21, 0.57}, some),
             wide({equidistant}),
             wide({double_sphere, 0.34, 0.44}),
-            wide(test::polynomials()[0], some),
-            wide(test::polynomials()[1]),
+            wide(polynomials()[0], some),
+            wide(polynomials()[1]),
             wide(cahvors[2]),
             wide(cahvors[3], {.k1 = 0.001, .p2 = -0.0007}),
-            wide(test::splines()[0]),
-            wide(test::splines()[1], {.k1 = 0.001, .p2 = -0.0007})};
+            wide(splines()[0]),
+            wide(splines()[1], {.k1 = 0.001, .p2 = -0.0007})};
 }
 
 TEST(WideProjector, IsOpenCvsFisheyeOverTheWholeImage) {
@@ -400,7 +393,7 @@ TEST(WideProjector, HasNormalisedCoordinatesInFront) {
 }
 
 TEST(WideProjector, HasRaysOfFlatLensesToo) {
-    const Projector webcam(test::webcam());
+    const Projector webcam(webcam());
     const auto plane = webcam.unproject({17, 400});
     EXPECT_EQ(*webcam.ray({17, 400}), Eigen::Vector3d(plane->x(), plane->y(), 1.0));
 }
@@ -408,7 +401,7 @@ TEST(WideProjector, HasRaysOfFlatLensesToo) {
 // ---- camera model
 
 CameraModel webcam_with_lens(double focus_distance_mm) {
-    CameraModel camera = test::webcam();
+    CameraModel camera = webcam();
     camera.lens =
         Lens{.f_number = 2.5, .focus_distance_mm = focus_distance_mm, .wavelength_nm = 650};
     camera.sensor = Sensor{.pixel_pitch_um = 8.3};
@@ -446,13 +439,13 @@ TEST(BlurRadius, IsTheConeFromTheApertureCutByTheSensor) {
 }
 
 TEST(BlurRadius, IsZeroWithoutALensAndRefusedBehindIt) {
-    EXPECT_EQ(blur_radius_px(test::webcam(), 500), 0.0);
+    EXPECT_EQ(blur_radius_px(webcam(), 500), 0.0);
     EXPECT_THROW(blur_radius_px(webcam_with_lens(150), 0.0), NumericalError);
     EXPECT_THROW(blur_radius_px(webcam_with_lens(150), std::nan("")), NumericalError);
 }
 
 TEST(ThinLens, RefusesLensesThatCannotExist) {
-    EXPECT_THROW(thin_lens(test::webcam()), NumericalError);
+    EXPECT_THROW(thin_lens(webcam()), NumericalError);
     EXPECT_THROW(thin_lens(webcam_with_lens(0.0)), NumericalError);
     EXPECT_THROW(thin_lens(webcam_with_lens(std::nan(""))), NumericalError);
     CameraModel camera = webcam_with_lens(150);

@@ -170,7 +170,7 @@ CameraModel written_and_read(const CameraModel& camera) {
 }
 
 TEST(CameraFile, WritesWhatReadsBackToTheLastBit) {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     camera.intrinsics.fx = 2000.0 / 3;
     camera.serial = "a \"b\" \\ c\n#: d";
     camera.covariance = ParameterCovariance{{"fx", "cy", "tau_x"}, Eigen::MatrixXd(3, 3)};
@@ -242,7 +242,7 @@ TEST(CameraFile, ReadsAMeasuredPointSpreadAndWritesItBack) {
 }
 
 TEST(CameraFile, CarriesStandardUncertainties) {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     camera.lens = Lens{2.8, 1000.0 / 7, 650, {PointSpread::Kind::gaussian, 0.7}};
     camera.sensor = Sensor{.pixel_pitch_um = 8.3, .bits = 12, .black_dn = 5, .gain_e_per_dn = 3};
     camera.sensor->transfer = {Transfer::Kind::table, {{0, 0}, {0.1, 1203 / 4095.0}, {1, 1}}};
@@ -261,7 +261,7 @@ TEST(CameraFile, CarriesStandardUncertainties) {
 }
 
 TEST(CameraFile, CarriesUncertaintiesOfAMeasuredPointSpread) {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     camera.lens = Lens{2.8, 150, 650, {PointSpread::Kind::measured, 0.0}};
     camera.lens->psf.profile = {{0, 4}, {0.5, 3}, {1.25, 0.7}, {3, 0}};
     camera.sensor = Sensor{.pixel_pitch_um = 8.3};
@@ -339,8 +339,8 @@ std::string matrix(int rows, int cols, const std::string& data) {
 const std::string good_matrix = matrix(3, 3, "538., 0., 342.5, 0., 541., 233.5, 0., 0., 1.");
 const std::string good_distortion = matrix(5, 1, "-0.25, 0.125, 0.5, -0.0625, 7.");
 const CameraModel good_camera =
-    test::camera_with(640, 480, {538, 541, 342.5, 233.5},
-                      {.k1 = -0.25, .k2 = 0.125, .p1 = 0.5, .p2 = -0.0625, .k3 = 7});
+    camera_with(640, 480, {538, 541, 342.5, 233.5},
+                {.k1 = -0.25, .k2 = 0.125, .p1 = 0.5, .p2 = -0.0625, .k3 = 7});
 
 TEST(OpenCvFile, ReadsYamlXmlAndJsonUnderAllUsualNames) {
     const std::string xml =

@@ -101,8 +101,8 @@ const std::string colmap_text =
 
 TEST(KalibrFile, ReadsRadtanAndNone) {
     EXPECT_EQ(read_foreign(kalibr),
-              test::camera_with(752, 480, {461.5, 460.25, 362.75, 246.125},
-                                {.k1 = -0.27, .k2 = 0.067, .p1 = 0.00087, .p2 = 0.00011}));
+              camera_with(752, 480, {461.5, 460.25, 362.75, 246.125},
+                          {.k1 = -0.27, .k2 = 0.067, .p1 = 0.00087, .p2 = 0.00011}));
     const std::string none =
         with_other(kalibr, "distortion_model: radtan", "distortion_model: none");
     EXPECT_TRUE(read_foreign(with_other(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]"))
@@ -185,8 +185,8 @@ TEST(KalibrFile, RefusesParametersThatNoLensHas) {
 
 TEST(MrcalFile, ReadsTheOpenCvModels) {
     EXPECT_EQ(read_foreign(mrcal),
-              test::camera_with(3840, 2160, {1766.5, 1765.25, 1944.75, 1064.125},
-                                {2.16, -1.18, -9.3e-05, 0.00077, -0.23, 2.44, -0.66, -0.62}));
+              camera_with(3840, 2160, {1766.5, 1765.25, 1944.75, 1064.125},
+                          {2.16, -1.18, -9.3e-05, 0.00077, -0.23, 2.44, -0.66, -0.62}));
     const std::string old = with_other(mrcal, "'lensmodel'", "'lens_model'");
     EXPECT_EQ(read_foreign(old).distortion.k6, -0.62);
 }
@@ -214,8 +214,8 @@ TEST(MatlabFile, ReadsEveryWayToSayTheMatrix) {
          {matlab, with_matrix("\"K\":[[715.25,0,565.75],[0,711.5,355.375],[0,0,1]]"),
           with_matrix("\"FocalLength\":[715.25,711.5],\"PrincipalPoint\":[565.75,355.375],"
                       "\"Skew\":0")}) {
-        EXPECT_EQ(read_foreign(text), test::camera_with(1072, 712, {715.25, 711.5, 564.75, 354.375},
-                                                        {-0.33, 0.092, 0.0012, -0.0034, 0.011}));
+        EXPECT_EQ(read_foreign(text), camera_with(1072, 712, {715.25, 711.5, 564.75, 354.375},
+                                                  {-0.33, 0.092, 0.0012, -0.0034, 0.011}));
     }
     EXPECT_EQ(read_foreign(with_other(matlab, "[712,1072]", "[]")).width, 0);
 }
@@ -240,8 +240,8 @@ TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
 }
 
 TEST(BoofCvFile, ReadsBrown) {
-    EXPECT_EQ(read_foreign(boofcv), test::camera_with(640, 480, {530.75, 529.5, 322.75, 234.125},
-                                                      {-0.24, 0.125, 0.0013, -0.0021}));
+    EXPECT_EQ(read_foreign(boofcv), camera_with(640, 480, {530.75, 529.5, 322.75, 234.125},
+                                                {-0.24, 0.125, 0.0013, -0.0021}));
     const std::string without = boofcv.substr(0, boofcv.find("radial_tangential:\n"));
     EXPECT_TRUE(
         read_foreign(with_other(without, "model: pinhole_radial_tangential", "model: pinhole"))
@@ -264,10 +264,10 @@ TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
 
 TEST(ColmapFile, ReadsEveryModelThatWeHave) {
     EXPECT_EQ(read_foreign(colmap_text),
-              test::camera_with(3072, 2304, {2559.75, 2558.5, 1535.75, 1152.25},
-                                {-0.2, 0.1, 0.001, -0.002, 0.03, 0.4, -0.05, 0.06}));
+              camera_with(3072, 2304, {2559.75, 2558.5, 1535.75, 1152.25},
+                          {-0.2, 0.1, 0.001, -0.002, 0.03, 0.4, -0.05, 0.06}));
     EXPECT_EQ(read_foreign("# list\n1 RADIAL 640 480 500.5 320.5 241.5 0.25 -0.125\n"),
-              test::camera_with(640, 480, {500.5, 500.5, 320.0, 241.0}, {0.25, -0.125}));
+              camera_with(640, 480, {500.5, 500.5, 320.0, 241.0}, {0.25, -0.125}));
     EXPECT_EQ(read_foreign("1 PINHOLE 640 480 500.5 502 320.5 241.5\n").intrinsics.fy, 502);
     EXPECT_EQ(read_foreign("1 SIMPLE_RADIAL 640 480 500.5 320.5 241.5 0.25\n").distortion.k1, 0.25);
 }
@@ -348,7 +348,7 @@ TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
 
 // A camera of which every tool's model holds all coefficients up to the given one.
 CameraModel camera_with_coefficients(std::size_t count) {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     auto all = camera.distortion.coefficients();
     std::fill(all.begin() + static_cast<std::ptrdiff_t>(count), all.end(), 0.0);
     camera.distortion = Distortion::of(all);
@@ -395,7 +395,7 @@ TEST(ForeignFiles, WriteWhatReadsBack) {
 }
 
 TEST(OpenCvFile, WritesXmlAndJsonByTheEnding) {
-    const CameraModel camera = test::all_fourteen();
+    const CameraModel camera = all_fourteen();
     for (const auto& [name, beginning] :
          {std::pair{"c.xml", "<?xml"}, std::pair{"c.json", "{"}, std::pair{"c.yml", "%YAML"}}) {
         const auto path = written("").replace_filename(name);
@@ -532,7 +532,7 @@ TEST(ForeignFiles, PointsProjectOntoTheSamePixelOfTheSensor) {
 }
 
 TEST(ForeignFiles, SayWhatTheyDoNotHold) {
-    CameraModel camera = test::webcam();
+    CameraModel camera = webcam();
     const auto lost = [&](CalibrationTool tool) { return lost_in_foreign_file(tool, camera); };
     EXPECT_TRUE(lost(CalibrationTool::ros).empty());
     camera.serial = "U3V-7";

@@ -42,14 +42,13 @@ std::vector<Eigen::Vector2d> projected_by_mrcal(const TemporaryFolder& folder,
 TEST(InstalledTools, MrcalProjectsAsWeDo) {
     if (!succeeds(fmt::format("{} -c 'import mrcal'", python)))
         GTEST_SKIP() << "mrcal is not installed (python3-mrcal)";
-    std::vector<CameraModel> cameras{test::webcam(), test::all_fourteen(),
-                                     test::wide_truth({Projection::stereographic}, 140.0),
-                                     test::wide_truth(test::cahvors()[0], 400.0)};
+    std::vector<CameraModel> cameras{webcam(), all_fourteen(),
+                                     wide_truth({Projection::stereographic}, 140.0),
+                                     wide_truth(cahvors()[0], 400.0)};
     cameras[1].distortion.tau_x = cameras[1].distortion.tau_y = 0.0;
     for (const LensProjection& projection :
-         {test::cahvors()[2], test::cahvors()[3], test::cahvors()[4], test::splines()[0],
-          test::splines()[1]})
-        cameras.push_back(test::wide_truth(projection, 140.0));
+         {cahvors()[2], cahvors()[3], cahvors()[4], splines()[0], splines()[1]})
+        cameras.push_back(wide_truth(projection, 140.0));
     for (const CameraModel& camera : cameras) {
         SCOPED_TRACE(name_of(camera.projection.kind).name);
         const TemporaryFolder folder;
@@ -118,7 +117,7 @@ std::vector<double> distances_by_colmap(const TemporaryFolder& folder,
 
 std::vector<CameraModel> cameras_of_colmap() {
     using enum Projection;
-    CameraModel pinhole = test::webcam(), full = test::all_fourteen();
+    CameraModel pinhole = webcam(), full = all_fourteen();
     pinhole.distortion = {};
     auto coefficients = full.distortion.coefficients();
     std::fill(coefficients.begin() + 8, coefficients.end(), 0.0);  // from s1 on
@@ -134,9 +133,9 @@ std::vector<CameraModel> cameras_of_colmap() {
     return {pinhole,
             four,
             full,
-            test::wide_truth({field_of_view, 0.93}, 190.0),
-            test::wide_truth({equidistant}, 181.0, kannala_brandt),
-            test::wide_truth({equidistant}, 181.0, prism)};
+            wide_truth({field_of_view, 0.93}, 190.0),
+            wide_truth({equidistant}, 181.0, kannala_brandt),
+            wide_truth({equidistant}, 181.0, prism)};
 }
 
 // Over the whole image, as far as COLMAP goes: not beside or behind the camera.

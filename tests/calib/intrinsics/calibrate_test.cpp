@@ -14,15 +14,14 @@ namespace {
 const CalibrationOptions quick{.leave_one_out = false, .resamples = 0};
 
 std::string error_of(const std::vector<CalibrationView>& views) {
-    return text_of_error<NumericalError>([&] { calibrate_camera(views, test::image_size, quick); });
+    return text_of_error<NumericalError>([&] { calibrate_camera(views, image_size, quick); });
 }
 
 // OpenCV takes single precision pixels: 3e-5 px of rounding at 500 px.
 TEST(Calibrate, FindsTheCameraThatMadeTheViews) {
-    const CameraModel truth = test::calibration_truth();
-    const auto calibration =
-        calibrate_camera(test::synthetic_views(truth, 7, 0.0, 1), test::image_size,
-                         {.model = "standard", .resamples = 0});
+    const CameraModel truth = calibration_truth();
+    const auto calibration = calibrate_camera(synthetic_views(truth, 7, 0.0, 1), image_size,
+                                              {.model = "standard", .resamples = 0});
     const CameraModel& found = calibration.camera;
     EXPECT_EQ(found.width, 640);
     EXPECT_EQ(found.height, 480);
@@ -37,22 +36,22 @@ TEST(Calibrate, FindsTheCameraThatMadeTheViews) {
     EXPECT_LT(*calibration.leave_one_out_rms_px, 2e-4);
     ASSERT_EQ(calibration.views.size(), 7u);
     for (int i = 0; i < 7; ++i)
-        EXPECT_LT(left_difference(*calibration.views[i].camera_from_target, test::synthetic_pose(i))
-                      .norm(),
-                  2e-3)
+        EXPECT_LT(
+            left_difference(*calibration.views[i].camera_from_target, synthetic_pose(i)).norm(),
+            2e-3)
             << i;
 }
 
 // OpenCV's own standard deviations, from Jacobians of its own. It divides the squared residuals by
 // points - parameters, where each point gives two residuals: undone here.
 TEST(Calibrate, FormalDeviationsAreOpenCvsWithResidualsCountedInXAndY) {
-    const auto views = test::synthetic_views(test::calibration_truth(), 8, 0.3, 5);
-    const auto calibration = calibrate_camera(views, test::image_size, quick);
-    const auto [points, pixels] = test::opencv_views(views);
+    const auto views = synthetic_views(calibration_truth(), 8, 0.3, 5);
+    const auto calibration = calibrate_camera(views, image_size, quick);
+    const auto [points, pixels] = opencv_views(views);
     const double count = 8 * 54;
     cv::Mat k, d, r, t, of_intrinsics, of_extrinsics, per_view;
-    const double rms = cv::calibrateCamera(points, pixels, test::image_size, k, d, r, t,
-                                           of_intrinsics, of_extrinsics, per_view);
+    const double rms = cv::calibrateCamera(points, pixels, image_size, k, d, r, t, of_intrinsics,
+                                           of_extrinsics, per_view);
     const double parameters = 9 + 6 * 8;
     const double factor = std::sqrt((count - parameters) / (2 * count - parameters));
     ASSERT_EQ(calibration.deviations.size(), 9u);
@@ -66,9 +65,9 @@ TEST(Calibrate, FormalDeviationsAreOpenCvsWithResidualsCountedInXAndY) {
 }
 
 TEST(Calibrate, CameraFileStatesTheCovarianceThatIsReported) {
-    const auto views = test::synthetic_views(test::calibration_truth(), 6, 0.3, 3);
+    const auto views = synthetic_views(calibration_truth(), 6, 0.3, 3);
     const auto calibration =
-        calibrate_camera(views, test::image_size, {.model = "standard", .leave_one_out = false});
+        calibrate_camera(views, image_size, {.model = "standard", .leave_one_out = false});
     const ParameterCovariance& covariance = *calibration.camera.covariance;
     EXPECT_EQ(covariance.order,
               (std::vector<std::string>{"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"}));
@@ -85,11 +84,11 @@ TEST(Calibrate, CameraFileStatesTheCovarianceThatIsReported) {
 
 // The left-out residual of a view with a gross error shows it; the other views' fit absorbs little.
 TEST(Calibrate, LeavingAViewOutExposesTheOneThatIsWrong) {
-    auto views = test::synthetic_views(test::calibration_truth(), 7, 0.2, 9);
+    auto views = synthetic_views(calibration_truth(), 7, 0.2, 9);
     for (std::size_t i = 0; i < views[4].pixels.size(); i += 2)
         views[4].pixels[i].x() += 0.9;  // short of an outlier
     const auto calibration =
-        calibrate_camera(views, test::image_size, {.model = "radial", .resamples = 0});
+        calibrate_camera(views, image_size, {.model = "radial", .resamples = 0});
     EXPECT_EQ(calibration.points_left_out(), 0u);
     for (std::size_t i = 0; i < views.size(); ++i) {
         const CalibratedView& view = calibration.views[i];
@@ -101,13 +100,13 @@ TEST(Calibrate, LeavingAViewOutExposesTheOneThatIsWrong) {
 }
 
 TEST(Calibrate, GivesTheSameBitsForEveryNumberOfThreads) {
-    const auto views = test::synthetic_views(test::calibration_truth(), 6, 0.2, 7);
+    const auto views = synthetic_views(calibration_truth(), 6, 0.2, 7);
     const int before = cv::getNumThreads();
     const CalibrationOptions options{.resamples = 10};
     cv::setNumThreads(1);
-    const auto one = calibrate_camera(views, test::image_size, options);
+    const auto one = calibrate_camera(views, image_size, options);
     cv::setNumThreads(3);
-    const auto three = calibrate_camera(views, test::image_size, options);
+    const auto three = calibrate_camera(views, image_size, options);
     cv::setNumThreads(before);
     EXPECT_EQ(one.camera.intrinsics.fx, three.camera.intrinsics.fx);
     EXPECT_EQ(one.camera.covariance->matrix, three.camera.covariance->matrix);
@@ -116,8 +115,8 @@ TEST(Calibrate, GivesTheSameBitsForEveryNumberOfThreads) {
 }
 
 TEST(Calibrate, ThreeViewsHaveNoLeaveOneOut) {
-    const auto calibration = calibrate_camera(
-        test::synthetic_views(test::calibration_truth(), 3, 0.1, 2), test::image_size);
+    const auto calibration =
+        calibrate_camera(synthetic_views(calibration_truth(), 3, 0.1, 2), image_size);
     EXPECT_FALSE(calibration.leave_one_out_rms_px);
     EXPECT_FALSE(calibration.advice.advised);
     EXPECT_FALSE(calibration.deviations[0].bootstrap);
@@ -126,12 +125,12 @@ TEST(Calibrate, ThreeViewsHaveNoLeaveOneOut) {
 }
 
 TEST(Calibrate, RefusesAModelThatIsNone) {
-    const auto views = test::synthetic_views(test::calibration_truth(), 4, 0.1, 2);
-    EXPECT_THROW(calibrate_camera(views, test::image_size, {.model = "fisheye"}), ConfigError);
+    const auto views = synthetic_views(calibration_truth(), 4, 0.1, 2);
+    EXPECT_THROW(calibrate_camera(views, image_size, {.model = "fisheye"}), ConfigError);
 }
 
 TEST(Calibrate, NamesTheViewThatCannotBeUsed) {
-    const auto good = test::synthetic_views(test::calibration_truth(), 4, 0.1, 2);
+    const auto good = synthetic_views(calibration_truth(), 4, 0.1, 2);
     EXPECT_THAT(error_of({}), HasSubstr("0 views, three are needed"));
     EXPECT_THAT(error_of({good[0], good[1]}), HasSubstr("2 views, three are needed"));
     auto views = good;
@@ -142,12 +141,12 @@ TEST(Calibrate, NamesTheViewThatCannotBeUsed) {
 
 // Parallel boards: distance and focal length trade against each other.
 TEST(Calibrate, RefusesViewsThatDoNotDetermineTheCamera) {
-    const CameraModel truth = test::calibration_truth();
+    const CameraModel truth = calibration_truth();
     std::vector<CalibrationView> parallel, identical;
     for (int i = 0; i < 5; ++i) {
         const Rigid pose{Eigen::Quaterniond::Identity(), {-100.0 + 7 * i, -60.0 - 5 * i, 500}};
-        parallel.push_back(test::synthetic_view(truth, pose, 0.1, i));
-        identical.push_back(test::synthetic_view(truth, test::synthetic_pose(1), 0.0, 1));
+        parallel.push_back(synthetic_view(truth, pose, 0.1, i));
+        identical.push_back(synthetic_view(truth, synthetic_pose(1), 0.0, 1));
     }
     EXPECT_NE(error_of(parallel), "no error");
     EXPECT_NE(error_of(identical), "no error");
@@ -158,11 +157,10 @@ TEST(Calibrate, RefusesViewsThatDoNotDetermineTheCamera) {
 // Calibrating lenses that see more than a plane: found from the views alone.
 
 TEST(WideCalibration, FindsTheCameraThatMadeExactViews) {
-    for (const auto& [name, truth] : test::wide_models()) {
+    for (const auto& [name, truth] : wide_models()) {
         SCOPED_TRACE(name);
         const CalibrationModel& model = calibration_model(name);
-        const CameraFit fit =
-            fit_camera(test::wide_views(truth, 9, 0.0, 1), test::image_size, model);
+        const CameraFit fit = fit_camera(wide_views(truth, 9, 0.0, 1), image_size, model);
         EXPECT_TRUE(fit.converged);
         EXPECT_LT(
             (parameters_of(fit.camera, model) - parameters_of(truth, model)).cwiseAbs().maxCoeff(),
@@ -170,42 +168,37 @@ TEST(WideCalibration, FindsTheCameraThatMadeExactViews) {
         EXPECT_EQ(fit.camera.projection.kind, truth.projection.kind);
         for (int v = 0; v < 9; ++v)
             EXPECT_LT((fit.camera_from_target[static_cast<std::size_t>(v)].translation -
-                       test::wide_pose(v).translation)
+                       wide_pose(v).translation)
                           .norm(),
                       1e-4);
     }
 }
 
 TEST(WideCalibration, FindsAPoseBesideTheAxis) {
-    for (const auto& [name, truth] : test::wide_models())
+    for (const auto& [name, truth] : wide_models())
         for (int v = 0; v < 6; ++v) {
-            const Rigid pose =
-                fit_view_pose(truth, test::synthetic_view(truth, test::wide_pose(v), 0.0, 1));
-            EXPECT_LT((pose.translation - test::wide_pose(v).translation).norm(), 1e-6)
-                << name << v;
+            const Rigid pose = fit_view_pose(truth, synthetic_view(truth, wide_pose(v), 0.0, 1));
+            EXPECT_LT((pose.translation - wide_pose(v).translation).norm(), 1e-6) << name << v;
         }
 }
 
 TEST(WideCalibration, TellsWideLensesFromOthers) {
-    for (const auto& [name, truth] : test::wide_models())
-        EXPECT_EQ(lens_angle(test::wide_views(truth, 9, 0.2, 3), test::image_size), LensAngle::wide)
-            << name;
-    EXPECT_EQ(
-        lens_angle(test::synthetic_views(test::calibration_truth(), 9, 0.2, 3), test::image_size),
-        LensAngle::ordinary);
+    for (const auto& [name, truth] : wide_models())
+        EXPECT_EQ(lens_angle(wide_views(truth, 9, 0.2, 3), image_size), LensAngle::wide) << name;
+    EXPECT_EQ(lens_angle(synthetic_views(calibration_truth(), 9, 0.2, 3), image_size),
+              LensAngle::ordinary);
     // Photos of two zooms follow neither kind.
-    auto mixed = test::synthetic_views(test::calibration_truth(), 4, 0.2, 3);
+    auto mixed = synthetic_views(calibration_truth(), 4, 0.2, 3);
     for (int v = 4; v < 8; ++v)
-        mixed.push_back(test::synthetic_view(test::zoomed(1.3), test::synthetic_pose(v), 0.2, v));
-    EXPECT_EQ(lens_angle(mixed, test::image_size), LensAngle::ordinary);
+        mixed.push_back(synthetic_view(zoomed(1.3), synthetic_pose(v), 0.2, v));
+    EXPECT_EQ(lens_angle(mixed, image_size), LensAngle::ordinary);
 }
 
 TEST(WideCalibration, RefusesWhatItCannotMean) {
-    const auto views = test::wide_views(test::wide_models()[3].truth, 9, 0.1, 1);
+    const auto views = wide_views(wide_models()[3].truth, 9, 0.1, 1);
     EXPECT_THAT(text_of_error<NumericalError>([&] {
-                    fit_camera(
-                        views, test::image_size, calibration_model("kannala_brandt"),
-                        {.start = CameraStart{test::calibration_truth(), std::vector<Rigid>(9)}});
+                    fit_camera(views, image_size, calibration_model("kannala_brandt"),
+                               {.start = CameraStart{calibration_truth(), std::vector<Rigid>(9)}});
                 }),
                 HasSubstr("model kannala_brandt cannot start from a camera that is perspective"));
 }
@@ -218,7 +211,7 @@ TEST(WideCalibration, RefusesWhatItCannotMean) {
 constexpr double degree = 0.017453292519943295;
 
 CameraModel with_distortion(Distortion distortion) {
-    CameraModel camera = test::telecentric_truth();
+    CameraModel camera = telecentric_truth();
     camera.distortion = distortion;
     return camera;
 }
@@ -239,12 +232,12 @@ std::vector<CalibrationView> views_of(const CameraModel& camera, const std::vect
                                       double noise_px = 0.0, int seed = 1) {
     std::vector<CalibrationView> views;
     for (std::size_t i = 0; i < poses.size(); ++i)
-        views.push_back(test::telecentric_view(camera, poses[i], noise_px, 100 * seed + int(i)));
+        views.push_back(telecentric_view(camera, poses[i], noise_px, 100 * seed + int(i)));
     return views;
 }
 
 Rigid other_pose(int view) {
-    return test::telecentric_pose(3 * view + 2);
+    return telecentric_pose(3 * view + 2);
 }
 
 // A few views, larger tilts, and the board seen from behind, as through a mirror.
@@ -258,17 +251,17 @@ TEST(TelecentricCalibration, FindsTheCameraThatMadeExactViews) {
     const std::pair<const char*, CameraModel> lenses[] = {
         {"telecentric_radial", with_distortion({.k1 = -4.1e-5, .k2 = 1.3e-7})},
         {"telecentric_radial", with_distortion({.k1 = 1.7e-4})},
-        {"telecentric_standard", test::telecentric_truth()},
+        {"telecentric_standard", telecentric_truth()},
         {"telecentric_standard",
          with_distortion({.k1 = 9e-5, .k2 = -3.7e-7, .p1 = -2.3e-5, .p2 = 1.1e-5})}};
     const std::pair<Rigid (*)(int), int> sets[] = {
-        {test::telecentric_pose, 9}, {other_pose, 12}, {mirrored_set, 5}};
+        {telecentric_pose, 9}, {other_pose, 12}, {mirrored_set, 5}};
     for (const auto& [name, truth] : lenses)
         for (const auto& [pose, count] : sets) {
             SCOPED_TRACE(name + std::to_string(count));
             const CalibrationModel& model = calibration_model(name);
-            const CameraFit fit = fit_camera(test::telecentric_views(truth, count, 0.0, 1, pose),
-                                             test::image_size, model);
+            const CameraFit fit =
+                fit_camera(telecentric_views(truth, count, 0.0, 1, pose), image_size, model);
             EXPECT_TRUE(fit.converged);
             const Eigen::VectorXd found = parameters_of(fit.camera, model),
                                   expected = parameters_of(truth, model);
@@ -281,10 +274,10 @@ TEST(TelecentricCalibration, FindsTheCameraThatMadeExactViews) {
 }
 
 TEST(TelecentricCalibration, FindsPosesButForTheSignOfTheirTilt) {
-    const CameraModel truth = test::telecentric_truth();
+    const CameraModel truth = telecentric_truth();
     for (int v = 0; v < 6; ++v) {
-        const Rigid pose = test::telecentric_pose(v);
-        const Rigid found = fit_view_pose(truth, test::telecentric_view(truth, pose, 0.0, 1));
+        const Rigid pose = telecentric_pose(v);
+        const Rigid found = fit_view_pose(truth, telecentric_view(truth, pose, 0.0, 1));
         const Eigen::Matrix3d seen = found.rotation.toRotationMatrix(),
                               expected = pose.rotation.toRotationMatrix();
         EXPECT_LT((seen - expected).topLeftCorner(2, 2).norm(), 1e-9) << v;
@@ -299,8 +292,8 @@ TEST(TelecentricCalibration, FindsPosesButForTheSignOfTheirTilt) {
 TEST(TelecentricCalibration, HoldsTheCentreWithoutDistortion) {
     const CameraModel truth = with_distortion({});
     const CalibrationModel& model = calibration_model("telecentric");
-    const auto views = test::telecentric_views(truth, 8, 0.0, 1);
-    const CameraFit fit = fit_camera(views, test::image_size, model);
+    const auto views = telecentric_views(truth, 8, 0.0, 1);
+    const CameraFit fit = fit_camera(views, image_size, model);
     EXPECT_TRUE(fit.converged);
     EXPECT_NEAR(fit.camera.intrinsics.fx, 25.3, 25e-6);
     EXPECT_NEAR(fit.camera.intrinsics.fy, 24.9, 25e-6);
@@ -309,15 +302,15 @@ TEST(TelecentricCalibration, HoldsTheCentreWithoutDistortion) {
     EXPECT_LT(fit.condition_number, 2.0);
     // A model with a centre has nothing to find it by.
     EXPECT_THAT(text_of_error<NumericalError>([&] {
-                    fit_camera(views, test::image_size, calibration_model("telecentric_radial"));
+                    fit_camera(views, image_size, calibration_model("telecentric_radial"));
                 }),
                 HasSubstr("the distortion is too weak for model telecentric_radial"));
 }
 
 // Held: parameters + 5 a view, not 6.
 TEST(TelecentricCalibration, CountsFiveParametersOfAPose) {
-    const auto views = test::telecentric_views(with_distortion({}), 8, 0.2, 4);
-    const CameraFit fit = fit_camera(views, test::image_size, calibration_model("telecentric"));
+    const auto views = telecentric_views(with_distortion({}), 8, 0.2, 4);
+    const CameraFit fit = fit_camera(views, image_size, calibration_model("telecentric"));
     double squares = 0.0;
     for (const auto& view : fit.residuals_px)
         for (const Eigen::Vector2d& residual : view)
@@ -337,7 +330,7 @@ TEST(TelecentricCalibration, RefusesTiltsThatLeaveTheAspectOpen) {
     for (const auto& poses : sets)
         for (const double noise_px : {0.0, 0.1})
             EXPECT_THAT(text_of_error<NumericalError>([&] {
-                            fit_camera(views_of(truth, poses, noise_px), test::image_size,
+                            fit_camera(views_of(truth, poses, noise_px), image_size,
                                        calibration_model("telecentric"));
                         }),
                         HasSubstr("do not tell fy / fx of a telecentric camera"));
@@ -350,8 +343,8 @@ TEST(TelecentricCalibration, TakesViewsThatAreFlatOn) {
     std::vector<Rigid> poses{tilted(0, 0, 10), tilted(0, 0, 50, 2), tilted(0.4, 80, -20, -2),
                              tilted(2.5, 10, 0, 1)};
     for (int v = 0; v < 6; ++v)
-        poses.push_back(test::telecentric_pose(v));
-    const CameraFit exact = fit_camera(views_of(truth, poses), test::image_size, model);
+        poses.push_back(telecentric_pose(v));
+    const CameraFit exact = fit_camera(views_of(truth, poses), image_size, model);
     EXPECT_TRUE(exact.converged);
     EXPECT_LT((parameters_of(exact.camera, model) - parameters_of(truth, model))
                   .cwiseQuotient(parameters_of(truth, model))
@@ -363,7 +356,7 @@ TEST(TelecentricCalibration, TakesViewsThatAreFlatOn) {
                     1e-5);
     for (int seed = 1; seed <= 20; ++seed) {
         const auto views = views_of(truth, poses, 0.1, seed);
-        const CameraFit fit = fit_camera(views, test::image_size, model);
+        const CameraFit fit = fit_camera(views, image_size, model);
         EXPECT_TRUE(fit.converged) << seed;
         EXPECT_LT(fit.iterations, 40) << seed;
         EXPECT_NEAR(fit.camera.intrinsics.fx, 25.3, 0.02);
@@ -377,7 +370,7 @@ TEST(TelecentricCalibration, AViewThatIsFlatOnLosesNoRow) {
     const CameraModel camera = with_distortion({.k1 = -4.1e-5, .k2 = 1.3e-7});
     const CalibrationModel& model = calibration_model("telecentric_radial");
     const Rigid pose = tilted(0, 0, 20);
-    const CalibrationView view = test::telecentric_view(camera, pose, 0.1, 3);
+    const CalibrationView view = telecentric_view(camera, pose, 0.1, 3);
     const CameraFit fit{.model = model, .camera = camera, .camera_from_target = {pose}};
     const auto equations = view_equations(std::span(&view, 1), fit);
     Eigen::MatrixXd of_camera(108, 6), of_pose(108, 3);
@@ -400,10 +393,10 @@ TEST(TelecentricCalibration, AViewThatIsFlatOnLosesNoRow) {
 // Noise and outliers, everything that the command reports.
 TEST(TelecentricCalibration, IsJudgedLikeAnyOther) {
     const CameraModel truth = with_distortion({.k1 = -4.1e-5, .k2 = 1.3e-7});
-    auto views = test::telecentric_views(truth, 10, 0.1, 7);
+    auto views = telecentric_views(truth, 10, 0.1, 7);
     views[4].pixels[17].y() += 5.0;
     const CameraCalibration found =
-        calibrate_camera(views, test::image_size, {.model = "telecentric_radial", .resamples = 40});
+        calibrate_camera(views, image_size, {.model = "telecentric_radial", .resamples = 40});
     EXPECT_EQ(found.advice.models.size(), 3u);
     ASSERT_TRUE(found.advice.advised);
     EXPECT_EQ(found.advice.models[*found.advice.advised].model, "telecentric_radial");
@@ -432,29 +425,29 @@ TEST(TelecentricCalibration, CentresThatDifferAreAShift) {
 }
 
 TEST(TelecentricCalibration, IsNeverTakenUnasked) {
-    const auto views = test::telecentric_views(with_distortion({}), 5, 0.1, 3);
+    const auto views = telecentric_views(with_distortion({}), 5, 0.1, 3);
     EXPECT_THAT(text_of_error<NumericalError>(
-                    [&] { calibrate_camera(views, test::image_size, {.resamples = 0}); }),
+                    [&] { calibrate_camera(views, image_size, {.resamples = 0}); }),
                 HasSubstr("the lens may be telecentric: model telecentric, which has to be named"));
 }
 
 TEST(TelecentricCalibration, RefusesABoardsShape) {
-    const auto views = test::telecentric_views(with_distortion({}), 9, 0.1, 3);
+    const auto views = telecentric_views(with_distortion({}), 9, 0.1, 3);
     EXPECT_THAT(text_of_error<NumericalError>([&] {
-                    calibrate_camera(views, test::image_size,
+                    calibrate_camera(views, image_size,
                                      {.model = "telecentric", .fit_board = true});
                 }),
                 AllOf(HasSubstr("telecentric"), HasSubstr("height")));
 }
 
 TEST(TelecentricCalibration, TellsMagnificationsApart) {
-    CameraModel zoomed = test::telecentric_truth();
+    CameraModel zoomed = telecentric_truth();
     zoomed.intrinsics.zoom(1.03);
-    auto views = test::telecentric_views(test::telecentric_truth(), 12, 0.1, 5);
-    EXPECT_EQ(camera_groups(views, test::image_size, true).size(), 1u);
+    auto views = telecentric_views(telecentric_truth(), 12, 0.1, 5);
+    EXPECT_EQ(camera_groups(views, image_size, true).size(), 1u);
     for (const int i : {2, 7})
-        views[std::size_t(i)] = test::telecentric_view(zoomed, test::telecentric_pose(i), 0.1, i);
-    const auto groups = camera_groups(views, test::image_size, true);
+        views[std::size_t(i)] = telecentric_view(zoomed, telecentric_pose(i), 0.1, i);
+    const auto groups = camera_groups(views, image_size, true);
     ASSERT_EQ(groups.size(), 2u);
     EXPECT_THAT(groups[1].views, ElementsAre(2u, 7u));
     EXPECT_NEAR(groups[1].focal_px, 1.03 * 25.1, 0.1);

@@ -181,7 +181,7 @@ const PixelUncertainty& nearest(const ProjectionUncertainty& map, double x, doub
 
 // x = cx + fx u: an error of fx moves a ray by its distance from cx over fx, one of cx by itself.
 TEST(ProjectionUncertainty, OfAPinholeIsItsAlgebra) {
-    const CameraModel camera = test::camera_with(640, 480, {541, 533, 331, 243}, {});
+    const CameraModel camera = camera_with(640, 480, {541, 533, 331, 243}, {});
     const CalibrationModel& model = calibration_model("pinhole");
     Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
     covariance(0, 0) = 1.5 * 1.5;
@@ -197,7 +197,7 @@ TEST(ProjectionUncertainty, OfAPinholeIsItsAlgebra) {
 // At 50 000 px the field of view is half a degree and a shift of the principal point is a turn of
 // the camera to the square of that.
 TEST(ProjectionUncertainty, ARotationTakesBackAShiftOfTheImage) {
-    const CameraModel camera = test::camera_with(640, 480, {50000, 50000, 331, 243}, {});
+    const CameraModel camera = camera_with(640, 480, {50000, 50000, 331, 243}, {});
     Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
     covariance(2, 2) = 1.0;
     const auto map = projection_uncertainty(camera, calibration_model("pinhole"), covariance, {});
@@ -206,7 +206,7 @@ TEST(ProjectionUncertainty, ARotationTakesBackAShiftOfTheImage) {
 }
 
 TEST(ProjectionUncertainty, IsTheScatterOfRaysThroughDrawnCameras) {
-    const CameraModel camera = test::calibration_truth();
+    const CameraModel camera = calibration_truth();
     const CalibrationModel& model = calibration_model("standard");
     Eigen::VectorXd deviations(9);
     deviations << 0.8, 0.7, 0.5, 0.4, 0.004, 0.01, 3e-4, 2e-4, 0.01;
@@ -238,7 +238,7 @@ TEST(ProjectionUncertainty, IsTheScatterOfRaysThroughDrawnCameras) {
 // The hull of a triangle of legs 300 and 200 px is 30 000 of 307 200 px^2; a grid of 20 px counts
 // it to about its border over the step: 20 of 600 px.
 TEST(ProjectionUncertainty, CountsWhatLiesAmongThePoints) {
-    const CameraModel camera = test::camera_with(640, 480, {541, 533, 331, 243}, {});
+    const CameraModel camera = camera_with(640, 480, {541, 533, 331, 243}, {});
     const std::vector<Eigen::Vector2d> triangle{{100, 100}, {400, 100}, {100, 300}};
     const auto map = projection_uncertainty(camera, calibration_model("pinhole"),
                                             Eigen::Matrix4d::Identity(), triangle);
@@ -248,7 +248,7 @@ TEST(ProjectionUncertainty, CountsWhatLiesAmongThePoints) {
 }
 
 TEST(ProjectionDifference, OfACameraThatWasTurnedIsNone) {
-    CameraModel camera = test::calibration_truth();
+    CameraModel camera = calibration_truth();
     camera.intrinsics = {20000, 20000, 331, 243};
     CameraModel shifted = camera;
     shifted.intrinsics.cx += 3.0;  // 3/20000 rad; the rest is 3 px times (320/20000)^2
@@ -268,9 +268,9 @@ TEST(ProjectionDifference, OfACameraThatWasTurnedIsNone) {
 }
 
 TEST(CrossValidation, NeedsSixViews) {
-    const auto views = test::synthetic_views(test::calibration_truth(), 5, 0.2, 1);
+    const auto views = synthetic_views(calibration_truth(), 5, 0.2, 1);
     const CalibrationModel& model = calibration_model("radial");
-    const CameraFit fit = fit_camera(views, test::image_size, model);
+    const CameraFit fit = fit_camera(views, image_size, model);
     EXPECT_THROW(cross_validate(views, fit), NumericalError);
 }
 

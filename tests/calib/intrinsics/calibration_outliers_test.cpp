@@ -18,20 +18,19 @@ std::vector<std::pair<int, int>> found_in(const CornerMask& mask) {
 const CalibrationOptions radial_fit{.model = "radial", .leave_one_out = false, .resamples = 0};
 
 CornerMask corners_of(const std::vector<CalibrationView>& views) {
-    return find_outlier_corners(views, test::image_size, {{calibration_model("standard")}});
+    return find_outlier_corners(views, image_size, {{calibration_model("standard")}});
 }
 
 // Six scales: of 756 points with normal errors one exceeds them in 8e-6 of all calibrations.
 TEST(OutlierCorners, AreNotFoundInNoise) {
     for (const double noise : {0.02, 0.3, 2.0})
-        EXPECT_THAT(
-            found_in(corners_of(test::synthetic_views(test::calibration_truth(), 7, noise, 11))),
-            IsEmpty())
+        EXPECT_THAT(found_in(corners_of(synthetic_views(calibration_truth(), 7, noise, 11))),
+                    IsEmpty())
             << noise;
 }
 
 TEST(OutlierCorners, AreFoundAndNoneBesides) {
-    auto views = test::synthetic_views(test::calibration_truth(), 7, 0.2, 12);
+    auto views = synthetic_views(calibration_truth(), 7, 0.2, 12);
     views[2].pixels[17] += Eigen::Vector2d(1.9, -0.8);  // ten sigmas
     views[2].pixels[18] += Eigen::Vector2d(-40, 25);    // far off, and next to it
     views[5].pixels[53] += Eigen::Vector2d(0, 9);
@@ -40,7 +39,7 @@ TEST(OutlierCorners, AreFoundAndNoneBesides) {
 }
 
 TEST(OutlierCorners, TakeTheirViewWithThemWhenTheyAreAQuarterOfIt) {
-    auto views = test::synthetic_views(test::calibration_truth(), 12, 0.2, 13);
+    auto views = synthetic_views(calibration_truth(), 12, 0.2, 13);
     for (std::size_t i = 0; i < 14; ++i)
         views[4].pixels[i].y() += i % 2 == 0 ? 6.0 : -6.0;
     const auto mask = corners_of(views);
@@ -56,11 +55,11 @@ TEST(OutlierViews, MustBeThreeTimesAsBadInTheFitAndLeftOut) {
 }
 
 TEST(Outliers, AreNamedCountedAndLeftOut) {
-    auto views = test::synthetic_views(test::calibration_truth(), 7, 0.2, 14);
-    const auto clean = calibrate_camera(views, test::image_size, radial_fit);
+    auto views = synthetic_views(calibration_truth(), 7, 0.2, 14);
+    const auto clean = calibrate_camera(views, image_size, radial_fit);
     EXPECT_EQ(clean.points_left_out(), 0u);
     views[3].pixels[20] += Eigen::Vector2d(12, 5);
-    const auto found = calibrate_camera(views, test::image_size, radial_fit);
+    const auto found = calibrate_camera(views, image_size, radial_fit);
     EXPECT_EQ(found.points(), 7u * 54u);
     EXPECT_EQ(found.points_left_out(), 1u);
     EXPECT_TRUE(found.views[3].left_out[20]);
@@ -71,7 +70,7 @@ TEST(Outliers, AreNamedCountedAndLeftOut) {
 }
 
 TEST(Outliers, OfAWholeViewLeaveTheOthersAsTheyAre) {
-    auto views = test::synthetic_views(test::calibration_truth(), 11, 0.1, 15);
+    auto views = synthetic_views(calibration_truth(), 11, 0.1, 15);
     auto others = views;
     others.erase(others.begin() + 6);
     std::swap(views[6].pixels, views[2].pixels);
@@ -79,10 +78,10 @@ TEST(Outliers, OfAWholeViewLeaveTheOthersAsTheyAre) {
     for (std::size_t i = 0; i < 54; ++i)
         views[6].pixels[i] += 1.5 * Eigen::Vector2d(std::sin(0.9 * i), std::cos(1.7 * i));
     const CalibrationOptions options{.model = "radial", .resamples = 0};
-    const auto found = calibrate_camera(views, test::image_size, options);
+    const auto found = calibrate_camera(views, image_size, options);
     EXPECT_FALSE(found.views[6].used());
     EXPECT_EQ(found.points_left_out(), 54u);
-    const auto without = calibrate_camera(others, test::image_size, radial_fit);
+    const auto without = calibrate_camera(others, image_size, radial_fit);
     EXPECT_NEAR(found.camera.intrinsics.fx, without.camera.intrinsics.fx, 1e-6);
     EXPECT_NEAR(found.rms_px, without.rms_px, 1e-9);
     EXPECT_GT(found.views[6].rms_px, 1.0);
@@ -90,32 +89,30 @@ TEST(Outliers, OfAWholeViewLeaveTheOthersAsTheyAre) {
 
 // Before any fit: points in a wrong order would draw it anywhere.
 TEST(Outliers, AreViewsThatNoPlaneExplains) {
-    const auto good = test::synthetic_views(test::calibration_truth(), 11, 0.2, 17);
+    const auto good = synthetic_views(calibration_truth(), 11, 0.2, 17);
     auto reversed = good, scattered = good;
     std::reverse(reversed[4].pixels.begin(), reversed[4].pixels.begin() + 27);
     RandomStream random(5, 2);
     for (Eigen::Vector2d& pixel : scattered[7].pixels)
         pixel = {640.0 * random.uniform(), 480.0 * random.uniform()};
     for (const auto& [views, bad] : {std::pair{reversed, 4}, std::pair{scattered, 7}}) {
-        const auto found = calibrate_camera(views, test::image_size, radial_fit);
+        const auto found = calibrate_camera(views, image_size, radial_fit);
         EXPECT_FALSE(found.views[bad].used());
         EXPECT_EQ(found.points_left_out(), 54u);
         auto others = good;
         others.erase(others.begin() + bad);
         EXPECT_NEAR(found.camera.intrinsics.fx,
-                    calibrate_camera(others, test::image_size, radial_fit).camera.intrinsics.fx,
-                    1e-6);
+                    calibrate_camera(others, image_size, radial_fit).camera.intrinsics.fx, 1e-6);
     }
 }
 
 TEST(Outliers, OfMoreThanATenthAreRefused) {
-    auto views = test::synthetic_views(test::calibration_truth(), 7, 0.2, 16);
+    auto views = synthetic_views(calibration_truth(), 7, 0.2, 16);
     for (std::size_t i = 0; i < 54; ++i)
         views[1].pixels[i] += 8.0 * Eigen::Vector2d(std::sin(0.9 * i), std::cos(1.7 * i));
     EXPECT_THAT(
-        text_of_error<NumericalError>([&] {
-            calibrate_camera(views, test::image_size, {.model = "radial", .resamples = 0});
-        }),
+        text_of_error<NumericalError>(
+            [&] { calibrate_camera(views, image_size, {.model = "radial", .resamples = 0}); }),
         AllOf(HasSubstr("54 of 378 points do not fit the others"), HasSubstr("view 1: 54 of 54")));
 }
 

@@ -16,14 +16,14 @@ namespace {
 // varies with the residuals' variance, by 1/sqrt(2 * 783) = 0.025. Four of both together: 0.38.
 TEST(CalibrateStatistics, FormalDeviationsAreWhatIndependentNoiseDoes) {
     const int n = 60;
-    const CameraModel truth = test::calibration_truth();
+    const CameraModel truth = calibration_truth();
     Eigen::Matrix<double, 9, 1> sum, squares, formal;
     for (auto* each : {&sum, &squares, &formal})
         each->setZero();
     double mean_squares = 0.0;
     for (int run = 0; run < n; ++run) {
         const auto calibration =
-            calibrate_camera(test::synthetic_views(truth, 8, 0.3, 100 + run), {640, 480},
+            calibrate_camera(synthetic_views(truth, 8, 0.3, 100 + run), {640, 480},
                              {.model = "standard", .leave_one_out = false, .resamples = 0});
         const Eigen::VectorXd x = parameters_of(calibration.camera, calibration.model);
         sum += x;
@@ -56,13 +56,13 @@ void bend(CalibrationView& view, RandomStream& random) {
 TEST(CalibrateStatistics, RobustDeviationsAreWhatPhotosDoWhoseCornersErrTogether) {
     const int n = 150;
     const CalibrationModel& model = calibration_model("radial");
-    CameraModel truth = test::calibration_truth();
+    CameraModel truth = calibration_truth();
     truth.distortion = {.k1 = -0.27, .k2 = 0.09};
     Eigen::Matrix<double, 6, 1> sum, squares, robust, formal;
     for (auto* each : {&sum, &squares, &robust, &formal})
         each->setZero();
     for (int run = 0; run < n; ++run) {
-        auto views = test::synthetic_views(truth, 10, 0.1, 4000 + run);
+        auto views = synthetic_views(truth, 10, 0.1, 4000 + run);
         RandomStream random(5000 + run, 3);
         for (CalibrationView& view : views)
             bend(view, random);
@@ -88,8 +88,8 @@ TEST(CrossValidationStatistics, HalvesDifferAsMuchAsTheirCovariancesSay) {
     const int runs = 40;
     double ratio = 0.0, robust = 0.0;
     for (int run = 0; run < runs; ++run) {
-        const auto views = test::synthetic_views(test::calibration_truth(), 8, 0.2, 500 + run);
-        const auto halves = cross_validate(views, fit_camera(views, test::image_size, model));
+        const auto views = synthetic_views(calibration_truth(), 8, 0.2, 500 + run);
+        const auto halves = cross_validate(views, fit_camera(views, image_size, model));
         EXPECT_EQ(halves.views[0], 4u);
         EXPECT_EQ(halves.views[1], 4u);
         ratio += std::pow(halves.rms_px / halves.expected_formal_px, 2) / runs;
@@ -105,9 +105,8 @@ TEST(BoardShapeStatistics, TrueBoardsAreCalledBentAsRarelyAsStated) {
     for (const int count : {8, 11}) {
         int alarms = 0;
         for (int run = 0; run < runs; ++run) {
-            const auto views = test::views_of(test::flat, count, 0.1, 100 + run);
-            alarms +=
-                check_board(views, fit_camera(views, test::image_size, model))->is_distorted();
+            const auto views = test::views_of(flat, count, 0.1, 100 + run);
+            alarms += check_board(views, fit_camera(views, image_size, model))->is_distorted();
         }
         std::cout << count << " views: " << alarms << " false alarms of " << runs << "\n";
         // Binomial with max_board_chance: four standard deviations above the mean.
@@ -121,13 +120,13 @@ struct Coverage {
     double held = 0.0;
     std::array<double, 9> bias{}, deviation{};
 };
-Coverage coverage_of(const test::Displacement& displacement, bool fit_board, int runs) {
+Coverage coverage_of(const Displacement& displacement, bool fit_board, int runs) {
     Coverage coverage;
     const CalibrationModel& model = calibration_model("standard");
-    const Eigen::VectorXd truth = parameters_of(test::calibration_truth(), model);
+    const Eigen::VectorXd truth = parameters_of(calibration_truth(), model);
     for (int run = 0; run < runs; ++run) {
         const CameraCalibration found = calibrate_camera(
-            test::views_of(displacement, 12, 0.1, 500 + run), test::image_size,
+            test::views_of(displacement, 12, 0.1, 500 + run), image_size,
             {.model = "standard", .leave_one_out = false, .resamples = 0, .fit_board = fit_board});
         const Eigen::VectorXd error = parameters_of(found.camera, model) - truth;
         for (std::size_t i = 0; i < 9; ++i) {
@@ -148,8 +147,7 @@ Coverage coverage_of(const test::Displacement& displacement, bool fit_board, int
 TEST(BoardShapeStatistics, IntervalsHoldTheTruthOfABowedBoard) {
     constexpr int runs = 100;
     const double deviation = std::sqrt(0.95 * 0.05 / (3.0 * runs));
-    const Coverage drawn = coverage_of(test::bow, false, runs),
-                   fitted = coverage_of(test::bow, true, runs);
+    const Coverage drawn = coverage_of(bow, false, runs), fitted = coverage_of(bow, true, runs);
     EXPECT_LT(drawn.held, 0.95 - 4 * deviation);
     EXPECT_GT(std::abs(drawn.bias[0]), 2 * drawn.deviation[0]);
     EXPECT_GT(fitted.held, 0.95 - 4 * deviation);
@@ -158,8 +156,7 @@ TEST(BoardShapeStatistics, IntervalsHoldTheTruthOfABowedBoard) {
 
 TEST(BoardShapeStatistics, AFlatBoardLosesLittle) {
     constexpr int runs = 40;
-    const Coverage drawn = coverage_of(test::flat, false, runs),
-                   fitted = coverage_of(test::flat, true, runs);
+    const Coverage drawn = coverage_of(flat, false, runs), fitted = coverage_of(flat, true, runs);
     EXPECT_GT(fitted.held, 0.95 - 4 * std::sqrt(0.95 * 0.05 / (3.0 * runs)));
     EXPECT_LT(fitted.deviation[0], 2.0 * drawn.deviation[0]);
 }
@@ -167,7 +164,7 @@ TEST(BoardShapeStatistics, AFlatBoardLosesLittle) {
 // Boards 350 to 450 mm away whose middles lie up to 43 degrees from the axis, their corners up to
 // 59: what a lens of 120 degrees sees.
 Rigid mildly_wide_pose(int view) {
-    return test::pose_aside(view, {0.1, 0.45, 0.75}, 400.0);
+    return pose_aside(view, {0.1, 0.45, 0.75}, 400.0);
 }
 
 const ModelScore& score_of(const CameraCalibration& calibration, const std::string& model) {
@@ -177,17 +174,15 @@ const ModelScore& score_of(const CameraCalibration& calibration, const std::stri
 // Perspective models and those of wide lenses are held against each other where photos may tell
 // them apart, and nowhere else. 0.1 px of noise is 0.141 px of distance.
 TEST(WideCalibration, ComparesPerspectiveModelsWithThoseOfWideLenses) {
-    const CameraCalibration ordinary =
-        calibrate_camera(test::synthetic_views(test::calibration_truth(), 12, 0.1, 3),
-                         test::image_size, {.resamples = 0});
+    const CameraCalibration ordinary = calibrate_camera(
+        synthetic_views(calibration_truth(), 12, 0.1, 3), image_size, {.resamples = 0});
     EXPECT_EQ(ordinary.advice.models.size(), calibration_models().size());
     EXPECT_EQ(ordinary.model.name, "standard");
 
-    const CameraModel mild = test::wide_truth(
-        {Projection::equidistant}, 374.0, {.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4});
-    const CameraCalibration either =
-        calibrate_camera(test::synthetic_views(mild, 12, 0.1, 3, mildly_wide_pose),
-                         test::image_size, {.resamples = 0});
+    const CameraModel mild = wide_truth({Projection::equidistant}, 374.0,
+                                        {.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4});
+    const CameraCalibration either = calibrate_camera(
+        synthetic_views(mild, 12, 0.1, 3, mildly_wide_pose), image_size, {.resamples = 0});
     EXPECT_EQ(either.advice.models.size(), perspective_and_wide_models().size());
     EXPECT_LT(*either.leave_one_out_rms_px, 0.15);
     // Rational holds such a lens as well, with twice as many parameters.
@@ -197,9 +192,9 @@ TEST(WideCalibration, ComparesPerspectiveModelsWithThoseOfWideLenses) {
     EXPECT_FALSE(score_of(either, "standard").doubt.empty());
     EXPECT_FALSE(score_of(either, "omnidirectional").doubt.empty());  // fx and xi for each other
 
-    const CameraModel wide = test::wide_truth({Projection::double_sphere, -0.17, 0.59}, 165.0);
+    const CameraModel wide = wide_truth({Projection::double_sphere, -0.17, 0.59}, 165.0);
     const CameraCalibration far =
-        calibrate_camera(test::wide_views(wide, 12, 0.1, 7), test::image_size, {.resamples = 0});
+        calibrate_camera(wide_views(wide, 12, 0.1, 7), image_size, {.resamples = 0});
     EXPECT_EQ(far.model.name, "double_sphere");
     for (const CalibrationModel& model : calibration_models())
         EXPECT_THAT(score_of(far, model.name).doubt, HasSubstr("px in the fit, ")) << model.name;
@@ -208,11 +203,11 @@ TEST(WideCalibration, ComparesPerspectiveModelsWithThoseOfWideLenses) {
 
 TEST(WideCalibration, AdvisesAModelThatFollowsTheLens) {
     for (const std::size_t lens : {1u, 3u}) {
-        const auto [name, truth] = test::wide_models()[lens];
+        const auto [name, truth] = wide_models()[lens];
         SCOPED_TRACE(name);
-        const auto views = test::wide_views(truth, 12, 0.1, 5);
-        EXPECT_EQ(camera_groups(views, test::image_size).size(), 1u);
-        const CameraCalibration found = calibrate_camera(views, test::image_size, {.resamples = 0});
+        const auto views = wide_views(truth, 12, 0.1, 5);
+        EXPECT_EQ(camera_groups(views, image_size).size(), 1u);
+        const CameraCalibration found = calibrate_camera(views, image_size, {.resamples = 0});
         EXPECT_EQ(found.advice.models.size(), perspective_and_wide_models().size());
         EXPECT_FALSE(found.camera.projection.is_flat());
         EXPECT_LT(found.rms_px, 0.1 * std::sqrt(2.0) * 1.05);

@@ -19,12 +19,10 @@ std::vector<std::string> about(const CameraCheck& check, CameraFinding::Weight w
 // Fields of view of pinholes whose axis lies on the line that is measured, by hand.
 TEST(CameraCheck, MeasuresTheFieldOfView) {
     constexpr double degree = std::numbers::pi / 180;
-    const CameraCheck wide =
-        check_camera(test::camera_with(640, 480, {500, 400, 299.5, 239.5}, {}));
+    const CameraCheck wide = check_camera(camera_with(640, 480, {500, 400, 299.5, 239.5}, {}));
     EXPECT_NEAR(wide.horizontal_deg, (std::atan(300 / 500.0) + std::atan(340 / 500.0)) / degree,
                 1e-9);
-    const CameraCheck high =
-        check_camera(test::camera_with(640, 480, {500, 400, 319.5, 259.5}, {}));
+    const CameraCheck high = check_camera(camera_with(640, 480, {500, 400, 319.5, 259.5}, {}));
     EXPECT_NEAR(high.vertical_deg, (std::atan(260 / 400.0) + std::atan(220 / 400.0)) / degree,
                 1e-9);
     EXPECT_GT(high.diagonal_deg, high.horizontal_deg);
@@ -36,7 +34,7 @@ TEST(CameraCheck, MeasuresTheFieldOfView) {
 // r (1 - r^2) has its fold at r = 1 / sqrt(3), where it is 0.3849: in the first camera the
 // middle of the image is inside, its corners are not.
 TEST(CameraCheck, FindsAFoldInsideTheImage) {
-    CameraModel camera = test::camera_with(641, 401, {700, 700, 320, 200}, {.k1 = -1.0});
+    CameraModel camera = camera_with(641, 401, {700, 700, 320, 200}, {.k1 = -1.0});
     const CameraCheck folded = check_camera(camera);
     EXPECT_TRUE(folded.has_fault());
     EXPECT_GT(folded.image_without_ray, 0.0);
@@ -55,8 +53,8 @@ TEST(CameraCheck, FindsAFoldInsideTheImage) {
 // 95 degrees to each side, along x; the corners lie beyond 180 degrees.
 TEST(CameraCheck, LooksAtAFisheyeLensToo) {
     constexpr double degree = std::numbers::pi / 180;
-    CameraModel camera = test::camera_with(
-        1000, 1000, {500.0 / (95 * degree), 500.0 / (95 * degree), 499.5, 499.5}, {});
+    CameraModel camera =
+        camera_with(1000, 1000, {500.0 / (95 * degree), 500.0 / (95 * degree), 499.5, 499.5}, {});
     camera.projection.kind = Projection::equidistant;
     const CameraCheck check = check_camera(camera);
     EXPECT_NEAR(check.horizontal_deg, 190.0, 1e-9);
@@ -73,7 +71,7 @@ TEST(CameraCheck, LooksAtAFisheyeLensToo) {
 
 TEST(CameraCheck, TheMarginIsTheRatioOfRadii) {
     // The corner is 400 px from the centre: r (1 - 0.1 r^2) = 0.5 there. The fold: sqrt(10 / 3).
-    const CameraModel camera = test::camera_with(640, 480, {800, 800, 319.5, 239.5}, {.k1 = -0.1});
+    const CameraModel camera = camera_with(640, 480, {800, 800, 319.5, 239.5}, {.k1 = -0.1});
     double r = 0.5;
     for (int i = 0; i < 50; ++i)
         r = 0.5 + 0.1 * r * r * r;
@@ -81,16 +79,16 @@ TEST(CameraCheck, TheMarginIsTheRatioOfRadii) {
 }
 
 TEST(CameraCheck, WarnsOfWhatIsUnusual) {
-    const CameraCheck check = check_camera(test::camera_with(640, 480, {500, 520, 400, 239.5}, {}));
+    const CameraCheck check = check_camera(camera_with(640, 480, {500, 520, 400, 239.5}, {}));
     EXPECT_THAT(about(check, warning), ElementsAre("principal point", "intrinsics"));
-    CameraModel camera = test::webcam();
+    CameraModel camera = webcam();
     camera.sensor = Sensor{.pixel_pitch_um = 8300};
     camera.lens = Lens{.f_number = 2.8, .focus_distance_mm = 15000, .wavelength_nm = 650};
     EXPECT_THAT(about(check_camera(camera), warning), ElementsAre("lens", "sensor"));
 }
 
 CameraModel webcam_with(const Sensor& sensor, const Lens& lens) {
-    CameraModel camera = test::webcam();
+    CameraModel camera = webcam();
     camera.sensor = sensor;
     camera.lens = lens;
     return camera;
@@ -131,7 +129,7 @@ TEST(CameraCheck, WarnsOfALensAndASensorThatDoNotAgree) {
 }
 
 TEST(CameraCheck, LooksAtATelecentricLensToo) {
-    CameraModel camera = test::camera_with(640, 480, {20, 20, 319.5, 239.5}, {});
+    CameraModel camera = camera_with(640, 480, {20, 20, 319.5, 239.5}, {});
     camera.projection.kind = Projection::telecentric;
     camera.sensor = Sensor{.pixel_pitch_um = 5};
     camera.lens = Lens{.focus_distance_mm = 100, .wavelength_nm = 520, .object_na = 0.005};
@@ -149,9 +147,9 @@ TEST(CameraCheck, LooksAtATelecentricLensToo) {
 }
 
 TEST(CameraCheck, SaysWhatTheRendererWillMiss) {
-    EXPECT_THAT(about(check_camera(test::webcam()), note),
+    EXPECT_THAT(about(check_camera(webcam()), note),
                 ElementsAre("renderer", "renderer", "renderer"));
-    EXPECT_FALSE(check_camera(test::webcam()).has_fault());
+    EXPECT_FALSE(check_camera(webcam()).has_fault());
 }
 
 }  // namespace

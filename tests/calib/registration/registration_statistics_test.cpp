@@ -66,7 +66,7 @@ Eigen::MatrixXd whitening(const Matrix12d& covariance, int rank) {
 
 // The freedoms are held at the truth, so that all 12 numbers have an error to speak of.
 Runs registered(const Vector6d& reach) {
-    const Projector projector(test::webcam());
+    const Projector projector(webcam());
     const std::vector<RegistrationPose> exact = exact_views(projector, reach);
     Runs all;
     for (int run = 0; run < runs; ++run) {

@@ -9,7 +9,7 @@
 namespace etalon {
 namespace {
 
-const Projector projector(test::webcam());
+const Projector projector(webcam());
 
 // Motions of a stage by its free axes; the first axis is nearest to the base.
 struct Motion {
@@ -332,7 +332,7 @@ TEST(Registration, RefusesWhatCannotGiveAResult) {
 TEST(Registration, FindsBothTransformsBeforeEveryWideLens) {
     const Rigid aside{rotation_from_vector({-0.15, 1.25, 0.1}), {410.0, 55.0, 90.0}};
     const std::vector<Rigid> stage = stage_poses(five_axes, 25);
-    for (const auto& [name, camera] : test::wide_models()) {
+    for (const auto& [name, camera] : wide_models()) {
         SCOPED_TRACE(name);
         const Projector wide(camera);
         std::vector<RegistrationPose> poses;
@@ -353,7 +353,7 @@ TEST(Registration, FindsBothTransformsBeforeEveryWideLens) {
 }
 
 TEST(Registration, RefusesATelecentricCamera) {
-    CameraModel camera = test::webcam();
+    CameraModel camera = webcam();
     const std::vector<RegistrationPose> good = observations(stage_poses(xyz_stage, 8));
     camera.projection.kind = Projection::telecentric;
     EXPECT_THROW(register_stage(Projector(camera), tag, good, Rigid{}), NumericalError);

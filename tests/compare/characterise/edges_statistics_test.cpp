@@ -17,8 +17,6 @@
 namespace etalon {
 namespace {
 
-using test::Pulls;
-
 constexpr int draws = 24;
 constexpr double max_mean = 1.2;     // 3.5 sqrt(1/24 + 0.1) is 1.3
 constexpr double max_square = 2.6;   // 1 + 3.1 sqrt(2/24) + 2/24 = 2.0, and 0.6 for the mean
@@ -32,14 +30,14 @@ void expect_fair(const char* what, const Pulls& pulls) {
     EXPECT_GT(pulls.square(), min_square) << what;
 }
 
-CodeImage draw(const test::EdgeScene& scene, const Radiance& radiance, int seed) {
+CodeImage draw(const EdgeScene& scene, const Radiance& radiance, int seed) {
     return SensorModel(scene.camera)
         .expose(radiance, NoiseKey{17, static_cast<std::uint32_t>(seed)});
 }
 
 TEST(EdgeStatistics, WidthAndMeasuredPatternAreWithinTheirUncertainty) {
     for (const double sigma : {0.3, 0.7}) {
-        const test::EdgeScene scene = test::small_board(sigma);
+        const EdgeScene scene = small_board(sigma);
         const Radiance radiance = scene.reference(128);
         Pulls width, modulation;
         int sharpened = 0;
@@ -49,7 +47,7 @@ TEST(EdgeStatistics, WidthAndMeasuredPatternAreWithinTheirUncertainty) {
             width.add(estimate.gaussian.sigma_px - sigma,
                       estimate.gaussian.standard_uncertainty_px);
             const auto [value, u] = estimate.measured->modulation(0.3);
-            modulation.add(value - test::gaussian_transfer(sigma, 0.3), u);
+            modulation.add(value - gaussian_transfer(sigma, 0.3), u);
             sharpened += estimate.sharpening.is_detected ? 1 : 0;
         }
         std::printf("sigma %.1f px\n", sigma);
@@ -60,7 +58,7 @@ TEST(EdgeStatistics, WidthAndMeasuredPatternAreWithinTheirUncertainty) {
 }
 
 TEST(EdgeStatistics, FocusAndFNumberAreWithinTheirUncertainty) {
-    const test::EdgeScene scene = test::defocused_board();
+    const EdgeScene scene = defocused_board();
     const Radiance radiance = scene.reference(128);
     Pulls focus, number, width;
     for (int seed = 0; seed < draws; ++seed) {
@@ -87,7 +85,7 @@ struct EdgeInView {
 // One straight edge at this angle down 320 rows, `room_px` or more from both sides.
 EdgeInView edge_in_view(double degrees, double room_px, bool is_diffraction) {
     const double moves = 320.0 * std::tan(degrees * std::numbers::pi / 180.0);
-    EdgeInView view{test::edge_camera(static_cast<int>(moves + 2.0 * room_px), 320), {}};
+    EdgeInView view{edge_camera(static_cast<int>(moves + 2.0 * room_px), 320), {}};
     view.camera.distortion = {};
     view.camera.intrinsics.fy = view.camera.intrinsics.fx;
     view.camera.sensor->gain_e_per_dn = 10.0;  // 40 000 electrons: a signal to noise of 200
@@ -97,12 +95,12 @@ EdgeInView edge_in_view(double degrees, double room_px, bool is_diffraction) {
         view.camera.sensor->gain_e_per_dn *= 4.0;
         view.camera.sensor->read_noise_e *= 2.0;
     } else
-        test::set_gaussian(view.camera, 0.5);
+        set_gaussian(view.camera, 0.5);
     CellGrid grid;
     grid.cells = (cv::Mat_<float>(1, 2) << 0.08f, 0.85f);
     grid.corner_mm = {-400.0, -300.0};
     grid.cell_mm = {400.0, 600.0};
-    const Rigid pose = test::pose_of(0.0, 0.0, degrees * std::numbers::pi / 180.0, 0.0, 0.0, 500.0);
+    const Rigid pose = pose_of(0.0, 0.0, degrees * std::numbers::pi / 180.0, 0.0, 0.0, 500.0);
     view.radiance =
         integrate_reference(
             view.camera, {{{grid, pose}}, 0.3}, {0, 0, view.camera.width, view.camera.height},
@@ -112,9 +110,9 @@ EdgeInView edge_in_view(double degrees, double room_px, bool is_diffraction) {
 }
 
 double analytic(const CameraModel& camera, double degrees, double f) {
-    const double pixel = test::pixel_transfer_across(degrees, f);
+    const double pixel = pixel_transfer_across(degrees, f);
     if (camera.lens->psf.kind == PointSpread::Kind::gaussian)
-        return pixel * test::gaussian_transfer(camera.lens->psf.sigma_px, f);
+        return pixel * gaussian_transfer(camera.lens->psf.sigma_px, f);
     const double x = std::min(1.0, f * lambda_n_px(camera));
     return pixel * 2.0 / std::numbers::pi *  // Born and Wolf, 9.5.2: a circular aperture
            (std::acos(x) - x * std::sqrt(1.0 - x * x));

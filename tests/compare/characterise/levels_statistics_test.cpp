@@ -11,11 +11,6 @@
 namespace etalon {
 namespace {
 
-using test::even;
-using test::exposed;
-using test::noisy_camera;
-using test::squares;
-
 constexpr int runs = 16;
 
 // Wilson and Hilferty (1931) at 3.42 standard deviations, 0.01/16/2: for 16 degrees of freedom they
@@ -104,8 +99,8 @@ TEST(LevelsStatistics, ABlackLevelBetweenTwoCodesIsCoveredWithLittleNoise) {
 }
 
 std::vector<ExposedPhoto> series(const CameraModel& camera, std::uint64_t seed) {
-    return test::exposure_series(camera, squares(camera, 1.0),
-                                 {50, 100, 200, 350, 500, 700, 850, 1000, 1000, 1300, 2500}, seed);
+    return exposure_series(camera, squares(camera, 1.0),
+                           {50, 100, 200, 350, 500, 700, 850, 1000, 1000, 1300, 2500}, seed);
 }
 
 // A soft shoulder, as a table: (r + 0.3 r (1 - r)).
@@ -161,7 +156,7 @@ TEST(LevelsStatistics, RelativeIlluminationIsCovered) {
     for (std::uint64_t seed = 1; seed <= runs; ++seed) {
         std::vector<WhitePatch> patches;
         for (int k = 0; k < 3; ++k) {
-            const Radiance field = test::image_of({320, 240}, [&](int x, int y) {
+            const Radiance field = image_of({320, 240}, [&](int x, int y) {
                 return 0.75 * (1.0 + 0.05 * (x - 160) / 160.0 + 0.03 * k * (y - 120) / 120.0);
             });
             const CodeImage flat =

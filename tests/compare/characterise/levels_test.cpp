@@ -13,12 +13,6 @@
 namespace etalon {
 namespace {
 
-using test::even;
-using test::exposed;
-using test::exposure_series;
-using test::noisy_camera;
-using test::squares;
-
 template <class Action>
 std::string refusal(Action action) {
     return text_of_error<NumericalError>(action);
@@ -165,7 +159,7 @@ TEST(TransferEstimate, RefusesWhatIsNoExposureSeries) {
     EXPECT_THAT(error(scene, {100, 400, 1000}), HasSubstr("3 different times"));
     EXPECT_THAT(error(scene, {500, 600, 800, 1000}), HasSubstr("over a factor of 2"));
     EXPECT_THAT(error(scene * 0.3, {100, 300, 600, 1000}), HasSubstr("% of full scale"));
-    const Radiance texture = scene.mul(test::image_of(
+    const Radiance texture = scene.mul(image_of(
         scene.size(), [](int x, int y) { return (x / 4 + y / 4) % 2 == 0 ? 0.6f : 1.0f; }));
     EXPECT_THAT(error(texture, {100, 300, 600, 1000}), HasSubstr("0 uniform parts"));
     std::vector<ExposedPhoto> drifting =

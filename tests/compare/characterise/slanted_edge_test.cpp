@@ -12,7 +12,7 @@ constexpr int width = 40, height = 64;
 // Of a radiance by pixel, nothing clipped.
 LinearPhoto photo_of(cv::Size size, double noise, const auto& radiance) {
     RandomStream random(5, 1);
-    return {test::image_of(size, radiance) + test::normal_noise(size, noise, random),
+    return {image_of(size, radiance) + normal_noise(size, noise, random),
             cv::Mat::zeros(size, CV_8UC1),
             {}};
 }
@@ -22,7 +22,7 @@ LinearPhoto edge_photo(double degrees, double noise = 0.0) {
     const Eigen::Vector2d normal(std::cos(angle), std::sin(angle));
     return photo_of({width, height}, noise, [&](int x, int y) {
         const double distance = normal.dot(Eigen::Vector2d(x - 19.3, y - 31.6));
-        return 0.1 + 0.7 * test::gaussian_edge(distance, normal, 0.5);
+        return 0.1 + 0.7 * gaussian_edge(distance, normal, 0.5);
     });
 }
 
@@ -42,8 +42,8 @@ TEST(SlantedEdge, FindsAngleLevelsAndModulation) {
     EXPECT_DOUBLE_EQ(edge.modulation.front().modulation, 1.0);
     for (const ModulationRow& row : edge.modulation) {
         const double f = row.cycles_per_px;
-        EXPECT_NEAR(row.modulation,
-                    test::pixel_transfer_across(5.0, f) * test::gaussian_transfer(0.5, f), 0.004)
+        EXPECT_NEAR(row.modulation, pixel_transfer_across(5.0, f) * gaussian_transfer(0.5, f),
+                    0.004)
             << f;
     }
 }
@@ -93,9 +93,9 @@ double nearer_reach(const StraightEdge& edge) {
 // Of a board's long edges, the distances from the projector; sigma 0.55 px behind the pixel box.
 // The renderer is right to 0.1 gray of 190, a bin of few pixels passes on a part of that.
 TEST(SlantedEdge, TakesTheEdgesOfATarget) {
-    test::EdgeScene scene{test::edge_camera(220, 170), test::gray_board("chessboard:3x3@40mm"),
-                          test::pose_of(0.0, 0.0, 0.09, -40.0, -38.0, 500.0)};
-    test::set_gaussian(scene.camera, 0.55);
+    EdgeScene scene{edge_camera(220, 170), gray_board("chessboard:3x3@40mm"),
+                    pose_of(0.0, 0.0, 0.09, -40.0, -38.0, 500.0)};
+    set_gaussian(scene.camera, 0.55);
     const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
     int measured = 0;
     for (const StraightEdge& edge : scene.edges(photo, {.half_width_px = 12.0})) {
@@ -106,7 +106,7 @@ TEST(SlantedEdge, TakesTheEdgesOfATarget) {
         for (const ModulationRow& row : found.modulation) {
             const double f = row.cycles_per_px;
             if (f <= 0.5) {
-                EXPECT_NEAR(row.modulation, test::sinc(f) * test::gaussian_transfer(0.55, f), 0.02);
+                EXPECT_NEAR(row.modulation, sinc(f) * gaussian_transfer(0.55, f), 0.02);
             }
         }
         ++measured;

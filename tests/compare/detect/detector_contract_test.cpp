@@ -8,12 +8,6 @@
 namespace etalon {
 namespace {
 
-using test::largest_error_px;
-using test::mean_offset;
-using test::Offsets;
-using test::RenderedTag;
-using test::sharp_camera;
-
 struct Contract {
     const char* detector;
     const char* marker;
@@ -48,8 +42,8 @@ Marker marker_of(const char* spec) {
 
 // The marker's middle at (x, y, z), in mm, some 120 px wide or more.
 RenderedTag photo_of(const Marker& marker, const Eigen::Vector3d& middle) {
-    return test::render_tag(Renderer(sharp_camera()), marker,
-                            test::board_pose(marker, {0.1, -0.2, 0.3}, middle));
+    return render_tag(Renderer(sharp_camera()), marker,
+                      board_pose(marker, {0.1, -0.2, 0.3}, middle));
 }
 
 class EveryDetector : public testing::TestWithParam<Contract> {
@@ -74,10 +68,10 @@ TEST_P(EveryDetector, FindsItsMarkerAndItsPose) {
     const Projector projector(sharp_camera());
     const auto estimate = estimate_pose(projector, seen_points_mm(marker_, *found), found->pixels);
     ASSERT_TRUE(estimate);
-    EXPECT_LT(largest_error_px(
-                  test::corners_at(projector, marker_.points_mm, estimate->camera_from_marker),
-                  photo.corners),
-              contract().largest_error_px);
+    EXPECT_LT(
+        largest_error_px(corners_at(projector, marker_.points_mm, estimate->camera_from_marker),
+                         photo.corners),
+        contract().largest_error_px);
 }
 
 TEST_P(EveryDetector, CountsOnlyTheMarkersOwnId) {
@@ -159,8 +153,7 @@ TEST(TwelveBitImages, AreSeenAsEightBitOnesAre) {
           {"stag:HD21:5@50mm", 16.0, 1e-6},
           {"topotag:4x4:9283@50mm", 4095.0 / 255.0, 1e-3}}) {
         const Marker marker = marker_of(spec);
-        const RenderedTag photo =
-            test::render_tag(sharp_camera(), marker, {0.2, 0.1, 0, 3, 5, 300});
+        const RenderedTag photo = render_tag(sharp_camera(), marker, {0.2, 0.1, 0, 3, 5, 300});
         CodeImage deep{{}, 12};
         photo.image.pixels.convertTo(deep.pixels, CV_16U, codes_per_code);
         const auto detector = make_detector("auto", marker, "test");
@@ -200,9 +193,9 @@ TEST_F(CharucoDetector, FindsTheCornersThatAreSeenAndThePoseByThem) {
     const auto estimate =
         estimate_pose(Projector(sharp_camera()), seen_points_mm(board, *found), found->pixels);
     ASSERT_TRUE(estimate);
-    EXPECT_LT((estimate->camera_from_marker * test::middle_of(board) - Eigen::Vector3d(10, -7, 290))
-                  .norm(),
-              0.2);
+    EXPECT_LT(
+        (estimate->camera_from_marker * middle_of(board) - Eigen::Vector3d(10, -7, 290)).norm(),
+        0.2);
 }
 
 TEST_F(CharucoDetector, NeedsSixCornersOfABoardThatHasThem) {
@@ -262,7 +255,7 @@ TEST(DetectorOptions, OutOfRangeAreRefused) {
 template <typename Options>
 std::vector<Eigen::Vector2d> corners(const char* marker, const Options& options) {
     const Marker tag = parse_marker(marker, "test");
-    const auto photo = test::render_tag(sharp_camera(), tag, {0.1, -0.2, 0.3, 10, -7, 300});
+    const auto photo = render_tag(sharp_camera(), tag, {0.1, -0.2, 0.3, 10, -7, 300});
     return detector_of(tag, options)->detect(photo.image).corners.value().pixels;
 }
 
@@ -281,7 +274,7 @@ TEST(DetectorOptions, SubpixelWindowsLargerThanTheImageFindNothing) {
     CameraModel camera = sharp_camera();
     camera.width = camera.height = 60;
     camera.intrinsics = {300.0, 300.0, 29.7, 30.2};
-    const auto photo = test::render_tag(camera, tag, {0, 0, 0.1, 0, 0, 400});
+    const auto photo = render_tag(camera, tag, {0, 0, 0.1, 0, 0, 400});
     EXPECT_TRUE(detector_of(tag, window(3))->detect(photo.image).corners);
     EXPECT_FALSE(detector_of(tag, window(30))->detect(photo.image).corners);
 }
@@ -292,7 +285,7 @@ Offsets measured(const char* marker, const Options& options, double side_px, int
     const Marker tag = parse_marker(marker, "test");
     const auto detector = detector_of(tag, options);
     const Offsets offsets =
-        mean_offset(test::tag_photos(sharp_camera(), tag, poses, side_px / 120.0), *detector);
+        mean_offset(tag_photos(sharp_camera(), tag, poses, side_px / 120.0), *detector);
     EXPECT_GE(offsets.detected, least_detected);
     std::printf("%s: mean offset %+.4f, %+.4f px, inward %+.4f px, %d poses\n",
                 detector->name().c_str(), offsets.mean.x(), offsets.mean.y(), offsets.inward,

@@ -5,9 +5,6 @@
 namespace etalon {
 namespace {
 
-using test::grid_of_points;
-using test::SimulatedDrift;
-
 TEST(Median, IsTheMiddleAndItsDeviationThatOfNormalValues) {
     EXPECT_EQ(median({7.0, 5.0, 100.0}), 7.0);
     EXPECT_EQ(median({7.0, 5.0, 100.0, 1.0}), 6.0);

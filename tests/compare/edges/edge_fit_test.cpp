@@ -13,10 +13,6 @@
 namespace etalon {
 namespace {
 
-using test::edge_camera;
-using test::EdgeScene;
-using test::small_board;
-
 TEST(EdgeResponse, IsThatOfAPixelBehindAGaussian) {
     const EdgeResponse response(6.0);
     for (const double degrees : {0.0, 7.0, 33.0, 45.0})
@@ -25,12 +21,12 @@ TEST(EdgeResponse, IsThatOfAPixelBehindAGaussian) {
             const Eigen::Vector2d normal(std::cos(angle), std::sin(angle));
             Eigen::ArrayXd transfer = pixel_transfer(response.frequencies(), normal);
             for (Eigen::Index i = 0; i < transfer.size(); ++i)
-                transfer[i] *= test::gaussian_transfer(sigma, response.frequencies()[i]);
+                transfer[i] *= gaussian_transfer(sigma, response.frequencies()[i]);
             const Eigen::ArrayXd odd = response.odd_table(transfer);
             const Eigen::ArrayXd even = response.even_table(transfer);
             for (double d = -5.3; d < 5.5; d += 0.37)
-                EXPECT_NEAR(edge_value(odd, even, d).response,
-                            test::gaussian_edge(d, normal, sigma), 2e-5)
+                EXPECT_NEAR(edge_value(odd, even, d).response, gaussian_edge(d, normal, sigma),
+                            2e-5)
                     << degrees << " " << sigma << " " << d;
         }
 }
@@ -64,10 +60,10 @@ TEST(EdgeResponse, DiskTransferIsTheMeanOverTheDisk) {
 
 // A sharp pinhole sees a vertical grid line at cx + fx x: the distances are the pixels' own.
 TEST(TargetEdges, DistancesAreThoseFromTheProjectedLines) {
-    EdgeScene scene{edge_camera(190, 150), test::gray_board("chessboard:5x4@15mm"),
-                    test::pose_of(0.0, 0.0, 0.0, -30.0, -22.0, 500.0)};
+    EdgeScene scene{edge_camera(190, 150), gray_board("chessboard:5x4@15mm"),
+                    pose_of(0.0, 0.0, 0.0, -30.0, -22.0, 500.0)};
     scene.camera.distortion = {};
-    test::set_gaussian(scene.camera, 0.5);
+    set_gaussian(scene.camera, 0.5);
     const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
     const std::vector<StraightEdge> found = scene.edges(photo);
     // Between 5 x 4 inner corners: 5 lines of 3 edges and 4 lines of 4.
@@ -134,8 +130,7 @@ TEST(PointSpreadEstimate, FindsTheRenderedWidth) {
         EXPECT_NEAR(estimate.gaussian.sigma_px, sigma, 0.005);
         EXPECT_FALSE(estimate.sharpening.is_detected);
         for (const double f : {0.1, 0.25, 0.5})
-            EXPECT_NEAR(estimate.measured->modulation(f).first, test::gaussian_transfer(sigma, f),
-                        0.01);
+            EXPECT_NEAR(estimate.measured->modulation(f).first, gaussian_transfer(sigma, f), 0.01);
     }
 }
 
@@ -187,8 +182,8 @@ TEST(PointSpreadEstimate, MeasuresAPatternThatIsNoGaussian) {
 // A flat board 23 mm before the plane of focus: disks of 1.3 px. Known, they are left out of sigma;
 // unknown, they are in it (a disk has the variance R^2/4).
 TEST(PointSpreadEstimate, LeavesOutTheDefocusThatTheCameraKnows) {
-    EdgeScene scene = test::defocused_board();
-    scene.pose = test::pose_of(0.0, 0.0, 0.12, -26.0, -22.0, 280.0);
+    EdgeScene scene = defocused_board();
+    scene.pose = pose_of(0.0, 0.0, 0.12, -26.0, -22.0, 280.0);
     const auto edges = edges_of(scene);
     EXPECT_NEAR(estimate_point_spread(edges, scene.camera).gaussian.sigma_px, 0.5, 0.01);
     CameraModel unknown = scene.camera;
@@ -214,13 +209,13 @@ void expect_found(const EdgeScene& scene) {
 }
 
 TEST(DefocusEstimate, FindsFocusAndFNumber) {
-    expect_found(test::defocused_board());
+    expect_found(defocused_board());
 }
 
 // A lens of 200 degrees that sees the board 60 degrees from its axis: the thin lens near the axis,
 // its pupil turned to the board, its focus a sphere.
 TEST(DefocusEstimate, FindsTheFocusSphereOfAWideLens) {
-    EdgeScene scene = test::defocused_board();
+    EdgeScene scene = defocused_board();
     scene.camera.width = 640;
     scene.camera.height = 520;
     scene.camera.intrinsics = {700.0, 704.0, 20.0, 11.0};
@@ -228,13 +223,13 @@ TEST(DefocusEstimate, FindsTheFocusSphereOfAWideLens) {
     scene.camera.projection.kind = Projection::equidistant;
     scene.camera.lens->focus_distance_mm = 240.0;
     const Rigid to_the_side(rotation_from_vector({-0.35, 0.55, 0.0}), Eigen::Vector3d::Zero());
-    scene.pose = to_the_side * test::pose_of(0.25, -0.8, 0.12, -26.0, -22.0, 220.0);
+    scene.pose = to_the_side * pose_of(0.25, -0.8, 0.12, -26.0, -22.0, 220.0);
     expect_found(scene);
 }
 
 // f/0.6: disks of up to 4 px reach the next edge. With those left out the result is right.
 TEST(DefocusEstimate, LeavesOutEdgesWhoseBlurReachesTheNext) {
-    EdgeScene scene = test::defocused_board();
+    EdgeScene scene = defocused_board();
     scene.camera.lens->f_number = 0.6;
     const auto estimate = estimate_defocus(edges_of(scene), scene.camera);
     ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
@@ -245,7 +240,7 @@ TEST(DefocusEstimate, LeavesOutEdgesWhoseBlurReachesTheNext) {
 
 // The same board wholly nearer than focus: nothing is guessed.
 TEST(DefocusEstimate, SaysWhatOneSideOfFocusLeavesOpen) {
-    EdgeScene scene = test::defocused_board();
+    EdgeScene scene = defocused_board();
     scene.camera.lens->focus_distance_mm = 360.0;
     const auto estimate = estimate_defocus(edges_of(scene), scene.camera);
     EXPECT_FALSE(estimate.is_determined);
@@ -257,7 +252,7 @@ TEST(DefocusEstimate, SaysWhatOneSideOfFocusLeavesOpen) {
 // No tilt, no change of blur.
 TEST(DefocusEstimate, SaysThatAFlatTargetTellsNothing) {
     EdgeScene scene = small_board(0.5);
-    scene.pose = test::pose_of(0.0, 0.0, 0.09, -30.0, -22.0, 500.0);
+    scene.pose = pose_of(0.0, 0.0, 0.09, -30.0, -22.0, 500.0);
     const auto estimate = estimate_defocus(edges_of(scene, 1), scene.camera);
     EXPECT_FALSE(estimate.is_determined);
     EXPECT_FALSE(estimate.undetermined.empty());
@@ -394,7 +389,7 @@ TEST(EdgeBins, CoverRadiusAndDepth) {
 }
 
 CameraModel camera_of_board() {
-    return test::camera_with(640, 480, {611.0, 603.0, 321.0, 236.0}, {.k1 = -0.15});
+    return camera_with(640, 480, {611.0, 603.0, 321.0, 236.0}, {.k1 = -0.15});
 }
 
 // A board of 7 x 5 squares of 20 mm seen from ten places: the edges across x and y of its squares,

@@ -25,15 +25,15 @@ struct Difference {
 constexpr double sigma_px = 0.5;
 
 // Twice the noise of the other tests of edges: the integrator's error is small beside it.
-test::EdgeScene noisy_board() {
-    test::EdgeScene scene = test::small_board(sigma_px);
+EdgeScene noisy_board() {
+    EdgeScene scene = small_board(sigma_px);
     scene.camera.sensor->gain_e_per_dn = 0.2;
     scene.camera.sensor->read_noise_e = 3.5;
     return scene;
 }
 
 struct Prediction {
-    test::EdgeScene scene = noisy_board();
+    EdgeScene scene = noisy_board();
     PhotometricCamera camera{scene.camera};
     cv::Mat use =
         pixel_uses(camera.projector(), scene.pose, compared_area(scene.board, {}, "test"));
@@ -45,9 +45,9 @@ struct Prediction {
 
     // What the board at the displaced pose looks like behind the wider blur.
     Radiance radiance(const Difference& difference, int samples) const {
-        test::EdgeScene other = scene;
+        EdgeScene other = scene;
         other.pose.translation += translation(difference);
-        test::set_gaussian(other.camera, std::sqrt(sigma_px * sigma_px + difference.variance_px2));
+        set_gaussian(other.camera, std::sqrt(sigma_px * sigma_px + difference.variance_px2));
         return other.reference(samples);
     }
 
@@ -93,7 +93,7 @@ struct Prediction {
 // edge's deviation. Means within 3.5 sqrt(1/1176 + 0.04/49) = 0.14, and 0.05 for what the second
 // order in blur leaves. Deviations are multiplied by max(1, sqrt(chi^2)), which is 1.02 on average
 // for the 180 pixels of an edge: mean squares 0.95 + 0.04 +- 3.5 sqrt(2/1176).
-void expect_fair(const char* name, const char* what, const test::Pulls& pulls) {
+void expect_fair(const char* name, const char* what, const Pulls& pulls) {
     EXPECT_LT(std::abs(pulls.mean()), 0.19) << name << ", " << what;
     EXPECT_GT(pulls.square(), 0.84) << name << ", " << what;
     EXPECT_LT(pulls.square(), 1.14) << name << ", " << what;
@@ -106,7 +106,7 @@ TEST_P(KnownDifferences, ComeOutWithinTheirDeviationsAndNotInPlaceOfEachOther) {
     const Prediction predicted;
     const Difference& known = GetParam();
     const Radiance radiance = predicted.radiance(known, 128);
-    test::Pulls shift, blur, black, white;
+    Pulls shift, blur, black, white;
     for (int seed = 0; seed < draws; ++seed) {
         const std::vector<EdgeShift> found =
             predicted.shifts(predicted.photo(radiance, seed), known);
@@ -211,8 +211,8 @@ TEST(EdgeShifts, PartsAddUpAndNameTheirCause) {
 
 // A board of 9 x 6 corners in a VGA photograph; CPU time of all threads.
 TEST(EdgeShifts, OfABoardTakeLessThanAThirdOfASecond) {
-    test::EdgeScene scene{test::edge_camera(640, 480), test::gray_board("chessboard:9x6@25mm"),
-                          test::pose_of(0.1, -0.2, 0.05, -100.0, -60.0, 480.0)};
+    EdgeScene scene{edge_camera(640, 480), gray_board("chessboard:9x6@25mm"),
+                    pose_of(0.1, -0.2, 0.05, -100.0, -60.0, 480.0)};
     scene.camera.lens.reset();
     const PhotometricCamera camera(scene.camera);
     const cv::Mat use =
@@ -250,9 +250,9 @@ TEST(EdgeShifts, RefuseWhatIsNoPhotograph) {
 
 constexpr double true_focus_mm = 303.0;
 
-// The photograph is always of test::defocused_board().
+// The photograph is always of defocused_board().
 const Radiance& reference_radiance() {
-    static const Radiance radiance = test::defocused_board().reference(64);
+    static const Radiance radiance = defocused_board().reference(64);
     return radiance;
 }
 
@@ -268,7 +268,7 @@ struct Comparison {
 };
 
 Comparison compared(const Claim& claim, int seed) {
-    test::EdgeScene scene = test::defocused_board();
+    EdgeScene scene = defocused_board();
     const CodeImage photo =
         SensorModel(scene.camera)
             .expose(reference_radiance(), NoiseKey{31, static_cast<std::uint32_t>(seed)});
@@ -308,7 +308,7 @@ void print(const Claim& claim, const Comparison& found) {
 // misses it.
 TEST(DefocusProfile, OfTheRightLensIsTheRenderingsAndTheResidualIsNoise) {
     constexpr int draws = 8;
-    test::Pulls focus, widths;
+    Pulls focus, widths;
     for (int seed = 0; seed < draws; ++seed) {
         const Claim claim{"right lens", true_focus_mm, 1.4};
         const Comparison found = compared(claim, seed);
@@ -368,7 +368,7 @@ TEST(DefocusProfile, ShowsAWrongFNumberOnBothSidesOfFocus) {
 }
 
 TEST(DefocusProfile, SaysWhenAWidthHasNoLeastValue) {
-    const test::EdgeScene scene = test::small_board(0.6);  // within 8 mm of depth, in focus
+    const EdgeScene scene = small_board(0.6);  // within 8 mm of depth, in focus
     const Radiance rendering = scene.rendered();
     const CodeImage photo = SensorModel(scene.camera).expose(rendering, NoiseKey{5, 1});
     const DefocusProfile profile =

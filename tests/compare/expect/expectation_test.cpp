@@ -35,7 +35,7 @@ TEST(Expectation, ComponentsAreAlongTheSightAndTheTilt) {
 
 // The third component of rotation is the derivative of the tilt itself.
 TEST(Expectation, TheTiltErrorIsTheChangeOfTheTilt) {
-    const Projector projector(test::camera_with(640, 480, {540, 540, 320, 240}));
+    const Projector projector(camera_with(640, 480, {540, 540, 320, 240}));
     const Rigid pose{rotation_from_vector({0.4, -0.3, 1.1}), {60.0, -45.0, 500.0}};
     const Eigen::Vector3d w(2e-6, -3e-6, 1e-6);
     const Rigid turned{pose.rotation * rotation_from_vector(w), pose.translation};
@@ -98,7 +98,7 @@ TEST(ExpectationMap, RefusesTooFewPosesAndNumbersWithoutAMeaning) {
 }
 
 ExpectationRequest small_request() {
-    CameraModel camera = test::camera_with(240, 180, {210, 210, 121, 88});
+    CameraModel camera = camera_with(240, 180, {210, 210, 121, 88});
     camera.sensor = Sensor{.gain_e_per_dn = 40.0, .read_noise_e = 12.0};
     return {.scene = {.camera = camera,
                       .marker = parse_marker("apriltag:36h11:5@60mm", "test"),
@@ -169,7 +169,7 @@ TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
             Rigid moved = pose;
             moved.translation += side * sight.cross(Eigen::Vector3d(0, 0, 1)).normalized();
             record.frames.emplace_back().corners =
-                test::corners_at(projector, request.scene.marker.points_mm, moved);
+                corners_at(projector, request.scene.marker.points_mm, moved);
         }
         record.detections = 2;
         result.poses.push_back(record);

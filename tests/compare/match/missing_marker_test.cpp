@@ -11,7 +11,7 @@ namespace etalon {
 namespace {
 
 Findings missing(const CodeImage& photo) {
-    const auto detector = make_detector("auto", test::tag_scene(0).marker, "test");
+    const auto detector = make_detector("auto", tag_scene(0).marker, "test");
     EXPECT_FALSE(detector->detect(photo).corners);
     return examine_missing_marker(photo, *detector);
 }
@@ -23,9 +23,9 @@ Finding only_finding(const CodeImage& photo) {
 }
 
 CodeImage photo_of(const std::string& marker) {
-    test::TrueScene scene = test::tag_scene(0);
+    TrueScene scene = tag_scene(0);
     scene.shown = parse_marker(marker, "test").grid;
-    return test::exposed(test::radiance_of(scene), 1);
+    return exposed(radiance_of(scene), 1);
 }
 
 CodeImage tag_photo() {
@@ -33,7 +33,7 @@ CodeImage tag_photo() {
 }
 
 TEST(MissingMarker, IsFoundInTheNegativeOfANegative) {
-    const Finding finding = only_finding(test::negative(tag_photo()));
+    const Finding finding = only_finding(negative(tag_photo()));
     EXPECT_EQ(finding.name, "negative");
     EXPECT_TRUE(finding.is_not_assessable);
 }
@@ -58,8 +58,7 @@ TEST(MissingMarker, IsNotInAPhotographWithoutContrastOrAllWhite) {
 TEST(MissingMarker, LeavesTheCauseOpenWhereNothingHelps) {
     EXPECT_TRUE(missing(photo_of("apriltag:36h11:17@50mm")).empty());
     EXPECT_TRUE(
-        examine_missing_marker({}, *make_detector("auto", test::tag_scene(0).marker, "test"))
-            .empty());
+        examine_missing_marker({}, *make_detector("auto", tag_scene(0).marker, "test")).empty());
 }
 
 std::vector<std::string> seen_in(const CodeImage& photo, const std::string& wanted) {

@@ -15,12 +15,8 @@
 namespace etalon {
 namespace {
 
-using test::examined;
-using test::PhotographedTruth;
-using test::TrueScene;
-
 std::shared_ptr<const PhotometricCamera> calibrated() {
-    static const auto camera = std::make_shared<const PhotometricCamera>(test::calibrated_camera());
+    static const auto camera = std::make_shared<const PhotometricCamera>(calibrated_camera());
     return camera;
 }
 
@@ -34,25 +30,24 @@ std::string names(const Findings& findings) {
 using Photographer = std::function<CodeImage(const TrueScene&, int seed)>;
 
 CodeImage plain(const TrueScene& scene, int seed) {
-    return test::exposed(test::radiance_of(scene), seed);
+    return exposed(radiance_of(scene), seed);
 }
 
 // Eight gray more than the camera has.
 CodeImage noisy(const TrueScene& scene, int seed) {
     CodeImage photo = plain(scene, seed);
     RandomStream random(5, 2);
-    cv::add(photo.pixels, test::normal_noise(photo.pixels.size(), 8.0, random), photo.pixels,
+    cv::add(photo.pixels, normal_noise(photo.pixels.size(), 8.0, random), photo.pixels,
             cv::noArray(), CV_8U);
     return photo;
 }
 
 Photographer before_the_sensor(std::function<Radiance(const TrueScene&)> radiance) {
-    return [=](const TrueScene& scene, int seed) { return test::exposed(radiance(scene), seed); };
+    return [=](const TrueScene& scene, int seed) { return exposed(radiance(scene), seed); };
 }
 
 Photographer with_radiance(std::function<Radiance(const Radiance&)> change) {
-    return before_the_sensor(
-        [=](const TrueScene& scene) { return change(test::radiance_of(scene)); });
+    return before_the_sensor([=](const TrueScene& scene) { return change(radiance_of(scene)); });
 }
 
 Photographer behind_the_sensor(std::function<CodeImage(const CodeImage&)> change) {
@@ -72,7 +67,7 @@ struct Harmless {
 const std::vector<Harmless> harmless{
     {"APhotographWithoutFault", plain},
     {"UnevenLight",
-     before_the_sensor([](const TrueScene& scene) { return test::unevenly_lit(scene, 0.5); })},
+     before_the_sensor([](const TrueScene& scene) { return unevenly_lit(scene, 0.5); })},
     {"Noise", noisy},
     {"JpegAtQuality50", compressed(50)},
 };
@@ -80,13 +75,13 @@ const std::vector<Harmless> harmless{
 // At the pose that corners with errors by the seed give.
 Findings found_in(const CodeImage& photo, const TrueScene& scene, int seed,
                   const std::shared_ptr<const PhotometricCamera>& camera = calibrated()) {
-    return examined(photo, scene, test::found_pose(scene, camera->model(), seed), camera);
+    return examined(photo, scene, found_pose(scene, camera->model(), seed), camera);
 }
 
 class MatchOf : public testing::TestWithParam<Harmless> {};
 
 TEST_P(MatchOf, IsAMatch) {
-    for (const auto scenes : {test::tag_scene, test::board_scene})
+    for (const auto scenes : {tag_scene, board_scene})
         for (int pose = 0; pose < 2; ++pose) {
             const TrueScene scene = scenes(pose);
             const Findings findings = found_in(GetParam().photo(scene, 3), scene, 3);
@@ -99,22 +94,21 @@ INSTANTIATE_TEST_SUITE_P(MatchOutcome, MatchOf, testing::ValuesIn(harmless),
 
 // The truth from brute-force sampling: no renderer of ours made this photograph.
 TEST(MatchOutcome, OfAPhotographByTheReferenceIntegratorIsAMatch) {
-    const TrueScene scene = test::tag_scene(0);
-    const Findings findings =
-        found_in(test::exposed(test::reference_radiance_of(scene), 4), scene, 4);
+    const TrueScene scene = tag_scene(0);
+    const Findings findings = found_in(exposed(reference_radiance_of(scene), 4), scene, 4);
     EXPECT_TRUE(is_matched(findings)) << names(findings);
 }
 
 // A camera whose file knows lens and noise: the blur is not fitted, and a larger one is a finding.
 TEST(MatchOutcome, NamesABlurThatIsNotTheCamerasOwn) {
-    const auto camera = std::make_shared<const PhotometricCamera>(test::true_camera());
+    const auto camera = std::make_shared<const PhotometricCamera>(true_camera());
     for (const bool board : {false, true}) {
-        const TrueScene scene = board ? test::board_scene(0) : test::tag_scene(0);
-        Radiance radiance = test::radiance_of(scene);
-        Findings findings = found_in(test::exposed(radiance, 5), scene, 5, camera);
+        const TrueScene scene = board ? board_scene(0) : tag_scene(0);
+        Radiance radiance = radiance_of(scene);
+        Findings findings = found_in(exposed(radiance, 5), scene, 5, camera);
         EXPECT_TRUE(is_matched(findings)) << names(findings);
         cv::GaussianBlur(radiance, radiance, {0, 0}, 0.8);
-        findings = found_in(test::exposed(radiance, 5), scene, 5, camera);
+        findings = found_in(exposed(radiance, 5), scene, 5, camera);
         ASSERT_FALSE(is_matched(findings));
         EXPECT_EQ(findings.front().name, "blur_differs") << names(findings);
         EXPECT_GT(findings.front().value, 0.0);
@@ -123,15 +117,15 @@ TEST(MatchOutcome, NamesABlurThatIsNotTheCamerasOwn) {
 
 using Scenes = std::vector<TrueScene (*)(int pose)>;
 
-const Scenes tag{test::tag_scene}, board{test::board_scene}, wide_board{test::wide_board_scene},
-    both{test::tag_scene, test::board_scene};
+const Scenes tag{tag_scene}, board{board_scene}, wide_board{wide_board_scene},
+    both{tag_scene, board_scene};
 
 struct Fault {
     std::string name;
     std::set<std::string> findings;  // every photograph has one of them
     Scenes scenes;
     Photographer photo;
-    CameraModel camera = test::calibrated_camera();  // what the calibration says
+    CameraModel camera = calibrated_camera();  // what the calibration says
 };
 
 // Photographs of what else hangs there: another marker, or the marker's own cells changed.
@@ -155,9 +149,8 @@ Photographer turned(int code) {
 }
 
 Photographer covered(double reflectance) {
-    return before_the_sensor([=](const TrueScene& scene) {
-        return test::occluded(scene, 1.5 * test::cell_px(scene), reflectance);
-    });
+    return before_the_sensor(
+        [=](const TrueScene& scene) { return occluded(scene, 1.5 * cell_px(scene), reflectance); });
 }
 
 Photographer sharpened(double amount) {
@@ -166,13 +159,13 @@ Photographer sharpened(double amount) {
 }
 
 CameraModel with_other_distortion() {
-    CameraModel wrong = test::calibrated_camera();
+    CameraModel wrong = calibrated_camera();
     wrong.distortion.k1 += 0.05;
     return wrong;
 }
 
 CameraModel with_another_focal_length() {
-    CameraModel wrong = test::calibrated_camera();
+    CameraModel wrong = calibrated_camera();
     wrong.intrinsics.zoom(1.05);
     return wrong;
 }
@@ -182,14 +175,14 @@ const std::vector<Fault> faults{
     {"GrayCover", {"occluded"}, both, covered(0.4)},
     {"WhiteCover", {"occluded"}, both, covered(0.8)},
     {"Glare", {"glare"}, both, before_the_sensor([](const TrueScene& scene) {
-         return test::with_glare(scene, 0.8 * test::cell_px(scene), 3.0);
+         return with_glare(scene, 0.8 * cell_px(scene), 3.0);
      })},
     {"MotionBlur",
      {"motion_blur"},
      both,
-     [](const TrueScene& scene, int seed) { return test::exposed(test::moved(scene, 5.0), seed); }},
+     [](const TrueScene& scene, int seed) { return exposed(moved(scene, 5.0), seed); }},
     {"RowsReadWhileTheMarkerMoves", {"skewed"}, both, before_the_sensor([](const TrueScene& scene) {
-         return test::rolled(scene, 3.0);
+         return rolled(scene, 3.0);
      })},
     {"AnotherId", {"wrong_marker"}, tag, of_another("apriltag:36h11:17@50mm")},
     {"AnotherFamily", {"wrong_marker", "marker_not_there"}, tag, of_another("aruco:6X6_50:3@50mm")},
@@ -202,7 +195,7 @@ const std::vector<Fault> faults{
     {"Mirrored", {"mirrored"}, tag, with_cells([](const cv::Mat& cells, cv::Mat& shown) {
          cv::flip(cells, shown, 1);
      })},
-    {"Negative", {"negative"}, both, behind_the_sensor(test::negative)},
+    {"Negative", {"negative"}, both, behind_the_sensor(negative)},
     {"LittleSharpening", {"sharpened"}, both, sharpened(0.5)},
     {"Sharpening", {"sharpened"}, both, sharpened(1.0)},
     {"MuchSharpening", {"sharpened"}, both, sharpened(2.0)},
@@ -218,10 +211,10 @@ const std::vector<Fault> faults{
      {"marker_not_there"},
      both,
      before_the_sensor(
-         [](const TrueScene& scene) -> Radiance { return 0.5 + 0.0 * test::radiance_of(scene); })},
+         [](const TrueScene& scene) -> Radiance { return 0.5 + 0.0 * radiance_of(scene); })},
     {"OutOfFocus", {"out_of_focus"}, both, before_the_sensor([](const TrueScene& scene) {
          Radiance blurred;
-         cv::GaussianBlur(test::radiance_of(scene), blurred, {0, 0}, 5.0);
+         cv::GaussianBlur(radiance_of(scene), blurred, {0, 0}, 5.0);
          return blurred;
      })},
     {"StrongCompression", {"compressed"}, both, compressed(10)},
@@ -254,10 +247,10 @@ INSTANTIATE_TEST_SUITE_P(MatchOutcome, FaultOf, testing::ValuesIn(faults),
 
 TEST(MatchOutcome, NamesAMarkerThatReachesOutOfTheImage) {
     for (const bool board : {false, true}) {
-        TrueScene scene = board ? test::board_scene(0) : test::tag_scene(0);
+        TrueScene scene = board ? board_scene(0) : tag_scene(0);
         scene.camera_from_marker.translation.x() += board ? 90.0 : 50.0;
-        const Findings findings = examined(test::exposed(test::radiance_of(scene), 1), scene,
-                                           scene.camera_from_marker, calibrated());
+        const Findings findings =
+            examined(exposed(radiance_of(scene), 1), scene, scene.camera_from_marker, calibrated());
         ASSERT_FALSE(is_matched(findings));
         EXPECT_EQ(findings.front().name, "not_in_image") << names(findings);
     }
@@ -267,7 +260,7 @@ TEST(MatchOutcome, NamesAMarkerThatReachesOutOfTheImage) {
 // would have a finding; with these seeds none has.
 TEST(MatchOutcome, HasFewFalseFindings) {
     for (int n = 0; n < 200; ++n) {
-        const TrueScene scene = n % 2 == 0 ? test::tag_scene(2 + n) : test::board_scene(2 + n);
+        const TrueScene scene = n % 2 == 0 ? tag_scene(2 + n) : board_scene(2 + n);
         const Findings findings = found_in(plain(scene, n), scene, n);
         EXPECT_TRUE(is_matched(findings)) << n << ": " << names(findings);
     }
@@ -282,7 +275,7 @@ TEST(MatchOutcome, HasFewFalseFindings) {
 
 ImageAgreement matched(const PhotographedTruth& truth,
                        RenderMethod method = RenderMethod::automatic) {
-    const ImageAgreement match = test::photographed(truth, 31, method);
+    const ImageAgreement match = photographed(truth, 31, method);
     for (const std::string& finding : match.findings)
         fmt::print("  {}\n", finding);
     return match;
@@ -372,7 +365,7 @@ TEST(PhotoEvidence, TellNoiseBackgroundAndBlack) {
     EXPECT_NEAR(black.black_gray->value, 6.0, black.black_gray->expanded_uncertainty);
     EXPECT_THAT(black.findings, ElementsAre(HasSubstr("black is brighter")));
 
-    const ImageAgreement beside = matched({.background = test::stated_background + 0.1});
+    const ImageAgreement beside = matched({.background = stated_background + 0.1});
     EXPECT_NEAR(beside.background_gray->value, 0.1 * 0.8 * (255.0 - 9.0),
                 beside.background_gray->expanded_uncertainty + 0.3);
     EXPECT_THAT(beside.findings, ElementsAre(HasSubstr("is brighter than the")));

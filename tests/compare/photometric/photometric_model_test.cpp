@@ -190,7 +190,7 @@ TEST(MeanCode, SlopesAsItRises) {
 // 10 bits behind a curve, with black at 0, where half of the noise is cut off, and white at the
 // end.
 TEST(MeanCode, IsTheMeanOfWhatTheSensorDraws) {
-    CameraModel camera = test::camera_with(1000, 800, {});
+    CameraModel camera = camera_with(1000, 800, {});
     Sensor& sensor = camera.sensor.emplace(Sensor{
         .transfer = {Transfer::Kind::rec709, {}}, .gain_e_per_dn = 60.0, .read_noise_e = 10.0});
     for (const int bits : {8, 10}) {
@@ -242,7 +242,7 @@ TEST(MeanCode, IsNoStaircase) {
 // ---- photo fit
 
 CameraModel small_camera() {
-    return test::camera_with(320, 240, {300.0, 305.0, 161.0, 118.0}, {.k1 = -0.2});
+    return camera_with(320, 240, {300.0, 305.0, 161.0, 118.0}, {.k1 = -0.2});
 }
 
 Marker board() {
@@ -339,7 +339,7 @@ struct NoisyScene {
         const Radiance radiance = camera.at_sensor({{{marker.grid, pose}}, 1.0}, {0, 0, 320, 240});
         cv::Mat gray = predicted_gray(truth, radiance, {});
         RandomStream random(3, 9);
-        gray += test::normal_noise(gray.size(), noise_gray, random);
+        gray += normal_noise(gray.size(), noise_gray, random);
         CodeImage image{{}, bits};
         gray.convertTo(image.pixels, bits > 8 ? CV_16U : CV_8U, image.full_scale() / 255.0);
         return {gray_of(image), marker.grid, use, pixel_fitted, 1.0};
@@ -427,8 +427,8 @@ const cv::Rect region(60, 30, 140, 130);
 
 CameraModel distorted_camera(double psf_sigma_px) {
     CameraModel camera =
-        test::camera_with(240, 180, {301.0, 296.0, 117.0, 93.0},
-                          {.k1 = -0.21, .k2 = 0.07, .p1 = 0.002, .p2 = -0.001, .k3 = 0.01});
+        camera_with(240, 180, {301.0, 296.0, 117.0, 93.0},
+                    {.k1 = -0.21, .k2 = 0.07, .p1 = 0.002, .p2 = -0.001, .k3 = 0.01});
     if (psf_sigma_px > 0) {
         camera.sensor = Sensor{.pixel_pitch_um = 6.0};
         camera.lens = Lens{.f_number = 1000.0, .focus_distance_mm = 200.0, .wavelength_nm = 550.0};
@@ -448,7 +448,7 @@ cv::Mat rendered(const CameraModel& camera, const Rigid& pose) {
 // The derivative image of one column of the motion.
 cv::Mat derivative(const RenderedGradient& gradient, const ImageMotion& motion, int column) {
     Eigen::Matrix2Xd moved(2, motion.columns());
-    return test::image_of(region.size(), [&](int x, int y) {
+    return image_of(region.size(), [&](int x, int y) {
         if (!motion.at(region.x + x, region.y + y, moved))
             return 0.0;
         return -(gradient.by_x.at<float>(y, x) * moved(0, column) +

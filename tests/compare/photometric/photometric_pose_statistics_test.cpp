@@ -14,8 +14,7 @@ namespace etalon {
 namespace {
 
 CameraModel noisy_camera() {
-    CameraModel camera =
-        test::camera_with(120, 90, {203.0, 199.0, 57.0, 46.0}, {.k1 = -0.2, .k2 = 0.05});
+    CameraModel camera = camera_with(120, 90, {203.0, 199.0, 57.0, 46.0}, {.k1 = -0.2, .k2 = 0.05});
     camera.sensor = Sensor{.pixel_pitch_um = 6.0,
                            .bits = 8,
                            .black_dn = 5.0,
@@ -125,7 +124,7 @@ cv::Mat bent(const cv::Mat& gray, std::uint64_t seed) {
             each.at<float>(i / 8, i % 8) = static_cast<float>(0.1 * random.normal());
     for (std::size_t k = 0; k < 2; ++k) {
         cv::resize(knots[k], by[k], gray.size(), 0, 0, cv::INTER_CUBIC);
-        by[k] += test::image_of(gray.size(), [k](int x, int y) { return k == 0 ? x : y; });
+        by[k] += image_of(gray.size(), [k](int x, int y) { return k == 0 ? x : y; });
     }
     cv::Mat result;
     cv::remap(gray, result, by[0], by[1], cv::INTER_CUBIC, cv::BORDER_REPLICATE);

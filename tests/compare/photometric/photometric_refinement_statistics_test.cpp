@@ -12,7 +12,7 @@ namespace {
 constexpr int photo_count = 8;
 
 CameraModel true_camera() {
-    CameraModel camera = test::camera_with(160, 120, {383.0, 378.5, 77.0, 61.5});
+    CameraModel camera = camera_with(160, 120, {383.0, 378.5, 77.0, 61.5});
     camera.sensor = Sensor{.pixel_pitch_um = 6.0, .gain_e_per_dn = 40.0, .read_noise_e = 20.0};
     camera.lens = Lens{.f_number = 16.0, .focus_distance_mm = 300.0, .wavelength_nm = 550.0};
     camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = 0.7};
@@ -31,7 +31,7 @@ Rigid pose_of(int photo) {
                                0.1 * std::sin(3 * turn));
     const Eigen::Vector3d place(6 * std::sin(5 * turn), 4 * std::cos(2 * turn),
                                 300 + 30 * std::sin(4 * turn));
-    return test::board_pose(refined_board(), tilt, place);
+    return board_pose(refined_board(), tilt, place);
 }
 
 // 1024 samples a pixel where they are needed: half a gray at edges, below the noise of 1 to 2.
@@ -136,7 +136,7 @@ TEST(PhotometricRefinement, NeedsSixPhotographsThatMatchTheirViews) {
 // Two sets of 13 real photographs (OpenCV's samples): JPEG at quality 50, the board's outer columns
 // cut. docs/calibration.md has the figures.
 PhotometricRefinement refined(const std::string& side) {
-    const test::BoardPhotos photos(side);
+    const BoardPhotos photos(side);
     return refine_photometrically(photos.images, photos.views, photos.board.grid,
                                   compared_area(photos.board, {}, "test"), photos.fit,
                                   calibration_model("standard"));
@@ -147,7 +147,7 @@ PhotometricRefinement refined(const std::string& side) {
 class RefiningRealPhotographs : public testing::TestWithParam<const char*> {};
 
 TEST_P(RefiningRealPhotographs, ShowsNoGain) {
-    if (!test::photos_are_there())
+    if (!photos_are_there())
         GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
     const PhotometricRefinement result = refined(std::string(GetParam()));
     ASSERT_EQ(result.photos.size(), 13u);

@@ -14,8 +14,6 @@
 namespace etalon {
 namespace {
 
-using test::radiance_at;
-
 Marker board(const std::string& spec) {
     return parse_marker(spec, "--target");
 }
@@ -161,7 +159,7 @@ TEST(Boards, ThatCannotBeAreRefusedWithTheReason) {
         {"circels:7x6@20mm/12mm", "did you mean 'circles'"},
     };
     for (const auto& [spec, reason] : wrong)
-        test::expect_refused(spec, reason);
+        expect_refused(spec, reason);
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ std::filesystem::path temporary(const std::string& name) {
 // The tag's black square must lie where the page says, at this many pixels a mm.
 void expect_tag_on_page(const cv::Mat& image, const PrintPage& page, double px_per_mm) {
     apriltag_family_t* family = tag36h11_create();
-    const auto found = test::seen_apriltags(family, image);
+    const auto found = seen_apriltags(family, image);
     tag36h11_destroy(family);
     ASSERT_EQ(found.size(), 1u);
     EXPECT_EQ(found[0].id, 7);

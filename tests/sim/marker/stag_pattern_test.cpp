@@ -10,9 +10,6 @@
 namespace etalon {
 namespace {
 
-using test::expect_refused;
-using test::radiance_at;
-
 // Word 0 of HD23 as the authors' generator has it in HD23.txt, a character a code point.
 constexpr std::string_view hd23_0 = "001000111110110000101111001011011010001001011001";
 

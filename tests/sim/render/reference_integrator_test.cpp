@@ -54,7 +54,7 @@ TEST(SobolPoints, ScramblesAreIndependent) {
 }
 
 TEST(ReferenceIntegrator, GivesAPinholesPixelItsArea) {
-    CameraModel camera = test::camera_with(20, 16, {400.0, 300.0, 9.0, 7.0}, {});
+    CameraModel camera = camera_with(20, 16, {400.0, 300.0, 9.0, 7.0}, {});
     // From pixel x = 9 + 400 * 0.2 / 200 = 9.4 on.
     const CellGrid grid{cv::Mat::zeros(1, 1, CV_32FC1), {0.2, -40.0}, {100.0, 100.0}};
     const Scene scene{{{grid, {Eigen::Quaterniond::Identity(), {0.0, 0.0, 200.0}}}}, 0.9};
@@ -92,8 +92,8 @@ TEST(ReferenceIntegrator, RefusesOptionsWithoutAnError) {
 using std::numbers::pi;
 
 CameraModel camera_seeing(const PointSpread& spread) {
-    return test::camera_with_lens(64, 48, {700.0, 500.0, 31.0, 23.0}, {}, 6.0,
-                                  {2.8, 300.0, 550.0, spread});
+    return camera_with_lens(64, 48, {700.0, 500.0, 31.0, 23.0}, {}, 6.0,
+                            {2.8, 300.0, 550.0, spread});
 }
 
 const std::vector<std::pair<double, double>> measured_profile{
@@ -165,10 +165,9 @@ TEST(Measured, TakesThePlaceOfDefocus) {
 TEST(Measured, GivesAnEdgeTheProfileOfItsEnergyAtAnyDepth) {
     const CameraModel camera = measured_camera();
     const auto psf = PointSpreadFunction::measured(measured_profile);
-    const auto profile =
-        test::pixel_profile([&](double r) { return psf.energy_within(r); }, 6.0, 10);
+    const auto profile = pixel_profile([&](double r) { return psf.energy_within(r); }, 6.0, 10);
     // The edge at pixel 31.4: 0.4 px are 0.4 * 200 / 700 mm.
-    const Scene scene = test::half_plane(0.4 * 200.0 / 700.0, 200.0);
+    const Scene scene = half_plane(0.4 * 200.0 / 700.0, 200.0);
     const auto image = Renderer(camera).render(scene).radiance;
     for (int x = 26; x < 37; ++x) {
         const auto i = static_cast<std::size_t>(std::lround((31.4 - x + 6.0) * 10.0));

@@ -8,14 +8,11 @@
 namespace etalon {
 namespace {
 
-using test::depth_of_blur;
-using test::gray;
-
 const EdgeTangents along_the_pixels(1);
 
 // An edge at this place of a pixel of the small camera, at this angle to the columns.
 Scene edge_at(double place_px, double z, double angle = 0.0) {
-    Scene scene = test::half_plane(place_px * z / 400.0, z);
+    Scene scene = half_plane(place_px * z / 400.0, z);
     scene.markers[0].camera_from_marker.rotation = rotation_from_vector({0.0, 0.0, angle});
     return scene;
 }
@@ -26,8 +23,8 @@ double worst_edge(const Renderer& renderer, const RenderOptions& coarse, const R
     double worst = 0.0;
     for (int place = 0; place < places; ++place) {
         const Scene scene = edge_at(0.3 + place / static_cast<double>(places), z, angle);
-        worst = std::max(worst, test::largest_difference(renderer.render(scene, coarse).radiance,
-                                                         renderer.render(scene, fine).radiance));
+        worst = std::max(worst, largest_difference(renderer.render(scene, coarse).radiance,
+                                                   renderer.render(scene, fine).radiance));
     }
     return worst / gray;
 }
@@ -43,14 +40,14 @@ RenderOptions by_samples(RenderMethod method, int k, double tolerance_gray = 0.1
 
 // Between k and many samples.
 double worst_edge(RenderMethod method, int k, int many, double blur_px) {
-    const CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
+    const CameraModel camera = small_camera({PointSpread::Kind::ideal, 0.0});
     return worst_edge(Renderer(camera), by_samples(method, k, 1e3), by_samples(method, many, 1e3),
                       40, depth_of_blur(camera, blur_px));
 }
 
 TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
     const PointSpreadFunction spread =
-        PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0}));
+        PointSpreadFunction::of(small_camera({PointSpread::Kind::ideal, 0.0}));
     const SamplingBound bound(&spread);
     for (const double blur : {0.35, 0.8, 4.4})
         for (const int k : {2, 3, 5}) {
@@ -75,7 +72,7 @@ TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
 
 // In steps of a 16th of a tangent the bound of 15 samples was too small beside 1/16.
 TEST(SamplingBound, HoldsForEdgesOfAnySlant) {
-    const Renderer renderer(test::small_camera({PointSpread::Kind::gaussian, 0.05}));
+    const Renderer renderer(small_camera({PointSpread::Kind::gaussian, 0.05}));
     const double blur = 0.13, z = depth_of_blur(renderer.camera(), blur);
     for (const auto& [k, tangent] : {std::pair{15, 0.0525}, {15, 0.0565}, {5, 0.2169}}) {
         const RenderOptions coarse = by_samples(RenderMethod::exact_lens, k);
@@ -91,7 +88,7 @@ TEST(SamplingBound, HoldsForEdgesOfAnySlant) {
 // One disk that stands for a sample's disk and the lens has ripples of its own: where its transfer
 // at the samples' frequency is larger than the sharp image's disk's, k sees more of an edge.
 TEST(SamplingBound, KnowsTheRipplesOfDisksThatStandForTheLens) {
-    CameraModel camera = test::small_camera({PointSpread::Kind::gaussian, 0.409});
+    CameraModel camera = small_camera({PointSpread::Kind::gaussian, 0.409});
     const PointSpreadFunction spread = PointSpreadFunction::of(camera);
     const ImageFilter filter(camera);
     const DeconvolvedPsf& sharpened = *filter.sharpened();
@@ -115,7 +112,7 @@ TEST(SamplingBound, KnowsTheRipplesOfDisksThatStandForTheLens) {
 // Thinning out takes what the coarser grid would see wrongly, and leaves what the pixels show.
 TEST(SamplingBound, ThinnedSamplesAreAlmostAsGoodAsAllOfThem) {
     const PointSpreadFunction spread =
-        PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0}));
+        PointSpreadFunction::of(small_camera({PointSpread::Kind::ideal, 0.0}));
     const SamplingBound bound(&spread);
     const auto window = [](double r) { return r < 1.65 ? 1.0 : 0.0; };
     const DeconvolvedPsf sharpened = DeconvolvedPsf::of(spread, window, 1.65).value();
@@ -159,7 +156,7 @@ TEST(ConcentricDisks, AreTwoDisksConvolved) {
 TEST(DeconvolvedPsf, OneDiskIsEnoughWhereItSaysSo) {
     const DeconvolvedPsf sharpened =
         DeconvolvedPsf::of(
-            PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0})),
+            PointSpreadFunction::of(small_camera({PointSpread::Kind::ideal, 0.0})),
             [](double r) { return r < 2.0 ? 1.0 : 0.0; }, 2.0)
             .value();
     const double blur = sharpened.blur_of_one_disk_px(0.01);
@@ -174,7 +171,7 @@ TEST(DeconvolvedPsf, OneDiskIsEnoughWhereItSaysSo) {
 // Of a pattern of thousands of pixels its bound alone would take minutes.
 TEST(DeconvolvedPsf, IsOfPatternsUpTo50Pixels) {
     const auto is_made = [](double f_number) {
-        CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
+        CameraModel camera = small_camera({PointSpread::Kind::ideal, 0.0});
         camera.lens->f_number = f_number;
         const double reach = 3.0 * PointSpreadFunction::of(camera).scale_px();
         return DeconvolvedPsf::of(

@@ -14,7 +14,7 @@ namespace {
 
 // 8.2 px/mm along x at 5 um: magnification 0.041.
 CameraModel telecentric(double object_na = 0.03) {
-    CameraModel camera = test::camera_with_lens(
+    CameraModel camera = camera_with_lens(
         160, 120, {8.2, 7.9, 81.0, 57.0}, {}, 5.0,
         {.focus_distance_mm = 150.0, .wavelength_nm = 600.0, .object_na = object_na});
     camera.projection.kind = Projection::telecentric;
@@ -23,8 +23,7 @@ CameraModel telecentric(double object_na = 0.03) {
 
 // A grid of 4 x 3 cells of 2.1 x 1.7 mm.
 PlacedMarker marker_at(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {
-    return test::twelve_cells({2.1, 1.7}, {-4.2, -2.5},
-                              {rotation_from_vector(rotation), translation});
+    return twelve_cells({2.1, 1.7}, {-4.2, -2.5}, {rotation_from_vector(rotation), translation});
 }
 
 TEST(TelecentricProjector, KeepsSizeAtEveryDepthAndDistortsMillimetres) {
@@ -100,11 +99,11 @@ TEST_P(TelecentricEdge, HasItsClosedFormProfile) {
     CameraModel camera = telecentric();
     camera.lens->psf = {PointSpread::Kind::gaussian, 0.7};
     const double z = GetParam(), edge_mm = 0.31;
-    const auto image = Renderer(camera).render(test::half_plane(edge_mm, z));
+    const auto image = Renderer(camera).render(half_plane(edge_mm, z));
     const double blur = 8.2 * std::tan(std::asin(0.03)) * std::abs(z - 150.0);
     for (int x = 65; x < 102; ++x)
         EXPECT_NEAR(image.radiance.at<float>(33, x),
-                    test::edge_profile(x - (81.0 + 8.2 * edge_mm), blur, 0.7), 0.1 * gray)
+                    edge_profile(x - (81.0 + 8.2 * edge_mm), blur, 0.7), 0.1 * gray)
             << "pixel " << x << " blur " << blur << " px, " << image.plan.describe();
 }
 
@@ -134,13 +133,13 @@ TEST(TelecentricRenderer, AgreesWithTheReference) {
 // ---- motion blur
 
 CameraModel narrow_pinhole() {
-    return test::camera_with(64, 24, {400.0, 400.0, 31.0, 11.0}, {});
+    return camera_with(64, 24, {400.0, 400.0, 31.0, 11.0}, {});
 }
 
 // 4 x 3 cells in an image of 64 x 24 px.
 Scene moving_marker() {
-    return {{test::twelve_cells({3.0, 2.0}, {-6.0, -3.0},
-                                {rotation_from_vector({0.3, -0.4, 0.2}), {1.0, -0.5, 250.0}})}};
+    return {{twelve_cells({3.0, 2.0}, {-6.0, -3.0},
+                          {rotation_from_vector({0.3, -0.4, 0.2}), {1.0, -0.5, 250.0}})}};
 }
 
 MotionDuringExposure along_x(double mm_per_s, double exposure_s) {
@@ -157,8 +156,8 @@ double swept(double edge_to_pixel_px) {
 
 // 400 px/mm/250 mm = 1.6 px per mm: the edge sweeps from 33.4 - 4.8 to 33.4 + 4.8.
 TEST(MovingEdge, IsTheTrapeziumOfItsSweep) {
-    const auto moving = render_moving(Renderer(narrow_pinhole()), test::half_plane(1.5, 250.0),
-                                      along_x(120.0, 0.05));
+    const auto moving =
+        render_moving(Renderer(narrow_pinhole()), half_plane(1.5, 250.0), along_x(120.0, 0.05));
     EXPECT_GE(moving.path_px, 9.6);
     for (int x = 20; x < 48; ++x) {
         const double from = x - (33.4 - 4.8), to = x - (33.4 + 4.8);
@@ -234,8 +233,8 @@ TEST(MotionDuringExposure, RefusesWhatIsNone) {
 
 // lambda N_w = 0.44 px.
 CameraModel wave_camera() {
-    return test::camera_with_lens(64, 48, {400.0, 380.0, 31.0, 23.0}, {}, 6.0,
-                                  {4.3, 150.0, 600.0, {PointSpread::Kind::wave, 0.0}});
+    return camera_with_lens(64, 48, {400.0, 380.0, 31.0, 23.0}, {}, 6.0,
+                            {4.3, 150.0, 600.0, {PointSpread::Kind::wave, 0.0}});
 }
 
 cv::Mat difference_of(const CameraModel& camera, const Scene& scene, const cv::Rect& region) {
@@ -251,9 +250,8 @@ TEST_P(WaveEdge, HasTheProfileOfItsEncircledEnergy) {
     const double z = GetParam(), edge_px = 31.0 + 400.0 * 0.001;
     const WavePointSpread psf(lambda_n_px(camera), blur_radius_px(camera, z));
     const cv::Rect region(20, 22, 24, 2);
-    const cv::Mat image = difference_of(camera, test::half_plane(0.001 * z, z), region) + 1.0;
-    const auto profile =
-        test::pixel_profile([&](double r) { return psf.energy_within(r); }, 13.0, 10);
+    const cv::Mat image = difference_of(camera, half_plane(0.001 * z, z), region) + 1.0;
+    const auto profile = pixel_profile([&](double r) { return psf.energy_within(r); }, 13.0, 10);
     for (int x = 0; x < region.width; ++x) {
         const double t = edge_px - (region.x + x);  // into the dark side
         const auto i = static_cast<std::size_t>(std::lround((t + 13.0) * 10.0));
@@ -268,7 +266,7 @@ TEST(WaveRender, AgreesWithTheReferenceOnATiltedMarker) {
     CameraModel camera = wave_camera();
     camera.distortion.k1 = -0.2;
     const Rigid pose{rotation_from_vector({0.3, -0.4, 0.2}), {1.0, -0.5, 260.0}};
-    const Scene scene{{test::twelve_cells({4.0, 3.0}, {-8.0, -4.5}, pose)}, 0.8};
+    const Scene scene{{twelve_cells({4.0, 3.0}, {-8.0, -4.5}, pose)}, 0.8};
     std::vector<cv::Point> pixels;
     for (int n = 0; n < 20; ++n)
         pixels.emplace_back(16 + (n * 17) % 32, 12 + (n * 11) % 22);
@@ -280,9 +278,9 @@ TEST(WaveRender, AgreesWithTheReferenceOnATiltedMarker) {
 TEST(WaveRender, RefusesWhatItCannotRender) {
     const CameraModel camera = wave_camera();
     EXPECT_GT(blur_radius_px(camera, 5.0), 20.0);
-    EXPECT_THROW(check_wave_scene(test::half_plane(0.0, 5.0), camera), NumericalError);
-    EXPECT_THROW(integrate_reference(camera, test::half_plane(0.0, 5.0), {{3, 3}}), NumericalError);
-    Scene two = test::half_plane(0.0, 200.0);
+    EXPECT_THROW(check_wave_scene(half_plane(0.0, 5.0), camera), NumericalError);
+    EXPECT_THROW(integrate_reference(camera, half_plane(0.0, 5.0), {{3, 3}}), NumericalError);
+    Scene two = half_plane(0.0, 200.0);
     two.markers.push_back(two.markers[0]);
     EXPECT_THROW(check_wave_scene(two, camera), NumericalError);
     EXPECT_THROW(PointSpreadFunction::of(camera), NumericalError);

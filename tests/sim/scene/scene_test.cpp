@@ -18,8 +18,8 @@ CameraModel pinhole() {
 
 // The same with an aperture of 5 mm (f = 9.09 mm), focused at 100 mm.
 CameraModel with_lens() {
-    return test::camera_with_lens(120, 90, {100.0, 100.0, 59.5, 44.5}, {}, 100.0,
-                                  {2.0 * 100.0 / 110.0, 100.0, 550.0, {}});
+    return camera_with_lens(120, 90, {100.0, 100.0, 59.5, 44.5}, {}, 100.0,
+                            {2.0 * 100.0 / 110.0, 100.0, 550.0, {}});
 }
 
 CellGrid grid(int columns, int rows, double cell_mm, double radiance = 0.0) {

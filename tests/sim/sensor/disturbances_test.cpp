@@ -9,8 +9,6 @@
 namespace etalon {
 namespace {
 
-using test::swept_normal;
-
 CameraModel small_camera() {
     return test::camera_with(96, 72, {110.0, 118.0, 46.0, 37.0}, {});
 }
@@ -549,14 +547,14 @@ TEST(LineBlur, MakesARampOfItsLengthOfAnEdge) {
 
 CameraModel camera_of(bool with_lens) {
     const Intrinsics intrinsics{400.0, 400.0, 31.0, 22.0};
-    return with_lens ? test::camera_with_lens(64, 48, intrinsics, {}, 2.8, {8.0, 250.0, 600.0, {}})
+    return with_lens ? camera_with_lens(64, 48, intrinsics, {}, 2.8, {8.0, 250.0, 600.0, {}})
                      : test::camera_with(64, 48, intrinsics, {});
 }
 
 // 4 x 3 cells of 5 px and more.
 Scene frontal_scene() {
-    return {{test::twelve_cells({4.0, 3.5}, {-8.0, -5.0},
-                                {rotation_from_vector({0.0, 0.0, 0.2}), {0.4, -0.3, 250.0}})}};
+    return {{twelve_cells({4.0, 3.5}, {-8.0, -5.0},
+                          {rotation_from_vector({0.0, 0.0, 0.2}), {0.4, -0.3, 250.0}})}};
 }
 
 // Against renders along the way, to which nothing between the pixels is unknown. Largest and RMS

@@ -12,7 +12,6 @@ namespace etalon {
 namespace {
 
 using std::numbers::pi;
-using test::depth_of_blur;
 
 cv::Mat random_image(int rows, int columns, unsigned seed) {
     std::mt19937 random(seed);
@@ -189,8 +188,8 @@ constexpr double everywhere = std::numeric_limits<double>::infinity();
 
 // A strip of pixels behind a lens with the wanted diffraction; in focus at 150 mm.
 CameraModel strip_camera(double lambda_n_px) {
-    CameraModel camera = test::camera_with_lens(440, 24, {400.0, 400.0, 219.5, 11.5}, {}, 6.0,
-                                                {1.4, 150.0, 600.0, {}});
+    CameraModel camera =
+        camera_with_lens(440, 24, {400.0, 400.0, 219.5, 11.5}, {}, 6.0, {1.4, 150.0, 600.0, {}});
     camera.lens->wavelength_nm *= lambda_n_px / PointSpreadFunction::of(camera).scale_px();
     return camera;
 }

@@ -8,8 +8,6 @@
 namespace etalon {
 namespace {
 
-using test::gray;
-
 bool leaves_out(const RenderPlan& plan, NeglectedEffect what) {
     return std::any_of(plan.left_out.begin(), plan.left_out.end(),
                        [&](const LeftOut& left) { return left.what == what; });
@@ -33,7 +31,7 @@ double change_without(const CameraModel& camera, const Scene& scene, NeglectedEf
 }
 
 TEST(Omissions, LensThatHardlyBlurs) {
-    const CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
+    const CameraModel camera = small_camera({PointSpread::Kind::ideal, 0.0});
     const Scene scene = test::half_plane(0.13, 150.0 + 0.4);  // blur radius 0.0061 px
     const double change = change_without(camera, scene, NeglectedEffect::lens);
     // With the lens another method samples it, with an error of its own.
@@ -47,7 +45,7 @@ TEST(Omissions, LensThatHardlyBlurs) {
 }
 
 TEST(Omissions, DiffractionOfAVeryShortWavelength) {
-    CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
+    CameraModel camera = small_camera({PointSpread::Kind::ideal, 0.0});
     camera.lens->wavelength_nm = 0.05;
     const double change =
         change_without(camera, test::half_plane(0.13, 190.0), NeglectedEffect::diffraction);

@@ -7,8 +7,6 @@
 namespace etalon {
 namespace {
 
-using namespace test;
-
 // Writing the target starts the motion; one axis a unit.
 const char* const by_target = R"(etalon: stage-profile/1
 name: by-target

@@ -4,8 +4,6 @@
 namespace etalon {
 namespace {
 
-using namespace test;
-
 // ---- a machine that is suspended
 
 // The monotonic clock does not count while the machine is suspended; the world does.

@@ -23,7 +23,7 @@ CalibrationRun run_with_an_outlier() {
     CalibrationRun run;
     run.target = "chessboard:9x6@25mm";
     run.camera_file = "camera.yml";
-    run.views = test::synthetic_views(test::calibration_truth(), 7, 0.2, 21);
+    run.views = synthetic_views(calibration_truth(), 7, 0.2, 21);
     run.views[3].pixels[20].x() += 12.0;
     for (int i = 0; i < 7; ++i)
         run.photos.push_back("photos/<a>,b" + std::to_string(i) + ".png");
@@ -89,7 +89,7 @@ TEST_F(CalibrationReport, PageStandsAloneAndEscapesNames) {
     EXPECT_THAT(page, AllOf(Not(HasSubstr("http://")), Not(HasSubstr("https://")),
                             Not(HasSubstr("<script"))));
     EXPECT_THAT(page, AllOf(Not(HasSubstr("nan")), Not(HasSubstr("inf "))));
-    test::expect_readable_page(page);
+    expect_readable_page(page);
     for (const char* part : {"Which model", "its standard deviations", "Two halves", "in pixels"})
         EXPECT_THAT(page, HasSubstr(part));
 }
@@ -98,7 +98,7 @@ TEST_F(CalibrationReport, PageStandsAloneAndEscapesNames) {
 TEST(CalibrationReportOfABoard, TellsTheShapeEverywhere) {
     CalibrationRun run;
     run.camera_file = "camera.yml";
-    run.views = test::views_of(test::bow, 10, 0.05, 3);
+    run.views = views_of(bow, 10, 0.05, 3);
     run.photos.assign(10, "a.png");
     run.calibration = calibrate_camera(
         run.views, {640, 480},

@@ -83,7 +83,7 @@ TEST_F(CompareCommand, WritesAReportAndPrintsTheMeanResidual) {
     const std::string report = read_text(wanted.out / "report.html");
     EXPECT_THAT(report, HasSubstr("a.png"));
     EXPECT_THAT(report, HasSubstr("data:image/"));
-    test::expect_readable_page(report);
+    expect_readable_page(report);
     EXPECT_THAT(report, HasSubstr("Not seen by this comparison"));
     EXPECT_THAT(report, HasSubstr("prefers-reduced-motion"));
     for (const char* file : {"photometry.csv", "edges.csv", "profiles.csv", "comparison.json",

@@ -185,7 +185,7 @@ TEST_F(DriftCommand, SaysThatARecordedCameraWasStableAndLeavesARecord) {
     const std::string page = read_text(arguments_.out / "report.html");
     EXPECT_THAT(page, HasSubstr("STABLE"));
     EXPECT_THAT(page, HasSubstr("<svg"));
-    test::expect_readable_page(page);
+    expect_readable_page(page);
     EXPECT_THAT(page, HasSubstr("Whether the camera moved or the target"));
 }
 

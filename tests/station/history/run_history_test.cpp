@@ -114,7 +114,7 @@ TEST_F(History, FitsEightyColumnsAndWritesAReport) {
     const std::string page = read_text(folder / "report/report.html");
     EXPECT_THAT(page, HasSubstr("one false alarm in 373 runs"));
     EXPECT_THAT(page, HasSubstr("CAM-7"));
-    test::expect_readable_page(page);
+    expect_readable_page(page);
     EXPECT_THAT(read_text(folder / "report/chart-1.svg"), HasSubstr("<svg"));
     EXPECT_EQ(read_text(folder / "report/history.json"), history_json(runs, charts, {}));
 }

@@ -289,7 +289,7 @@ TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
     StationOfMocks mocks;
     show_a_true_camera(mocks);
     ASSERT_EQ(mocks.run().outcome, RunOutcome::pass);
-    test::expect_readable_page(read_text(mocks.record() / "report.html"));
+    expect_readable_page(read_text(mocks.record() / "report.html"));
     const auto before = files_of(mocks.record());
     // Without what was kept of the pixels: everything is found again.
     for (const char* file : {"run.json", "report.html", "poses.csv", "junit.xml", "pixels.jsonl"})
@@ -408,7 +408,7 @@ TEST_F(QualifyReport, LeadsWithVerdictThenCauseThenWhatToDo) {
         at = found;
     }
     EXPECT_THAT(text, Not(HasSubstr("b3_position_field_max_mm is")));
-    test::expect_readable_page(text);
+    expect_readable_page(text);
 }
 
 TEST_F(QualifyReport, SaysOnceWhatToDoForAllErrorsOfAKind) {

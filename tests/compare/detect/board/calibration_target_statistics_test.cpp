@@ -13,8 +13,6 @@
 namespace etalon {
 namespace {
 
-using namespace test;
-
 struct Case {
     const char* spec;
     bool half_turn;  // looks the same after half a turn
@@ -142,8 +140,8 @@ TEST_P(EveryTarget, IsFoundUnderDistortion) {
 }
 
 // 2 code values of noise, 0.8 % of full scale. Of a crossing 0.01 px are left then (see
-// tests/compare/detect/board/chessboard_corners_test.cpp), in the smaller windows of a ChArUco board half
-// as much again.
+// tests/compare/detect/board/chessboard_corners_test.cpp), in the smaller windows of a ChArUco
+// board half as much again.
 TEST_P(EveryTarget, IsFoundInNoise) {
     const Measured measured = measure(GetParam(), blurred_camera(0.9), 2.0, 4);
     print("noisy", GetParam(), measured);

@@ -33,7 +33,7 @@ cv::Mat drawn(const Eigen::Matrix3d& pixel_from_board, int columns, int rows, cv
         return sum / 233;
     };
     cv::Mat image =
-        test::image_of(size, [&](int x, int y) { return std::floor(400.5 + mean(x, y) * 3000); });
+        image_of(size, [&](int x, int y) { return std::floor(400.5 + mean(x, y) * 3000); });
     image.convertTo(image, CV_16U);
     cv::GaussianBlur(image, image, {0, 0}, 0.7);
     return image;
@@ -183,7 +183,7 @@ bool is_dark(const Crossing& crossing, const Eigen::Vector2d& place) {
 // pixels themselves would blur what their sampling has already distorted.
 cv::Mat drawn(const Crossing& crossing, double sigma_px) {
     constexpr int finer = 16, size = 41;
-    cv::Mat fine = test::image_of({size * finer, size * finer}, [&](int x, int y) {
+    cv::Mat fine = image_of({size * finer, size * finer}, [&](int x, int y) {
         const Eigen::Vector2d place((x + 0.5) / finer - 0.5, (y + 0.5) / finer - 0.5);
         return is_dark(crossing, place) ? crossing.dark : crossing.bright;
     });
@@ -223,7 +223,7 @@ TEST(SaddlePoint, IsNotMovedByToneCurveOrShading) {
     const cv::Mat linear = drawn(crossing, 0.9);
     cv::Mat toned;
     cv::pow(linear, 0.45, toned);
-    const cv::Mat shaded = linear.mul(test::image_of(
+    const cv::Mat shaded = linear.mul(image_of(
         linear.size(), [](int x, int y) { return 1.0 + 0.01 * (x - 20) - 0.006 * (y - 20); }));
     EXPECT_LT(error_of(toned, crossing), 0.005);
     EXPECT_LT(error_of(shaded, crossing), 0.01);  // 1 % a pixel is ten times a strong vignette
@@ -240,8 +240,7 @@ TEST(SaddlePoint, TakesWhatNoiseLeaves) {
     constexpr int trials = 200;
     for (int trial = 0; trial < trials; ++trial) {
         RandomStream random(11, 2, static_cast<std::uint64_t>(trial));
-        const double error =
-            error_of(clean + test::normal_noise(clean.size(), 0.01, random), crossing);
+        const double error = error_of(clean + normal_noise(clean.size(), 0.01, random), crossing);
         sum += error * error;
     }
     const double rms = std::sqrt(sum / trials / 2);

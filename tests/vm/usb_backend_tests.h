@@ -1,4 +1,4 @@
-// What each backend must do with the USB camera beyond the contract: see usb_backend_tests.cpp.
+// What each backend must do with the USB camera beyond the contract. A program includes it once.
 #pragma once
 
 #include <ostream>
@@ -23,7 +23,11 @@ struct UsbBackendCase {
 
 class UsbBackendTest : public testing::TestWithParam<UsbBackendCase> {
 protected:
-    void SetUp() override;
+    void SetUp() override {
+        camera_ = rig_->open();
+        camera_->configure(rig_->settings());
+        camera_->arm();
+    }
 
     const std::unique_ptr<UsbRig> rig_ = GetParam().rig();
     std::unique_ptr<Camera> camera_;
@@ -37,6 +41,110 @@ inline void PrintTo(const UsbBackendCase& which, std::ostream* out) {
     *out << which.backend.name << " " << which.format;
 }
 
-std::string case_name(const testing::TestParamInfo<UsbBackendCase>& info);
+inline std::string case_name(const testing::TestParamInfo<UsbBackendCase>& info) {
+    return info.param.format;
+}
+
+// The grey values of a frame as the camera sent it, in the low bits.
+inline cv::Mat grey_values(std::vector<std::uint8_t>& frame, const StreamMode& mode) {
+    if (mode.pixels != UsbPixels::yuyv)
+        return {mode.size, bytes_per_pixel(mode.pixels) == 1 ? CV_8UC1 : CV_16UC1, frame.data()};
+    cv::Mat luma;
+    cv::extractChannel(cv::Mat(mode.size, CV_8UC2, frame.data()), luma, 0);
+    return luma;
+}
+
+// Of the pixels that carry it, one byte each.
+inline PatternStamp stamp_of(const cv::Mat& pixels) {
+    return read_stamp({pixels.data, PatternStamp::pixels * pixels.elemSize()},
+                      static_cast<int>(pixels.elemSize()));
+}
+
+inline bool is_whole_pattern(const cv::Mat& pixels, const StreamMode& mode) {
+    std::vector<std::uint8_t> frame = pattern_frame(mode, stamp_of(pixels));
+    const cv::Mat expected = grey_values(frame, mode);
+    return pixels.size() == expected.size() && pixels.type() == expected.type() &&
+           cv::norm(pixels, expected, cv::NORM_INF) == 0.0;
+}
+
+TEST_P(UsbBackendFormats, Return200FramesPixelForPixel) {
+    std::uint32_t last = 0;
+    for (int i = 0; i < 200; ++i) {
+        const Frame frame = camera_->frame_after({}, 5, {});  // each one is new enough
+        ASSERT_EQ(frame.status, FrameStatus::complete) << "frame " << i << frame.status_detail;
+        ASSERT_TRUE(is_whole_pattern(frame.image.pixels, rig_->mode())) << "frame " << i;
+        const std::uint32_t number = stamp_of(frame.image.pixels).frame;
+        ASSERT_TRUE(i == 0 || number > last) << "frame " << i;
+        last = number;
+    }
+}
+
+// The camera's own stamp of the exposure's start is the truth here.
+TEST_P(UsbBackendTest, Returns200FramesNoneBegunBeforeTheMomentAskedFor) {
+    for (int i = 0; i < 200; ++i) {
+        const Instant t = rig_->clock().now();
+        const Frame frame = camera_->frame_after(t, 5, {});
+        ASSERT_EQ(frame.status, FrameStatus::complete) << "frame " << i << frame.status_detail;
+        const PatternStamp stamp = stamp_of(frame.image.pixels);
+        ASSERT_GT(stamp.start, t) << "frame " << i;
+        ASSERT_LE(frame.exposure_start - frame.exposure_start_uncertainty, stamp.start);
+        ASSERT_GE(frame.exposure_start + frame.exposure_start_uncertainty, stamp.start);
+    }
+}
+
+TEST_P(UsbBackendTest, LeavesATruncatedFrameOut) {
+    for (int i = 0; i < 3; ++i) {
+        rig_->camera().truncate_next_frame();
+        const Frame frame = camera_->frame_after(rig_->clock().now(), 5, {});
+        ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+        EXPECT_TRUE(is_whole_pattern(frame.image.pixels, rig_->mode()));
+    }
+}
+
+TEST_P(UsbBackendTest, SaysThatNothingCameFromAFrozenCameraAndGoesOnAfterwards) {
+    camera_->frame_after(rig_->clock().now(), 0, {});
+    rig_->camera().freeze(true);
+    rig_->clock().wait_for(100ms, {});  // what was on its way arrives
+    const Instant begin = rig_->clock().now();
+    const Frame none = camera_->frame_after(begin, 0, {});
+    EXPECT_NE(none.status, FrameStatus::complete);
+    EXPECT_LT(rig_->clock().now() - begin, 5s);
+    rig_->camera().freeze(false);
+    const Frame frame = camera_->frame_after(rig_->clock().now(), 2, {});
+    ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+    EXPECT_TRUE(is_whole_pattern(frame.image.pixels, rig_->mode()));
+}
+
+// A consumer's camera powers up sharpening and choosing its own exposure.
+TEST_P(UsbBackendTest, SwitchesOffWhatItCanAndNamesWhatItCannot) {
+    camera_->frame_after(rig_->clock().now(), 5, {});
+    const auto exposure = rig_->last_exposure();
+    ASSERT_TRUE(exposure);
+    if (GetParam().backend.sets_exposure) {
+        EXPECT_FALSE(exposure->automatic);
+        EXPECT_EQ(exposure->time, rig_->settings().exposure);
+        EXPECT_EQ(exposure->sharpness, 0);
+        EXPECT_EQ(exposure->gain_db, 0.0);
+    } else {
+        EXPECT_FALSE(camera_->remarks().empty());
+    }
+}
+
+TEST_P(UsbBackendTest, IsLostWithinSecondsOfUnpluggingAndReturnsWithItsSettings) {
+    camera_->frame_after(rig_->clock().now(), 5, {});
+    rig_->unplug();
+    const Instant begin = rig_->clock().now();
+    EXPECT_THROW(camera_->frame_after(begin, 100, {}), DeviceError);
+    EXPECT_LT(rig_->clock().now() - begin, 3s);
+    rig_->plug_in();
+    camera_->reconnect(rig_->clock().now() + 15s, {});
+    const Frame frame = camera_->frame_after(rig_->clock().now(), 5, {});
+    ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+    EXPECT_TRUE(is_whole_pattern(frame.image.pixels, rig_->mode()));
+    EXPECT_EQ(frame.settings.exposure, rig_->settings().exposure);
+    if (GetParam().backend.sets_exposure) {
+        EXPECT_EQ(rig_->last_exposure()->time, rig_->settings().exposure);
+    }
+}
 
 }  // namespace etalon

@@ -25,6 +25,17 @@ constexpr std::array<std::string_view, 4> four_characters{"Y800", "Y12 ", "Y16 "
 constexpr std::array<std::uint8_t, 12> guid_tail{0x00, 0x00, 0x10, 0x00, 0x80, 0x00,
                                                  0x00, 0xAA, 0x00, 0x38, 0x9B, 0x71};
 
+// Appends the lowest `bytes` bytes of a number, little-endian.
+void put(Bytes& out, int bytes, std::uint32_t value) {
+    for (int i = 0; i < bytes; ++i)
+        out.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
+}
+
+// The time from one frame to the next in the class' unit of 100 ns.
+std::uint32_t frame_interval(const UsbCameraOptions& options) {
+    return 10'000'000u / static_cast<std::uint32_t>(options.frames_per_second);
+}
+
 void append(Bytes& out, const Bytes& more) {
     out.insert(out.end(), more.begin(), more.end());
 }
@@ -134,18 +145,7 @@ Bytes stream_part(const UsbCameraOptions& options) {
     return out;
 }
 
-}  // namespace
-
-void put(std::vector<std::uint8_t>& out, int bytes, std::uint32_t value) {
-    for (int i = 0; i < bytes; ++i)
-        out.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
-}
-
-std::uint32_t frame_interval(const UsbCameraOptions& options) {
-    return 10'000'000u / static_cast<std::uint32_t>(options.frames_per_second);
-}
-
-std::vector<std::uint8_t> device_descriptor() {
+Bytes device_descriptor() {
     return described(
         device,
         {u16(0x0200 /*USB 2.0*/), u8(0xEF /*the class is in the interface association*/), u8(2),
@@ -154,20 +154,8 @@ std::vector<std::uint8_t> device_descriptor() {
          u16(0x0100), u8(vendor_string), u8(model_string), u8(serial_string), u8(1)});
 }
 
-std::vector<std::uint8_t> configuration_descriptor(const UsbCameraOptions& options) {
-    constexpr int header_length = 9;
-    Bytes parts = described(interface_association, {u8(control_interface), u8(2), u8(video_class),
-                                                    u8(video_collection), u8(0), u8(model_string)});
-    append(parts, control_part());
-    append(parts, stream_part(options));
-    Bytes out =
-        described(configuration, {u16(header_length + parts.size()), u8(2 /*interfaces*/), u8(1),
-                                  u8(0), u8(0x80 /*powered by the bus*/), u8(50 /*100 mA*/)});
-    append(out, parts);
-    return out;
-}
-
-std::vector<std::uint8_t> string_descriptor(const UsbCameraOptions& options, int index) {
+// 0 is the list of languages; nothing for an index that no descriptor names.
+Bytes string_descriptor(const UsbCameraOptions& options, int index) {
     if (index == 0)
         return described(string, {u16(0x0409 /*English*/)});
     const std::string text = index == vendor_string   ? usb_camera_vendor
@@ -180,6 +168,21 @@ std::vector<std::uint8_t> string_descriptor(const UsbCameraOptions& options, int
     for (const char letter : text)
         put(out, 2, static_cast<std::uint8_t>(letter));
     out[0] = static_cast<std::uint8_t>(out.size());
+    return out;
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> configuration_descriptor(const UsbCameraOptions& options) {
+    constexpr int header_length = 9;
+    Bytes parts = described(interface_association, {u8(control_interface), u8(2), u8(video_class),
+                                                    u8(video_collection), u8(0), u8(model_string)});
+    append(parts, control_part());
+    append(parts, stream_part(options));
+    Bytes out =
+        described(configuration, {u16(header_length + parts.size()), u8(2 /*interfaces*/), u8(1),
+                                  u8(0), u8(0x80 /*powered by the bus*/), u8(50 /*100 mA*/)});
+    append(out, parts);
     return out;
 }
 

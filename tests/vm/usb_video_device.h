@@ -39,17 +39,7 @@ constexpr int stream_endpoint = 1;  // to the host
 constexpr const char* usb_camera_vendor = "Etalon";
 constexpr const char* usb_camera_model = "Test camera";
 
-std::vector<std::uint8_t> device_descriptor();
 std::vector<std::uint8_t> configuration_descriptor(const UsbCameraOptions& options);
-
-// 0 is the list of languages; nothing for an index that no descriptor names.
-std::vector<std::uint8_t> string_descriptor(const UsbCameraOptions& options, int index);
-
-// Appends the lowest `bytes` bytes of a number, little-endian.
-void put(std::vector<std::uint8_t>& out, int bytes, std::uint32_t value);
-
-// The time from one frame to the next in the class' unit of 100 ns.
-std::uint32_t frame_interval(const UsbCameraOptions& options);
 
 // The adjustable values of the USB camera (UVC 1.1, 4.2): exposure, gain, and what a measuring
 // client has to switch off. They start as a consumer's camera has them: everything automatic and

@@ -243,7 +243,7 @@ std::vector<CameraModel> wide_cameras() {
                           .s1 = 0.001,
                           .s4 = -2e-4,
                           .k7 = -2e-5};
-    const auto cahvors = cahvors();
+    const auto cahvors = test::cahvors();
     return {wide({equidistant}, some),
             wide({stereographic}, some, 180.0),
             wide({field_of_view, 0.93}, some),
@@ -393,7 +393,7 @@ TEST(WideProjector, HasNormalisedCoordinatesInFront) {
 }
 
 TEST(WideProjector, HasRaysOfFlatLensesToo) {
-    const Projector webcam(webcam());
+    const Projector webcam(test::webcam());
     const auto plane = webcam.unproject({17, 400});
     EXPECT_EQ(*webcam.ray({17, 400}), Eigen::Vector3d(plane->x(), plane->y(), 1.0));
 }

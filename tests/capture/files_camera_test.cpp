@@ -3,7 +3,6 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "capture/camera_recovery.h"
-#include "capture/frame/camera.h"
 #include "tests/fakes/fake_camera.h"
 #include "tests/paths.h"
 #include "tests/test.h"

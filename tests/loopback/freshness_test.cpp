@@ -7,7 +7,6 @@
 #include "capture/frame/camera.h"
 #include "mocks/camera/gige_camera.h"
 #include "tests/loopback/stage_rig.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "tests/loopback/stage_rig.h"
-#include "tests/test.h"
 
 namespace etalon {
 

@@ -3,7 +3,6 @@
 // them as two units on one bus.
 
 #include "tests/loopback/stage_rig.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -4,7 +4,6 @@
 #include "core/statistics/random.h"
 #include "stage/link/modbus_link.h"
 #include "tests/loopback/stage_rig.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -5,7 +5,6 @@
 #include <future>
 
 #include "tests/loopback/stage_rig.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

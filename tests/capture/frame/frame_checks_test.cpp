@@ -1,6 +1,5 @@
 #include "capture/frame/frame_checks.h"
 
-#include "capture/frame/camera.h"
 #include "capture/frame/frame_average.h"
 #include "capture/frame/handover_queue.h"
 #include "tests/test.h"

@@ -1,10 +1,8 @@
 // What the V4L2 backend makes of frames and of their stamps, counters and flags, over a scripted
 // device.
-#include "capture/v4l2/v4l2_camera.h"
 #include "capture/v4l2/v4l2_timing.h"
 #include "tests/capture/frame/camera_contract.h"
 #include "tests/capture/v4l2/v4l2_fixture.h"
-#include "tests/fakes/fake_v4l2.h"
 
 namespace etalon {
 namespace {

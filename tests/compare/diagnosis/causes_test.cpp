@@ -5,7 +5,6 @@
 #include "compare/diagnosis/error_signatures.h"
 #include "compare/diagnosis/outlier_poses.h"
 #include "tests/compare/qualification/injected_errors.h"
-#include "tests/compare/qualification/simulated_run.h"
 #include "tests/compare/uncertainty/field_samples.h"
 #include "tests/test.h"
 

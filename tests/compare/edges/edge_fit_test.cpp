@@ -6,7 +6,6 @@
 #include "compare/characterise/blur_estimate.h"
 #include "compare/edges/edge_summary.h"
 #include "core/statistics/random.h"
-#include "tests/calib/cameras.h"
 #include "tests/compare/edges/edge_scenes.h"
 #include "tests/test.h"
 

@@ -1,6 +1,5 @@
 #include "compare/expect/expectation.h"
 
-#include "compare/expect/expected_view.h"
 #include "compare/make_detector.h"
 #include "core/geometry/units.h"
 #include "core/statistics/random.h"
@@ -9,7 +8,6 @@
 #include "station/setup/station_file.h"
 #include "tests/calib/cameras.h"
 #include "tests/station/stations.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,8 +1,6 @@
 // Why nothing was found, and which tag stands there instead: the photographs are made so that the
 // detector cannot find the marker.
-#include <opencv2/imgproc.hpp>
 
-#include "compare/make_detector.h"
 #include "compare/match/overlay.h"
 #include "tests/compare/match/adversarial_photos.h"
 #include "tests/test.h"

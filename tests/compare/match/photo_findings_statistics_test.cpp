@@ -4,12 +4,8 @@
 // docs/match-outcome.md.
 #include "compare/match/photo_findings.h"
 
-#include <opencv2/imgproc.hpp>
-
-#include "compare/match/pixel_measurement.h"
 #include "tests/compare/match/adversarial_photos.h"
 #include "tests/compare/match/photographed_run.h"
-#include "tests/image_of.h"
 #include "tests/test.h"
 
 namespace etalon {

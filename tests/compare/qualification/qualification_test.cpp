@@ -1,11 +1,9 @@
 #include "compare/qualification/qualification.h"
 
 #include "compare/qualification/judged_quantities.h"
-#include "compare/qualification/limits_file.h"
 #include "core/config/strict_reader.h"
 #include "core/geometry/units.h"
 #include "tests/compare/qualification/injected_errors.h"
-#include "tests/compare/qualification/simulated_run.h"
 #include "tests/test.h"
 
 namespace etalon {

@@ -2,7 +2,6 @@
 
 #include "core/time/progress.h"
 #include "tests/station/stations.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -3,7 +3,6 @@
 #include "sim/twin/twin_physics.h"
 #include "tests/calib/cameras.h"
 #include "tests/mocks/twin/twin_folder.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -7,7 +7,6 @@
 #include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
 #include "tests/sim/image_checks.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

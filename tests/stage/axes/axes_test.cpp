@@ -2,9 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "core/geometry/units.h"
 #include "core/statistics/random.h"
-#include "stage/axes/error_map.h"
 #include "stage/axes/kinematics.h"
 #include "tests/test.h"
 

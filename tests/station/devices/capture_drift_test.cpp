@@ -7,7 +7,6 @@
 #include "tests/fakes/fake_camera.h"
 #include "tests/pages.h"
 #include "tests/station/built_program.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

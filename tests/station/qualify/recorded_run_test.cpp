@@ -13,7 +13,6 @@
 #include "tests/pages.h"
 #include "tests/station/built_program.h"
 #include "tests/station/station_of_mocks.h"
-#include "tests/station/stations.h"
 
 namespace etalon {
 namespace {

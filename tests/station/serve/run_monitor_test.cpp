@@ -7,8 +7,6 @@
 #include "station/serve/station_control.h"
 #include "tests/paths.h"
 #include "tests/station/station_of_mocks.h"
-#include "tests/station/stations.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

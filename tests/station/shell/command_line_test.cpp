@@ -9,7 +9,6 @@
 #include "station/shell/signals.h"
 #include "tests/station/built_program.h"
 #include "tests/station/stations.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

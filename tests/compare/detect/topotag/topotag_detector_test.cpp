@@ -6,7 +6,6 @@
 #include <tuple>
 
 #include "core/statistics/distributions.h"
-#include "core/statistics/random.h"
 #include "tests/compare/rendered_tags.h"
 #include "tests/evidence/topotag_study.h"
 #include "tests/test.h"

@@ -66,6 +66,11 @@ inline bool has(const std::string& text, const std::string& part) {
     return text.find(part) != std::string::npos;
 }
 
+inline void expect_80_columns(const std::string& text) {
+    for (const std::string& line : split(text, '\n'))
+        EXPECT_LE(line.size(), 80u) << line;
+}
+
 // A whole file as it is: pictures and pages for print are no text.
 inline std::string read_bytes(const std::filesystem::path& path) {
     std::ifstream file(path, std::ios::binary);

@@ -1,7 +1,7 @@
 // Photometric poses against the truth and against AprilTag's corners, on photographs made by the
 // reference integrator and the sensor's noise: the renderer that is fitted has no part in them.
 // Shared by tests/evidence/photometric_pose.cpp and
-// tests/compare/photometric/photometric_pose_statistics_test.cpp.
+// tests/compare/photometric/photometric_poses_statistics_test.cpp.
 #pragma once
 
 #include <Eigen/Cholesky>

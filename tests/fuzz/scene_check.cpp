@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "core/program/errors.h"
-#include "tests/gray.h"
+#include "tests/image_of.h"
 
 namespace etalon::test {
 namespace {

@@ -1,7 +1,6 @@
 // `etalon capture` as its user sees it, with a GigE Vision camera on loopback.
 #include <nlohmann/json.hpp>
 
-#include "mocks/camera/gige_camera.h"
 #include "station/devices/commands.h"
 #include "tests/loopback/powered_camera.h"
 #include "tests/station/built_program.h"
@@ -150,10 +149,8 @@ TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {
           "GainAuto              Off         Off, Continuous", "files             yes", "v4l2 ",
           "libcamera ", "leadshine-icl-rs  yes  Modbus TCP"})
         EXPECT_NE(table.find(words), std::string::npos) << words << " is missing in\n" << table;
-    for (std::size_t begin = 0, end = 0; begin < table.size(); begin = end + 1) {
-        end = table.find('\n', begin);
-        EXPECT_LT(end - begin, 80u) << table.substr(begin, end - begin);
-    }
+    for (const std::string& line : split(table, '\n'))
+        EXPECT_LT(line.size(), 80u) << line;
 }
 
 TEST(DevicesCommand, PrintsTheSameAsJson) {

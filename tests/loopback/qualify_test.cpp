@@ -1,7 +1,6 @@
 // The program `etalon qualify` against the twin over the real protocols, when something ends the
 // run early: it stops in time, with its exit code, and keeps what was measured.
 #include "station/record/run_record.h"
-#include "tests/loopback/program.h"
 #include "tests/loopback/quick_run.h"
 #include "tests/loopback/tcp_connection.h"
 

@@ -4,7 +4,6 @@
 #include "station/qualify/runner.h"
 #include "tests/loopback/stage_rig.h"
 #include "tests/station/built_program.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "mocks/stage/modbus_controller.h"
 #include "stage/motion/modbus_stage.h"
-#include "tests/fakes/fast_axes.h"
+#include "tests/fakes/test_axes.h"
 #include "tests/test.h"
 
 namespace etalon {

@@ -8,10 +8,9 @@
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
 #include "tests/calib/cameras.h"
+#include "tests/image_of.h"
 
 namespace etalon::test {
-
-inline constexpr double gray = 1.0 / 255.0;
 
 // 96 x 72 px, f = 400 px, focused at 150 mm: blur radius at z is 400 d/2 |1/z - 1/150|, d = 1.71
 // mm.

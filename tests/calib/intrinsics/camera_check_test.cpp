@@ -1,7 +1,6 @@
 #include "calib/intrinsics/camera_check.h"
 
 #include "calib/intrinsics/camera_consistency.h"
-#include "tests/calib/cameras.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/test.h"
 

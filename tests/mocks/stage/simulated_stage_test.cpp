@@ -1,5 +1,5 @@
 #include "mocks/stage/simulated_stage.h"
-#include "tests/mocks/stage/two_axes.h"
+#include "tests/fakes/test_axes.h"
 #include "tests/test.h"
 
 namespace etalon {

@@ -3,7 +3,7 @@
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
 #include "tests/fakes/memory_transport.h"
-#include "tests/mocks/stage/two_axes.h"
+#include "tests/fakes/test_axes.h"
 #include "tests/test.h"
 
 namespace etalon {

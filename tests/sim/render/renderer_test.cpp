@@ -1,9 +1,7 @@
 #include "sim/render/renderer.h"
 
 #include "bench/benchmark_scenes.h"
-#include "core/statistics/random.h"
 #include "sim/marker/marker.h"
-#include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
 #include "tests/sim/image_checks.h"
 

@@ -4,7 +4,6 @@
 #include "sim/render/motion_blur.h"
 #include "sim/render/wave_render.h"
 #include "tests/evidence/edge_spread.h"
-#include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
 #include "tests/sim/image_checks.h"
 

@@ -2,7 +2,6 @@
 // against the reference integrator, and against rays traced to the marker in space.
 
 #include "tests/calib/synthetic_views.h"
-#include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
 #include "tests/sim/image_checks.h"
 

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "sim/tiles/lens_average.h"
-#include "tests/gray.h"
+#include "tests/image_of.h"
 #include "tests/sim/every_target.h"
 
 namespace etalon {

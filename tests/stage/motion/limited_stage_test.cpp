@@ -3,7 +3,7 @@
 #include "stage/motion/modbus_stage.h"
 #include "tests/fakes/fake_stage.h"
 #include "tests/fakes/memory_transport.h"
-#include "tests/stage/motion/two_axes.h"
+#include "tests/fakes/test_axes.h"
 #include "tests/test.h"
 
 namespace etalon {

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "stage/motion/modbus_stage.h"
-#include "tests/fakes/fast_axes.h"
 #include "tests/fakes/memory_transport.h"
+#include "tests/fakes/test_axes.h"
 #include "tests/test.h"
 
 namespace etalon::test {

@@ -1,7 +1,7 @@
 #include "stage/motion/motion_guard.h"
 
 #include "core/statistics/random.h"
-#include "tests/stage/motion/two_axes.h"
+#include "tests/fakes/test_axes.h"
 #include "tests/test.h"
 
 namespace etalon {

@@ -6,8 +6,8 @@
 #include "core/statistics/random.h"
 #include "stage/motion/modbus_stage.h"
 #include "stage/motion/motion_guard.h"
-#include "tests/fakes/fast_axes.h"
 #include "tests/fakes/memory_transport.h"
+#include "tests/fakes/test_axes.h"
 #include "tests/test.h"
 
 namespace etalon {

@@ -43,8 +43,7 @@ CalibrationRun* CalibrationReport::run_ = nullptr;
 
 TEST_F(CalibrationReport, TablesFitATerminalOf80Columns) {
     const std::string tables = calibration_tables(*run_);
-    for (const std::string& line : split(tables, '\n'))
-        EXPECT_LE(line.size(), 80u) << line;
+    expect_80_columns(tables);
     for (const char* word : {"formal", "cluster", "bootstrap", "pinhole", "tilted", "k2"})
         EXPECT_THAT(tables, HasSubstr(word));
 }

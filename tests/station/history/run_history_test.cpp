@@ -108,8 +108,7 @@ TEST_F(History, FitsEightyColumnsAndWritesAReport) {
     add_runs(1, 16, -123.456e-7);
     const auto runs = read();
     const auto charts = chart_history(runs);
-    for (const std::string& line : split(history_text(runs, charts), '\n'))
-        EXPECT_LE(line.size(), 80u) << line;
+    expect_80_columns(history_text(runs, charts));
     write_history_report(runs, charts, {}, folder / "report");
     const std::string page = read_text(folder / "report/report.html");
     EXPECT_THAT(page, HasSubstr("one false alarm in 373 runs"));
@@ -252,8 +251,7 @@ TEST(Fleet, FitsEightyColumns) {
     std::vector<CameraState> fleet = states(runs, "2026-10-01");
     fleet[0].alarms = {"b3_position_field_rms_mm"};
     EXPECT_THAT(fleet_text(fleet), HasSubstr("DUE ALARM TREND"));
-    for (const std::string& line : split(fleet_text(fleet), '\n'))
-        EXPECT_LE(line.size(), 80u) << line;
+    expect_80_columns(fleet_text(fleet));
 }
 
 // ---- run index

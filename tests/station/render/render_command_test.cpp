@@ -192,8 +192,7 @@ TEST_F(RenderCommand, ExplainsThePlanWithin80Columns) {
     for (const char* words : {"at most 0.07 gray", "  blur radius   0 to 0 px", "k = 1", "uniform",
                               "  left out", "lens: ", "diffraction: ", "distortion: "})
         EXPECT_THAT(text, HasSubstr(words));
-    for (const std::string& line : split(text, '\n'))
-        EXPECT_LE(line.size(), 80u) << line;
+    expect_80_columns(text);
 }
 
 TEST_F(RenderCommand, PairsMarkersWithPosesAndRefusesOnesThatHideEachOther) {

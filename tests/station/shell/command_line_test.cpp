@@ -22,8 +22,7 @@ TEST(CommandLine, HelpFits80ColumnsAndNamesEveryCommand) {
         const Finished help = etalon_with(folder, std::string(command) + " --help");
         EXPECT_EQ(help.exit_code, 0);
         EXPECT_EQ(help.err, "");
-        for (const std::string& line : split(help.out, '\n'))
-            EXPECT_LE(line.size(), 80u) << line;
+        expect_80_columns(help.out);
     }
 }
 

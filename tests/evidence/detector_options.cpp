@@ -10,7 +10,7 @@
 
 #include "compare/detect/detector_adaptors.h"
 #include "core/time/clock.h"
-#include "tests/compare/rendered_targets.h"
+#include "tests/compare/rendered_tags.h"
 
 namespace etalon {
 namespace {

@@ -2,7 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "station/devices/commands.h"
-#include "tests/loopback/powered_camera.h"
+#include "tests/loopback/gige_rig.h"
 #include "tests/station/built_program.h"
 
 namespace etalon {

@@ -7,7 +7,7 @@
 
 #include "mocks/twin/twin.h"
 #include "tests/loopback/program.h"
-#include "tests/loopback/quick_station.h"
+#include "tests/loopback/quick_run.h"
 
 namespace etalon {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "capture/camera_recovery.h"
 #include "capture/frame/frame_checks.h"
-#include "tests/loopback/powered_camera.h"
+#include "tests/loopback/gige_rig.h"
 
 namespace etalon {
 namespace {

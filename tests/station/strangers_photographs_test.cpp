@@ -7,7 +7,7 @@
 
 #include "calib/files/camera_file.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/compare/rendered_targets.h"
+#include "tests/compare/rendered_tags.h"
 #include "tests/station/built_program.h"
 
 namespace etalon::test {

@@ -2,7 +2,7 @@
 
 #include <Eigen/Geometry>  // cross()
 
-#include "tests/calib/lens_tables.h"
+#include "tests/calib/cameras.h"
 #include "tests/test.h"
 
 namespace etalon {

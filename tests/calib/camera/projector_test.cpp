@@ -5,7 +5,6 @@
 
 #include "calib/camera/camera_model.h"
 #include "tests/calib/cameras.h"
-#include "tests/calib/lens_tables.h"
 #include "tests/test.h"
 
 namespace etalon {

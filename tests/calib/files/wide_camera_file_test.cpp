@@ -4,7 +4,6 @@
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
 #include "tests/calib/cameras.h"
-#include "tests/calib/lens_tables.h"
 #include "tests/test.h"
 
 namespace etalon {

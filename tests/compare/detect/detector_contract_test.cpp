@@ -1,7 +1,7 @@
 // What every detector promises (compare/detect/detector.h), on exact renderings of its marker. What
 // only one of them does is in the tests of their own.
 #include "compare/detect/detector_adaptors.h"
-#include "tests/compare/rendered_targets.h"
+#include "tests/compare/rendered_tags.h"
 #include "tests/test.h"
 
 namespace etalon {

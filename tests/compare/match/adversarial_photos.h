@@ -10,7 +10,7 @@
 #include "compare/photometric/photometric_model.h"
 #include "sim/render/motion_blur.h"
 #include "sim/render/reference_integrator.h"
-#include "tests/compare/rendered_targets.h"
+#include "tests/compare/rendered_tags.h"
 #include "tests/image_of.h"
 
 namespace etalon::test {

@@ -7,7 +7,7 @@
 #include "compare/photometric/photometric_refinement.h"
 #include "sim/render/reference_integrator.h"
 #include "tests/compare/board_photos.h"
-#include "tests/compare/rendered_targets.h"
+#include "tests/compare/rendered_tags.h"
 #include "tests/image_of.h"
 #include "tests/test.h"
 

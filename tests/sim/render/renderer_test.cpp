@@ -3,7 +3,6 @@
 #include "bench/benchmark_scenes.h"
 #include "sim/marker/marker.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

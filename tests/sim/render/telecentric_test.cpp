@@ -5,7 +5,6 @@
 #include "sim/render/wave_render.h"
 #include "tests/evidence/edge_spread.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

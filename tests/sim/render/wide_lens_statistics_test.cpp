@@ -3,7 +3,6 @@
 
 #include "tests/calib/synthetic_views.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

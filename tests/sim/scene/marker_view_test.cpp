@@ -6,7 +6,6 @@
 #include "core/geometry/units.h"
 #include "sim/tiles/lens_average.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

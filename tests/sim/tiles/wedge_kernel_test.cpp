@@ -6,8 +6,8 @@
 #include "sim/tiles/edge_group.h"
 #include "sim/tiles/tile_kernel.h"
 #include "tests/calib/cameras.h"
+#include "tests/sim/edge_scenes.h"
 #include "tests/sim/every_target.h"
-#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {

@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "sim/marker/marker_print.h"
-#include "tests/compare/rendered_targets.h"
+#include "tests/compare/rendered_tags.h"
 #include "tests/image_of.h"
 #include "tests/test.h"
 

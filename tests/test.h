@@ -17,6 +17,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <regex>
 #include <set>
 #include <thread>
 #include <vector>
@@ -62,6 +63,12 @@ std::string config_error_of(Act act) {
     return text_of_error<ConfigError>(act);
 }
 
+// Each of the words is somewhere in the text.
+template <class... Words>
+auto HasSubstrs(const Words&... words) {
+    return AllOf(HasSubstr(words)...);
+}
+
 inline bool has(const std::string& text, const std::string& part) {
     return text.find(part) != std::string::npos;
 }
@@ -69,6 +76,23 @@ inline bool has(const std::string& text, const std::string& part) {
 inline void expect_80_columns(const std::string& text) {
     for (const std::string& line : split(text, '\n'))
         EXPECT_LE(line.size(), 80u) << line;
+}
+
+// What every page that the program writes must be, as far as no browser is needed: every figure's
+// caption is a sentence or more; an outcome stands beside the name of what it is about; nothing is
+// loaded from outside.
+inline void expect_readable_page(const std::string& page) {
+    EXPECT_THAT(page, Not(testing::ContainsRegex("(src|href)=\"?https?:")));
+    const auto all = [&](const std::string& pattern) {
+        const std::regex expression(pattern);
+        return std::vector<std::smatch>(std::sregex_iterator(page.begin(), page.end(), expression),
+                                        {});
+    };
+    const auto captions = all("<figcaption>(?:<div.*?</div>)?([^<]*)</figcaption>");
+    EXPECT_EQ(captions.size(), all("<figure").size());
+    for (const std::smatch& caption : captions)
+        EXPECT_THAT(caption.str(1), testing::MatchesRegex(".+ .+\\.")) << "as a caption";
+    EXPECT_THAT(page, Not(testing::ContainsRegex("</th><th[^>]*>[^<]*</th><th>outcome<")));
 }
 
 // A whole file as it is: pictures and pages for print are no text.

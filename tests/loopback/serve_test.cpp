@@ -1,8 +1,6 @@
 // `etalon serve` as a program: what strangers send to it, and runs against the twin that are
 // started, looked at, stopped and gone on with over HTTP as the page does it.
 
-#include <regex>
-
 #include "core/statistics/random.h"
 #include "tests/loopback/quick_run.h"
 #include "tests/loopback/tcp_connection.h"

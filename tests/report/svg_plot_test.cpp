@@ -1,7 +1,6 @@
 #include "report/svg_plot.h"
 
 #include <opencv2/imgcodecs.hpp>
-#include <regex>
 
 #include "report/html.h"
 #include "tests/test.h"

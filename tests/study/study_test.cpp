@@ -8,7 +8,7 @@
 #include "study/study_report.h"
 #include "study/study_run.h"
 #include "study/study_summary.h"
-#include "tests/pages.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -3,7 +3,6 @@
 #include <apriltag/tag36h11.h>
 
 #include <opencv2/imgcodecs.hpp>
-#include <regex>
 
 #include "tests/sim/marker/marker_checks.h"
 

@@ -10,7 +10,6 @@
 #include "sim/render/renderer.h"
 #include "station/calibrate/commands.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/pages.h"
 #include "tests/station/built_program.h"
 
 namespace etalon {

@@ -1,7 +1,6 @@
-#include <regex>
 
-#include "report/number_text.h"
 #include "station/certify/certificate.h"
+#include "report/number_text.h"
 #include "tests/paths.h"
 #include "tests/station/station_of_mocks.h"
 

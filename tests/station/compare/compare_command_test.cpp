@@ -8,7 +8,6 @@
 #include "sim/render/renderer.h"
 #include "station/compare/commands.h"
 #include "station/compare/compare_baseline.h"
-#include "tests/pages.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

@@ -5,7 +5,6 @@
 #include "station/devices/drift_report.h"
 #include "station/devices/live_view.h"
 #include "tests/fakes/fake_camera.h"
-#include "tests/pages.h"
 #include "tests/station/built_program.h"
 
 namespace etalon {

@@ -2,7 +2,6 @@
 
 #include "core/time/clock.h"
 #include "station/history/run_index.h"
-#include "tests/pages.h"
 #include "tests/station/built_program.h"
 #include "tests/station/history/run_json.h"
 

@@ -10,7 +10,6 @@
 #include "core/statistics/random.h"
 #include "station/qualify/image_result_cache.h"
 #include "station/qualify/run_analysis.h"
-#include "tests/pages.h"
 #include "tests/station/built_program.h"
 #include "tests/station/station_of_mocks.h"
 

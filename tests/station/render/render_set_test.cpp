@@ -3,7 +3,6 @@
 #include <tbb/global_control.h>
 
 #include <nlohmann/json.hpp>
-#include <regex>
 
 #include "core/file/sha256.h"
 #include "core/image/image.h"

@@ -1,7 +1,5 @@
 #include "station/serve/run_monitor.h"
 
-#include <regex>
-
 #include "station/serve/access.h"
 #include "station/serve/page_server.h"
 #include "station/serve/station_control.h"

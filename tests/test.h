@@ -69,6 +69,13 @@ auto HasSubstrs(const Words&... words) {
     return AllOf(HasSubstr(words)...);
 }
 
+// The text with one part of it replaced, which must be there.
+inline std::string replaced(std::string text, const std::string& what, const std::string& by) {
+    const auto at = text.find(what);
+    EXPECT_NE(at, std::string::npos) << what;
+    return at == std::string::npos ? text : text.replace(at, what.size(), by);
+}
+
 inline bool has(const std::string& text, const std::string& part) {
     return text.find(part) != std::string::npos;
 }

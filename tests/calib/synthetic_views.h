@@ -1,7 +1,6 @@
 // Views of a 9x6 board through many lenses, made by projection alone.
 #pragma once
 
-#include <cmath>
 #include <functional>
 
 #include "calib/intrinsics/calibrate.h"

@@ -9,10 +9,8 @@
 
 #include <atomic>
 #include <cerrno>
-#include <cmath>
 #include <cstring>
 #include <deque>
-#include <functional>
 
 #include "capture/v4l2/v4l2_device.h"
 #include "tests/test.h"

@@ -6,7 +6,6 @@
 // whose calibration is true or false by turns; all three: --gtest_random_seed=0, 1, 2.
 
 #include "mocks/twin/twin.h"
-#include "tests/loopback/program.h"
 #include "tests/loopback/quick_run.h"
 
 namespace etalon {

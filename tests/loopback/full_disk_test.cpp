@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/loopback/gige_rig.h"
-#include "tests/loopback/program.h"
 
 namespace etalon {
 namespace {

@@ -3,7 +3,6 @@
 
 #include "mocks/camera/gige_description.h"
 #include "tests/loopback/gige_rig.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -4,9 +4,6 @@
 
 #include <tbb/global_control.h>
 
-#include <cmath>
-#include <numbers>
-
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"

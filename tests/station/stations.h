@@ -78,10 +78,4 @@ inline std::filesystem::path write_station(const TemporaryFolder& folder,
     return folder / "station.yaml";
 }
 
-inline std::string replaced(std::string text, const std::string& what, const std::string& by) {
-    const auto at = text.find(what);
-    EXPECT_NE(at, std::string::npos) << what;
-    return at == std::string::npos ? text : text.replace(at, what.size(), by);
-}
-
 }  // namespace etalon

@@ -439,10 +439,6 @@ const std::string ros =
     "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.25, 0.125, 0.5, -0.0625, 7]\n"
     "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n";
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-    return text.replace(text.find(from), from.size(), to);
-}
-
 TEST(RosFile, ReadsPlumbBobAndRational) {
     EXPECT_EQ(read(ros), good_camera);
     std::string rational = replaced(ros, "plumb_bob", "rational_polynomial");
@@ -452,9 +448,7 @@ TEST(RosFile, ReadsPlumbBobAndRational) {
 }
 
 TEST(RosFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return error_of(replaced(ros, from, to));
-    };
+    const auto with = [](auto from, auto to) { return error_of(replaced(ros, from, to)); };
     EXPECT_THAT(with("plumb_bob", "fisheye"),
                 HasSubstr("case.yml:8: distortion_model: must be plumb_bob, rational_polynomial or "
                           "equidistant, not 'fisheye'"));

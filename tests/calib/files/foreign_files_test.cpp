@@ -28,10 +28,6 @@ std::string foreign_error(const std::string& text, const std::string& select = "
     return what.substr(what.find("case:") == std::string::npos ? 0 : what.find("case:"));
 }
 
-std::string with_other(std::string text, const std::string& from, const std::string& to) {
-    return text.replace(text.find(from), from.size(), to);
-}
-
 const std::string kalibr =
     "cam0:\n"
     "  cam_overlaps: []\n"
@@ -41,8 +37,7 @@ const std::string kalibr =
     "  intrinsics: [461.5, 460.25, 362.75, 246.125]\n"
     "  resolution: [752, 480]\n"
     "  rostopic: /cam0/image_raw\n";
-const std::string second_kalibr =
-    with_other(with_other(kalibr, "cam0:", "cam1:"), "461.5", "463.5");
+const std::string second_kalibr = replaced(replaced(kalibr, "cam0:", "cam1:"), "461.5", "463.5");
 
 const std::string mrcal =
     "# generated on 2024-01-02 with   mrcal-calibrate-cameras --lensmodel ...\n"
@@ -103,9 +98,8 @@ TEST(KalibrFile, ReadsRadtanAndNone) {
     EXPECT_EQ(read_foreign(kalibr),
               camera_with(752, 480, {461.5, 460.25, 362.75, 246.125},
                           {.k1 = -0.27, .k2 = 0.067, .p1 = 0.00087, .p2 = 0.00011}));
-    const std::string none =
-        with_other(kalibr, "distortion_model: radtan", "distortion_model: none");
-    EXPECT_TRUE(read_foreign(with_other(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]"))
+    const std::string none = replaced(kalibr, "distortion_model: radtan", "distortion_model: none");
+    EXPECT_TRUE(read_foreign(replaced(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]"))
                     .distortion.is_zero());
 }
 
@@ -116,9 +110,7 @@ TEST(KalibrFile, OneOfSeveralCamerasMustBeNamed) {
 }
 
 TEST(KalibrFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return foreign_error(with_other(kalibr, from, to));
-    };
+    const auto with = [](auto from, auto to) { return foreign_error(replaced(kalibr, from, to)); };
     EXPECT_THAT(with("radtan", "rational"),
                 HasSubstr("case:5: cam0.distortion_model: of pinhole must be radtan, equidistant, "
                           "fov or none, not 'rational'"));
@@ -187,14 +179,12 @@ TEST(MrcalFile, ReadsTheOpenCvModels) {
     EXPECT_EQ(read_foreign(mrcal),
               camera_with(3840, 2160, {1766.5, 1765.25, 1944.75, 1064.125},
                           {2.16, -1.18, -9.3e-05, 0.00077, -0.23, 2.44, -0.66, -0.62}));
-    const std::string old = with_other(mrcal, "'lensmodel'", "'lens_model'");
+    const std::string old = replaced(mrcal, "'lensmodel'", "'lens_model'");
     EXPECT_EQ(read_foreign(old).distortion.k6, -0.62);
 }
 
 TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return foreign_error(with_other(mrcal, from, to));
-    };
+    const auto with = [](auto from, auto to) { return foreign_error(replaced(mrcal, from, to)); };
     EXPECT_THAT(with("LENSMODEL_OPENCV8", "LENSMODEL_LATLON"),
                 HasSubstr("case:3: lensmodel: must be LENSMODEL_PINHOLE, _STEREOGRAPHIC, _OPENCV4, "
                           "_OPENCV5, _OPENCV8, _OPENCV12, _CAHVOR, _CAHVORE or "
@@ -207,8 +197,8 @@ TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
 
 TEST(MatlabFile, ReadsEveryWayToSayTheMatrix) {
     const auto with_matrix = [](const std::string& text) {
-        return with_other(
-            matlab, "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]", text);
+        return replaced(matlab, "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]",
+                        text);
     };
     for (const std::string& text :
          {matlab, with_matrix("\"K\":[[715.25,0,565.75],[0,711.5,355.375],[0,0,1]]"),
@@ -217,13 +207,11 @@ TEST(MatlabFile, ReadsEveryWayToSayTheMatrix) {
         EXPECT_EQ(read_foreign(text), camera_with(1072, 712, {715.25, 711.5, 564.75, 354.375},
                                                   {-0.33, 0.092, 0.0012, -0.0034, 0.011}));
     }
-    EXPECT_EQ(read_foreign(with_other(matlab, "[712,1072]", "[]")).width, 0);
+    EXPECT_EQ(read_foreign(replaced(matlab, "[712,1072]", "[]")).width, 0);
 }
 
 TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return foreign_error(with_other(matlab, from, to));
-    };
+    const auto with = [](auto from, auto to) { return foreign_error(replaced(matlab, from, to)); };
     EXPECT_THAT(with("[715.25,0,0]", "[715.25,0.5,0]"),
                 HasSubstr("case:1: IntrinsicMatrix: must be [fx skew cx; 0 fy cy; 0 0 1]"));
     EXPECT_THAT(with("\"WorldPoints\"", "\"Skew\":0.25,\"WorldPoints\""),
@@ -244,14 +232,12 @@ TEST(BoofCvFile, ReadsBrown) {
                                                 {-0.24, 0.125, 0.0013, -0.0021}));
     const std::string without = boofcv.substr(0, boofcv.find("radial_tangential:\n"));
     EXPECT_TRUE(
-        read_foreign(with_other(without, "model: pinhole_radial_tangential", "model: pinhole"))
+        read_foreign(replaced(without, "model: pinhole_radial_tangential", "model: pinhole"))
             .distortion.is_zero());
 }
 
 TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return foreign_error(with_other(boofcv, from, to));
-    };
+    const auto with = [](auto from, auto to) { return foreign_error(replaced(boofcv, from, to)); };
     EXPECT_THAT(with("model: pinhole_radial_tangential", "model: stereo_camera"),
                 HasSubstr("case:13: model: must be pinhole, pinhole_radial_tangential, "
                           "omnidirectional_universal or kannala_brandt, not 'stereo"));
@@ -296,29 +282,27 @@ TEST(OpenCvFile, ReadsFisheyeAndOmnidir) {
         "{\"camera_matrix\": [[538.0, 0, 342.5], [0, 541.0, 233.5], [0, 0, 1]],\n"
         "\"image_width\": 640, \"image_height\": 480,\n"
         "\"distortion_coefficients\": [-0.25, 0.125, 0.5, -0.0625], EXTRA}\n";
-    const CameraModel fisheye = read_foreign(with_other(text, "EXTRA", "\"fisheye_model\": 1"));
+    const CameraModel fisheye = read_foreign(replaced(text, "EXTRA", "\"fisheye_model\": 1"));
     EXPECT_EQ(fisheye.projection, LensProjection{Projection::equidistant});
     EXPECT_EQ(fisheye.distortion, (Distortion{.k1 = -0.25, .k2 = 0.125, .k3 = 0.5, .k7 = -0.0625}));
-    const CameraModel omnidir = read_foreign(with_other(text, "EXTRA", "\"xi\": 1.25"));
+    const CameraModel omnidir = read_foreign(replaced(text, "EXTRA", "\"xi\": 1.25"));
     EXPECT_EQ(omnidir.projection, (LensProjection{Projection::unified, 1.25}));
     EXPECT_EQ(omnidir.distortion.p2, -0.0625);
-    EXPECT_TRUE(
-        read_foreign(with_other(text, "EXTRA", "\"fisheye_model\": 0")).projection.is_flat());
-    EXPECT_THAT(foreign_error(with_other(text, "EXTRA", "\"xi\": -1")),
-                HasSubstr("xi: no unified"));
-    EXPECT_THAT(foreign_error(with_other(text, "EXTRA", "\"xi\": 1, \"fisheye_model\": 1")),
+    EXPECT_TRUE(read_foreign(replaced(text, "EXTRA", "\"fisheye_model\": 0")).projection.is_flat());
+    EXPECT_THAT(foreign_error(replaced(text, "EXTRA", "\"xi\": -1")), HasSubstr("xi: no unified"));
+    EXPECT_THAT(foreign_error(replaced(text, "EXTRA", "\"xi\": 1, \"fisheye_model\": 1")),
                 HasSubstr("of one of the two"));
 }
 
 // BoofCV's own example of a Ricoh Theta camera, shortened.
 TEST(BoofCvFile, ReadsTheUniversalOmnidirectionalModel) {
     const CameraModel camera =
-        read_foreign(with_other(boofcv, "model: pinhole_radial_tangential",
-                                "model: omnidirectional_universal\nmirror_offset: 2.945"));
+        read_foreign(replaced(boofcv, "model: pinhole_radial_tangential",
+                              "model: omnidirectional_universal\nmirror_offset: 2.945"));
     EXPECT_EQ(camera.projection, (LensProjection{Projection::unified, 2.945}));
     EXPECT_EQ(camera.distortion.k2, 0.125);
-    EXPECT_THAT(foreign_error(with_other(boofcv, "model: pinhole_radial_tangential",
-                                         "model: omnidirectional_universal\nmirror_offset: -1")),
+    EXPECT_THAT(foreign_error(replaced(boofcv, "model: pinhole_radial_tangential",
+                                       "model: omnidirectional_universal\nmirror_offset: -1")),
                 HasSubstr("mirror_offset: no unified projection"));
 }
 
@@ -332,15 +316,15 @@ TEST(ColmapFile, OneOfSeveralCamerasMustBeNamed) {
 }
 
 TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
-    EXPECT_THAT(foreign_error(with_other(colmap_text, "FULL_OPENCV", "DIVISION")),
+    EXPECT_THAT(foreign_error(replaced(colmap_text, "FULL_OPENCV", "DIVISION")),
                 HasSubstr("case:4: MODEL: must be SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, "
                           "OPENCV, FULL_OPENCV, FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, "
                           "OPENCV_FISHEYE or THIN_PRISM_FISHEYE, not 'DIVISION'"));
-    EXPECT_THAT(foreign_error(with_other(colmap_text, " 0.06", "")),
+    EXPECT_THAT(foreign_error(replaced(colmap_text, " 0.06", "")),
                 HasSubstr("case:4: PARAMS: FULL_OPENCV has 12 parameters, not 11"));
-    EXPECT_THAT(foreign_error(with_other(colmap_text, "2559.75", "nan")),
+    EXPECT_THAT(foreign_error(replaced(colmap_text, "2559.75", "nan")),
                 HasSubstr("case:4: PARAMS: must be a finite number, not 'nan'"));
-    EXPECT_THAT(foreign_error(with_other(colmap_text, "3072", "-5")),
+    EXPECT_THAT(foreign_error(replaced(colmap_text, "3072", "-5")),
                 HasSubstr("case:4: must be a whole"));
     EXPECT_THAT(foreign_error("1 PINHOLE\n"), HasSubstr("PARAMS: PINHOLE has 4 parameters, not 0"));
     EXPECT_EQ(read_foreign(colmap_text + "\v\n \f#\n", "3").width, 3072);
@@ -422,12 +406,12 @@ TEST(OpenCvFile, ReadsStandardDeviations) {
     EXPECT_EQ(camera.covariance->matrix(2, 2), 2.25);
     EXPECT_EQ(camera.covariance->matrix(5, 5), 0.5625);
     EXPECT_EQ(camera.covariance->matrix(0, 1), 0.0);
-    EXPECT_THAT(foreign_error(with_other(text, "1.5, 0]", "-1.5, 0]")),
+    EXPECT_THAT(foreign_error(replaced(text, "1.5, 0]", "-1.5, 0]")),
                 HasSubstr("case:2: cameraMatrix_std_dev: has a standard deviation"));
     for (const char* extreme : {"1e200, 0]", "1e-200, 0]"})
-        EXPECT_THAT(foreign_error(with_other(text, "1.5, 0]", extreme)),
+        EXPECT_THAT(foreign_error(replaced(text, "1.5, 0]", extreme)),
                     HasSubstr("cameraMatrix_std_dev: has a standard deviation"));
-    EXPECT_THAT(foreign_error(with_other(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
+    EXPECT_THAT(foreign_error(replaced(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
 }
 
 // Laid out as the example in OpenCV's tutorial on the interactive calibration.
@@ -455,13 +439,13 @@ TEST(OpenCvFile, ReadsWhatTheInteractiveCalibrationWrites) {
     ASSERT_TRUE(camera.covariance);
     EXPECT_THAT(camera.covariance->order, ElementsAre("fy", "cx", "cy", "k1", "k2", "k3"));
     EXPECT_EQ(camera.covariance->matrix(5, 5), 0.1875 * 0.1875);
-    EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
-    EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280 -720")),
+    EXPECT_THAT(foreign_error(replaced(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
+    EXPECT_THAT(foreign_error(replaced(text, "1280 720", "1280 -720")),
                 HasSubstr("cameraResolution"));
-    EXPECT_THAT(foreign_error(
-                    with_other(text, "<framesCount>21</framesCount>",
+    EXPECT_THAT(
+        foreign_error(replaced(text, "<framesCount>21</framesCount>",
                                "<image_width>1280</image_width><image_height>720</image_height>")),
-                HasSubstr("is given as 'image_width' too"));
+        HasSubstr("is given as 'image_width' too"));
 }
 
 TEST(OpenCvFile, WritesStandardDeviationsThatReadBack) {
@@ -511,12 +495,11 @@ TEST(ForeignFiles, PointsProjectOntoTheSamePixelOfTheSensor) {
         "{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [500.5, 502.25, 320.5, 241.75],\n"
         "'extrinsics': [0,0,0,0,0,0], 'imagersize': [640, 480]}\n";
     const std::string plain_kalibr =
-        with_other(kalibr, "[-0.27, 0.067, 0.00087, 0.00011]", "[0, 0, 0, 0]");
+        replaced(kalibr, "[-0.27, 0.067, 0.00087, 0.00011]", "[0, 0, 0, 0]");
     const std::string plain_matlab =
-        with_other(with_other(matlab, "-0.33,0.092,0.011", "0,0"), "0.0012,-0.0034", "0,0");
-    const std::string plain_boofcv =
-        with_other(boofcv.substr(0, boofcv.find("radial_tangential:\n")),
-                   "model: pinhole_radial_tangential", "model: pinhole");
+        replaced(replaced(matlab, "-0.33,0.092,0.011", "0,0"), "0.0012,-0.0034", "0,0");
+    const std::string plain_boofcv = replaced(boofcv.substr(0, boofcv.find("radial_tangential:\n")),
+                                              "model: pinhole_radial_tangential", "model: pinhole");
     const std::string plain_colmap = "1 PINHOLE 640 480 500.5 502.25 320.5 241.75\n";
     const Eigen::Vector3d point(0.21, -0.13, 1.4);
     for (const Case& c : {Case{plain_mrcal, 500.5, 502.25, 320.5, 241.75, 0.0},

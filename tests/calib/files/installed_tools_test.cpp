@@ -3,7 +3,6 @@
 #include <sstream>
 
 #include "calib/files/foreign_camera.h"
-#include "tests/calib/cameras.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/test.h"
 

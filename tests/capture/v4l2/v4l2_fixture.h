@@ -3,7 +3,6 @@
 
 #include "capture/v4l2/v4l2_camera.h"
 #include "tests/fakes/fake_v4l2.h"
-#include "tests/test.h"
 
 namespace etalon {
 

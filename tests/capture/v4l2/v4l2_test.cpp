@@ -1,9 +1,7 @@
 // What the V4L2 backend makes of devices that misbehave, over a scripted one
 // (tests/fakes/fake_v4l2.h); of their frames: v4l2_frames_test.cpp. The contract that all backends
 // keep is tested in v4l2_frames_test.cpp.
-#include <linux/videodev2.h>
 
-#include <cerrno>
 #include <latch>
 #include <opencv2/imgcodecs.hpp>
 

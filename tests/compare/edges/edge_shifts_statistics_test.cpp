@@ -304,8 +304,8 @@ void print(const Claim& claim, const Comparison& found) {
 
 // The photograph's noise is 3 gray on the edges, the integrator's own error 0.8 gray: chi-square
 // 1.08. The integrator's error is common to all draws: a mean pull within 1.2 as in
-// edges_statistics_test.cpp, where also the focus distance's 0.05 mm have room by which a parabola
-// misses it.
+// characterise_statistics_test.cpp, where also the focus distance's 0.05 mm have room by which a
+// parabola misses it.
 TEST(DefocusProfile, OfTheRightLensIsTheRenderingsAndTheResidualIsNoise) {
     constexpr int draws = 8;
     Pulls focus, widths;

@@ -2,8 +2,6 @@
 
 #include <math.h>  // j0, j1: POSIX, not in namespace std
 
-#include <complex>
-
 #include "sim/psf/wave_point_spread.h"
 #include "sim/psf/wedge_table.h"
 #include "sim/tiles/image_filter.h"

@@ -2,15 +2,12 @@
 
 #include "sim/render/reference_integrator.h"
 
-#include <tbb/global_control.h>
-
 #include "bench/benchmark_scenes.h"
 #include "sim/psf/diffraction.h"
 #include "sim/psf/point_spread_sampler.h"
 #include "sim/scene/pose_sampling.h"
 #include "tests/evidence/edge_spread.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

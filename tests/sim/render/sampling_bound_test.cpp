@@ -3,7 +3,6 @@
 #include "sim/tiles/image_filter.h"
 
 #include "tests/sim/edge_scenes.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -4,7 +4,6 @@
 
 #include "sim/render/motion_blur.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

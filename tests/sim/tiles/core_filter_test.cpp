@@ -5,7 +5,6 @@
 #include "sim/tiles/tail_pyramid.h"
 #include "sim/tiles/undistortion_map.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -3,7 +3,6 @@
 
 #include "bench/benchmark_scenes.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,11 +1,9 @@
 #include "sim/tiles/tile_evaluator.h"
 
 #include "bench/benchmark_scenes.h"
-#include "sim/render/reference_integrator.h"
 #include "sim/render/sampling_bound.h"
 #include "sim/tiles/tile_samples.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -5,7 +5,6 @@
 #include "sim/psf/wedge_table.h"
 #include "sim/tiles/edge_group.h"
 #include "sim/tiles/tile_kernel.h"
-#include "tests/calib/cameras.h"
 #include "tests/sim/edge_scenes.h"
 #include "tests/sim/every_target.h"
 

@@ -1,14 +1,36 @@
 #include "station/history/run_history.h"
 
+#include <nlohmann/json.hpp>
+
 #include "core/time/clock.h"
 #include "station/history/run_index.h"
 #include "tests/station/built_program.h"
-#include "tests/station/history/run_json.h"
 
 namespace etalon {
 namespace {
 
 using Json = nlohmann::json;
+
+// The run.json of this day of March 2026, with one quantity of this value, as far as the
+// history reads it.
+Json run_of_day(int day, double value, const std::string& camera = "CAM-7",
+                const std::string& outcome = "PASS") {
+    return {{"etalon", "run/1"},
+            {"outcome", outcome},
+            {"started_utc", fmt::format("2026-03-{:02}T14:05:09Z", day)},
+            {"station", "demo"},
+            {"marker", "apriltag:36h11:5@80mm"},
+            {"limits", "demo-1"},
+            {"camera", {{"serial", camera}, {"uri", "genicam:127.0.0.1"}}},
+            {"inputs", {{{"role", "calibration"}, {"sha256", std::string(64, 'a')}}}},
+            {"measurements",
+             {{{"name", "b3_position_field_rms_mm"},
+               {"unit", "mm"},
+               {"value", value},
+               {"expanded_uncertainty", 0.005},
+               {"limit", 0.06},
+               {"outcome", outcome}}}}};
+}
 
 // Deviates by turns: 1, -2, 2, -1 of the last digit.
 double wobble(int i) {

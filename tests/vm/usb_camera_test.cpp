@@ -7,6 +7,7 @@ namespace etalon {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
+using usb::camera_terminal, usb::control_interface, usb::stream_interface;
 
 // Requests to the camera's entities and to its stream, as uvcvideo makes them.
 constexpr int get_current = 0x81, set_current = 0x01, get_information = 0x86;
@@ -55,7 +56,7 @@ TEST(TestPattern, IsAnotherInEachFrameAndKeepsTo12Bits) {
 }
 
 TEST(UsbVideoDevice, DescribesItselfInPartsThatAddUp) {
-    const Bytes all = configuration_descriptor({.sizes = {{640, 480}, {320, 200}, {70, 50}}});
+    const Bytes all = usb::configuration_descriptor({.sizes = {{640, 480}, {320, 200}, {70, 50}}});
     EXPECT_EQ(all[2] | all[3] << 8, static_cast<int>(all.size()));
     std::size_t at = 0;
     int frames = 0;

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <complex>
+#include <optional>
 
 #include "calib/camera/lens_projection.h"
 #include "calib/camera/projector.h"
@@ -12,12 +13,15 @@
 namespace etalon::test {
 
 inline CameraModel camera_with(int width, int height, Intrinsics intrinsics,
-                               Distortion distortion = {}) {
+                               Distortion distortion = {}, const std::optional<Sensor>& sensor = {},
+                               const std::optional<Lens>& lens = {}) {
     CameraModel camera;
     camera.width = width;
     camera.height = height;
     camera.intrinsics = intrinsics;
     camera.distortion = distortion;
+    camera.sensor = sensor;
+    camera.lens = lens;
     return camera;
 }
 
@@ -31,12 +35,17 @@ inline std::vector<Eigen::Vector2d> corners_at(const Projector& projector,
     return corners;
 }
 
-inline CameraModel camera_with_lens(int width, int height, Intrinsics intrinsics,
-                                    Distortion distortion, double pixel_pitch_um,
-                                    const Lens& lens) {
-    CameraModel camera = camera_with(width, height, intrinsics, distortion);
-    camera.sensor = Sensor{.pixel_pitch_um = pixel_pitch_um};
-    camera.lens = lens;
+// A webcam whose numbers the published comparison of markers shows (FMAC, arXiv 2601.07723).
+inline CameraModel study_webcam(double focus_mm, double gain_e_per_dn, double read_noise_e) {
+    return camera_with(
+        640, 480, {822.317, 822.317, 319.495, 242.502},
+        {.k1 = -0.0449369, .k2 = 1.17277, .k3 = -3.63244},
+        Sensor{.pixel_pitch_um = 2.8, .gain_e_per_dn = gain_e_per_dn, .read_noise_e = read_noise_e},
+        Lens{1.8, focus_mm, 600.0, {}});
+}
+
+inline CameraModel with_tone_curve(CameraModel camera) {
+    camera.sensor->transfer.kind = Transfer::Kind::rec709;
     return camera;
 }
 

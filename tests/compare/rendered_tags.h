@@ -103,8 +103,7 @@ inline Offsets mean_offset(const std::vector<RenderedTag>& photos, Detector& det
 inline CameraModel blurred_camera(double sigma_px) {
     CameraModel camera = sharp_camera();
     camera.sensor = Sensor{.pixel_pitch_um = 5.0};
-    camera.lens = Lens{.f_number = 4.0, .focus_distance_mm = 300.0, .wavelength_nm = 550.0};
-    camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = sigma_px};
+    camera.lens = Lens{4.0, 300.0, 550.0, {PointSpread::Kind::gaussian, sigma_px}};
     return camera;
 }
 

@@ -16,8 +16,8 @@ namespace etalon::test {
 // 96 x 72 px, f = 400 px, focused at 150 mm: blur radius at z is 400 d/2 |1/z - 1/150|, d = 1.71
 // mm.
 inline CameraModel small_camera(PointSpread spread) {
-    return camera_with_lens(96, 72, {400.0, 400.0, 47.0, 35.0}, {}, 6.0,
-                            {1.4, 150.0, 600.0, spread});
+    return camera_with(96, 72, {400.0, 400.0, 47.0, 35.0}, {}, Sensor{.pixel_pitch_um = 6.0},
+                       Lens{1.4, 150.0, 600.0, spread});
 }
 
 // The depth, nearer than the plane of focus, at which the blur disk has this radius.

@@ -401,8 +401,7 @@ TEST(WideProjector, HasRaysOfFlatLensesToo) {
 
 CameraModel webcam_with_lens(double focus_distance_mm) {
     CameraModel camera = webcam();
-    camera.lens =
-        Lens{.f_number = 2.5, .focus_distance_mm = focus_distance_mm, .wavelength_nm = 650};
+    camera.lens = Lens{2.5, focus_distance_mm, 650, {}};
     camera.sensor = Sensor{.pixel_pitch_um = 8.3};
     return camera;
 }

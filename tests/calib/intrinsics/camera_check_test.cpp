@@ -79,20 +79,19 @@ TEST(CameraCheck, TheMarginIsTheRatioOfRadii) {
     EXPECT_NEAR(check_camera(camera).margin, std::sqrt(10.0 / 3.0) / r, 1e-6);
 }
 
-TEST(CameraCheck, WarnsOfWhatIsUnusual) {
-    const CameraCheck check = check_camera(camera_with(640, 480, {500, 520, 400, 239.5}, {}));
-    EXPECT_THAT(about(check, warning), ElementsAre("principal point", "intrinsics"));
-    CameraModel camera = webcam();
-    camera.sensor = Sensor{.pixel_pitch_um = 8300};
-    camera.lens = Lens{.f_number = 2.8, .focus_distance_mm = 15000, .wavelength_nm = 650};
-    EXPECT_THAT(about(check_camera(camera), warning), ElementsAre("lens", "sensor"));
-}
-
 CameraModel webcam_with(const Sensor& sensor, const Lens& lens) {
     CameraModel camera = webcam();
     camera.sensor = sensor;
     camera.lens = lens;
     return camera;
+}
+
+TEST(CameraCheck, WarnsOfWhatIsUnusual) {
+    const CameraCheck check = check_camera(camera_with(640, 480, {500, 520, 400, 239.5}, {}));
+    EXPECT_THAT(about(check, warning), ElementsAre("principal point", "intrinsics"));
+    const CameraModel camera =
+        webcam_with(Sensor{.pixel_pitch_um = 8300}, Lens{2.8, 15000, 650, {}});
+    EXPECT_THAT(about(check_camera(camera), warning), ElementsAre("lens", "sensor"));
 }
 
 // Each camera says one thing that no other part of it can agree with.

@@ -78,8 +78,7 @@ TEST(LevelsStatistics, BlackLevelGainAndReadNoiseAreCovered) {
 }
 
 TEST(LevelsStatistics, GainAndReadNoiseAreCoveredBehindRec709AndWithTwelveBits) {
-    CameraModel camera = noisy_camera();
-    camera.sensor->transfer.kind = Transfer::Kind::rec709;
+    CameraModel camera = with_tone_curve(noisy_camera());
     camera.sensor->read_noise_e = 5.0;
     noise_pulls("Rec. 709", camera, 0.85);
     camera = noisy_camera();

@@ -142,9 +142,8 @@ TEST(PhotonTransfer, RefusesWhatAreNoRepeats) {
 }
 
 TEST(PhotonTransfer, RefusesACurveThatTheCameraFileDoesNotHave) {
-    CameraModel camera = noisy_camera();
+    CameraModel camera = with_tone_curve(noisy_camera());
     camera.sensor->read_noise_e = 6.0;
-    camera.sensor->transfer.kind = Transfer::Kind::rec709;
     const RepeatedView view = exposed(camera, squares(camera, 0.8), 4, 3);
     EXPECT_THAT(photon_refusal(view, noisy_camera()), HasSubstr("photon transfer: "));
 }

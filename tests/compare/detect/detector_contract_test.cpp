@@ -270,9 +270,7 @@ TEST(DetectorOptions, DefaultsGivenByNameChangeNothing) {
 // A tag in an image that cannot hold the window: OpenCV would throw.
 TEST(DetectorOptions, SubpixelWindowsLargerThanTheImageFindNothing) {
     const Marker tag = parse_marker(aruco, "test");
-    CameraModel camera = sharp_camera();
-    camera.width = camera.height = 60;
-    camera.intrinsics = {300.0, 300.0, 29.7, 30.2};
+    const CameraModel camera = camera_with(60, 60, {300.0, 300.0, 29.7, 30.2});
     const auto photo = render_tag(camera, tag, {0, 0, 0.1, 0, 0, 400});
     EXPECT_TRUE(detector_of(tag, window(3))->detect(photo.image).corners);
     EXPECT_FALSE(detector_of(tag, window(30))->detect(photo.image).corners);

@@ -12,10 +12,8 @@ namespace {
 
 // Focused at 900 mm with f/1.8.
 CameraModel camera() {
-    CameraModel camera = camera_with(640, 480, {800.0, 800.0, 317.0, 243.0});
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-    camera.lens = Lens{.f_number = 1.8, .focus_distance_mm = 900.0, .wavelength_nm = 550.0};
-    return camera;
+    return camera_with(640, 480, {800.0, 800.0, 317.0, 243.0}, {}, Sensor{.pixel_pitch_um = 6.0},
+                       Lens{1.8, 900.0, 550.0, {}});
 }
 
 // By how many deviations (of one photograph's noise) a unit of each deviation shows; f-number,

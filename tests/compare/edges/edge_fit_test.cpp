@@ -215,10 +215,8 @@ TEST(DefocusEstimate, FindsFocusAndFNumber) {
 // its pupil turned to the board, its focus a sphere.
 TEST(DefocusEstimate, FindsTheFocusSphereOfAWideLens) {
     EdgeScene scene = defocused_board();
-    scene.camera.width = 640;
-    scene.camera.height = 520;
-    scene.camera.intrinsics = {700.0, 704.0, 20.0, 11.0};
-    scene.camera.distortion = {.k1 = 0.01};
+    scene.camera = camera_with(640, 520, {700.0, 704.0, 20.0, 11.0}, {.k1 = 0.01},
+                               scene.camera.sensor, scene.camera.lens);
     scene.camera.projection.kind = Projection::equidistant;
     scene.camera.lens->focus_distance_mm = 240.0;
     const Rigid to_the_side(rotation_from_vector({-0.35, 0.55, 0.0}), Eigen::Vector3d::Zero());

@@ -96,9 +96,8 @@ TEST(ExpectationMap, RefusesTooFewPosesAndNumbersWithoutAMeaning) {
 }
 
 ExpectationRequest small_request() {
-    CameraModel camera = camera_with(240, 180, {210, 210, 121, 88});
-    camera.sensor = Sensor{.gain_e_per_dn = 40.0, .read_noise_e = 12.0};
-    return {.scene = {.camera = camera,
+    return {.scene = {.camera = camera_with(240, 180, {210, 210, 121, 88}, {},
+                                            Sensor{.gain_e_per_dn = 40.0, .read_noise_e = 12.0}),
                       .marker = parse_marker("apriltag:36h11:5@60mm", "test"),
                       .white_level = 0.8},
             .volume = {160.0, 260.0, 40.0 * rad_per_deg},

@@ -32,13 +32,9 @@ inline CameraModel calibrated_camera() {
 
 inline CameraModel true_camera() {
     CameraModel camera = calibrated_camera();
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0,
-                           .bits = 8,
-                           .black_dn = 5.0,
-                           .gain_e_per_dn = 60.0,
-                           .read_noise_e = 40.0};
-    camera.lens = Lens{.f_number = 8.0, .focus_distance_mm = 300.0, .wavelength_nm = 550.0};
-    camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = 0.7};
+    camera.sensor =
+        Sensor{.pixel_pitch_um = 6.0, .black_dn = 5.0, .gain_e_per_dn = 60.0, .read_noise_e = 40.0};
+    camera.lens = Lens{8.0, 300.0, 550.0, {PointSpread::Kind::gaussian, 0.7}};
     return camera;
 }
 

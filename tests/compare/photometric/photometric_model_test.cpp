@@ -431,8 +431,7 @@ CameraModel distorted_camera(double psf_sigma_px) {
                     {.k1 = -0.21, .k2 = 0.07, .p1 = 0.002, .p2 = -0.001, .k3 = 0.01});
     if (psf_sigma_px > 0) {
         camera.sensor = Sensor{.pixel_pitch_um = 6.0};
-        camera.lens = Lens{.f_number = 1000.0, .focus_distance_mm = 200.0, .wavelength_nm = 550.0};
-        camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = psf_sigma_px};
+        camera.lens = Lens{1000.0, 200.0, 550.0, {PointSpread::Kind::gaussian, psf_sigma_px}};
     }
     return camera;
 }

@@ -15,14 +15,10 @@ namespace etalon {
 namespace {
 
 CameraModel noisy_camera() {
-    CameraModel camera = camera_with(120, 90, {203.0, 199.0, 57.0, 46.0}, {.k1 = -0.2, .k2 = 0.05});
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0,
-                           .bits = 8,
-                           .black_dn = 5.0,
-                           .gain_e_per_dn = 40.0,
-                           .read_noise_e = 20.0};
-    camera.lens = Lens{.f_number = 2.8, .focus_distance_mm = 110.0, .wavelength_nm = 550.0};
-    return camera;
+    return camera_with(
+        120, 90, {203.0, 199.0, 57.0, 46.0}, {.k1 = -0.2, .k2 = 0.05},
+        Sensor{.pixel_pitch_um = 6.0, .black_dn = 5.0, .gain_e_per_dn = 40.0, .read_noise_e = 20.0},
+        Lens{2.8, 110.0, 550.0, {}});
 }
 
 Rigid tag_pose() {
@@ -200,11 +196,9 @@ TEST(PhotometricPose, RefusesWhatDeterminesNoPose) {
 constexpr int photo_count = 8;
 
 CameraModel true_camera() {
-    CameraModel camera = camera_with(160, 120, {383.0, 378.5, 77.0, 61.5});
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0, .gain_e_per_dn = 40.0, .read_noise_e = 20.0};
-    camera.lens = Lens{.f_number = 16.0, .focus_distance_mm = 300.0, .wavelength_nm = 550.0};
-    camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = 0.7};
-    return camera;
+    return camera_with(160, 120, {383.0, 378.5, 77.0, 61.5}, {},
+                       Sensor{.pixel_pitch_um = 6.0, .gain_e_per_dn = 40.0, .read_noise_e = 20.0},
+                       Lens{16.0, 300.0, 550.0, {PointSpread::Kind::gaussian, 0.7}});
 }
 
 const Marker& refined_board() {

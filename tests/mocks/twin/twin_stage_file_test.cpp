@@ -309,9 +309,8 @@ TEST(TwinFile, RefusesAnErrorOfK1ThatWouldDoNothing) {
 // ---- twin physics
 
 CameraModel camera_with_noise() {
-    CameraModel camera = camera_with(64, 48, {75.0, 73.0, 30.0, 25.0}, {.k1 = -0.2, .k2 = 0.05});
-    camera.sensor = Sensor{.pixel_pitch_um = 8.3, .gain_e_per_dn = 40.0, .read_noise_e = 20.0};
-    return camera;
+    return camera_with(64, 48, {75.0, 73.0, 30.0, 25.0}, {.k1 = -0.2, .k2 = 0.05},
+                       Sensor{.pixel_pitch_um = 8.3, .gain_e_per_dn = 40.0, .read_noise_e = 20.0});
 }
 
 TwinScene scene() {

@@ -14,8 +14,8 @@ namespace {
 using std::numbers::pi;
 
 CameraModel camera_with_lens(double wavelength_nm) {
-    return test::camera_with_lens(64, 48, {700.0, 500.0, 31.0, 23.0}, {}, 6.0,
-                                  {2.8, 300.0, wavelength_nm, {}});
+    return test::camera_with(64, 48, {700.0, 500.0, 31.0, 23.0}, {}, Sensor{.pixel_pitch_um = 6.0},
+                             Lens{2.8, 300.0, wavelength_nm, {}});
 }
 
 TEST(Airy, HasItsFirstDarkRingAt122LambdaN) {

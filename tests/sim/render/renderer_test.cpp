@@ -345,8 +345,9 @@ TEST(SmallCells, AreWithinTheToleranceWhereverTheirEdgesLie) {
 
 // Disks of confusion of up to 2 px on both sides of the focus, the largest skew that a lens takes.
 CameraModel skewed_camera(double f_number) {
-    CameraModel camera = camera_with_lens(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2}, 17.0,
-                                          {f_number, 300.0, 550.0, {}});
+    CameraModel camera =
+        camera_with(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2},
+                    Sensor{.pixel_pitch_um = 17.0}, Lens{f_number, 300.0, 550.0, {}});
     camera.intrinsics.skew = -max_skew_of_a_lens * camera.intrinsics.fx;
     return camera;
 }
@@ -423,8 +424,9 @@ TEST(FoldBorder, CutsAPixelToTheToleranceWhicheverWayItRuns) {
 
 // Blurred, a pixel beside the border is off by what the plan states: 0.45 gray.
 TEST(FoldBorder, IsWithinWhatThePlanStatesUnderALens) {
-    const CameraModel camera = camera_with_lens(640, 480, {616.6, 616.6, 319.5, 239.5},
-                                                {.k1 = -0.38}, 4.8, {2.8, 150.0, 600.0, {}});
+    const CameraModel camera =
+        camera_with(640, 480, {616.6, 616.6, 319.5, 239.5}, {.k1 = -0.38},
+                    Sensor{.pixel_pitch_um = 4.8}, Lens{2.8, 150.0, 600.0, {}});
     const Marker marker = parse_marker("apriltag:36h11:5@60mm", "marker");
     const Rigid pose{rotation_from_vector({0.26494, 0.01620, 0.57263}), {272.0, 204.0, 400.0}};
     const Scene scene{{{marker.grid, pose}}, 1.0};

@@ -11,9 +11,9 @@ namespace {
 
 // 8.2 px/mm along x at 5 um: magnification 0.041.
 CameraModel telecentric(double object_na = 0.03) {
-    CameraModel camera = camera_with_lens(
-        160, 120, {8.2, 7.9, 81.0, 57.0}, {}, 5.0,
-        {.focus_distance_mm = 150.0, .wavelength_nm = 600.0, .object_na = object_na});
+    CameraModel camera = camera_with(
+        160, 120, {8.2, 7.9, 81.0, 57.0}, {}, Sensor{.pixel_pitch_um = 5.0},
+        Lens{.focus_distance_mm = 150.0, .wavelength_nm = 600.0, .object_na = object_na});
     camera.projection.kind = Projection::telecentric;
     return camera;
 }
@@ -230,8 +230,8 @@ TEST(MotionDuringExposure, RefusesWhatIsNone) {
 
 // lambda N_w = 0.44 px.
 CameraModel wave_camera() {
-    return camera_with_lens(64, 48, {400.0, 380.0, 31.0, 23.0}, {}, 6.0,
-                            {4.3, 150.0, 600.0, {PointSpread::Kind::wave, 0.0}});
+    return camera_with(64, 48, {400.0, 380.0, 31.0, 23.0}, {}, Sensor{.pixel_pitch_um = 6.0},
+                       Lens{4.3, 150.0, 600.0, {PointSpread::Kind::wave, 0.0}});
 }
 
 cv::Mat difference_of(const CameraModel& camera, const Scene& scene, const cv::Rect& region) {

@@ -13,9 +13,8 @@ CameraModel small_camera() {
 }
 
 CameraModel distorted_camera() {
-    CameraModel camera = small_camera();
-    camera.distortion = {.k1 = -0.21, .k2 = 0.06, .p1 = 0.012};
-    return camera;
+    return test::camera_with(96, 72, {110.0, 118.0, 46.0, 37.0},
+                             {.k1 = -0.21, .k2 = 0.06, .p1 = 0.012});
 }
 
 // 45 x 33 mm with its origin away from the centre, 80 mm away: 62 x 49 px.
@@ -315,12 +314,9 @@ TEST(MotionBlur, HasTheLengthAskedForInTheDirectionOfItsKey) {
 
 // 16 bits, black 500 DN, response down to 0.58 at the corners.
 CameraModel noisy_camera() {
-    CameraModel camera = small_camera();
-    camera.width = 320;
-    camera.height = 200;
-    camera.intrinsics = {300.0, 300.0, 150.0, 110.0};
-    camera.sensor = Sensor{.bits = 16, .black_dn = 500.0};
-    camera.sensor->gain_e_per_dn = 4.0;
+    CameraModel camera =
+        test::camera_with(320, 200, {300.0, 300.0, 150.0, 110.0}, {},
+                          Sensor{.bits = 16, .black_dn = 500.0, .gain_e_per_dn = 4.0});
     camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.4, 0.0, 0.0}};
     return camera;
 }
@@ -546,7 +542,8 @@ TEST(LineBlur, MakesARampOfItsLengthOfAnEdge) {
 
 CameraModel camera_of(bool with_lens) {
     const Intrinsics intrinsics{400.0, 400.0, 31.0, 22.0};
-    return with_lens ? camera_with_lens(64, 48, intrinsics, {}, 2.8, {8.0, 250.0, 600.0, {}})
+    return with_lens ? test::camera_with(64, 48, intrinsics, {}, Sensor{.pixel_pitch_um = 2.8},
+                                         Lens{8.0, 250.0, 600.0, {}})
                      : test::camera_with(64, 48, intrinsics, {});
 }
 

@@ -440,10 +440,8 @@ TEST(SensorModel, KnowsTheColourOfEveryPixelOfAMosaic) {
 }
 
 TEST(SensorModel, GivesEachChannelItsSignalAndItsNoise) {
-    CameraModel camera;
-    camera.width = 200;
-    camera.height = 200;
-    camera.sensor = Sensor{.bits = 12, .black_dn = 64.0, .gain_e_per_dn = 2.0};
+    CameraModel camera =
+        camera_with(Sensor{.bits = 12, .black_dn = 64.0, .gain_e_per_dn = 2.0}, 200, 200);
     camera.sensor->mosaic = Mosaic::gbrg;
     camera.sensor->channel_response = {0.5, 1.0, 0.25};
     const SensorModel model(camera);

@@ -186,8 +186,8 @@ constexpr double everywhere = std::numeric_limits<double>::infinity();
 
 // A strip of pixels behind a lens with the wanted diffraction; in focus at 150 mm.
 CameraModel strip_camera(double lambda_n_px) {
-    CameraModel camera =
-        camera_with_lens(440, 24, {400.0, 400.0, 219.5, 11.5}, {}, 6.0, {1.4, 150.0, 600.0, {}});
+    CameraModel camera = camera_with(440, 24, {400.0, 400.0, 219.5, 11.5}, {},
+                                     Sensor{.pixel_pitch_um = 6.0}, Lens{1.4, 150.0, 600.0, {}});
     camera.lens->wavelength_nm *= lambda_n_px / PointSpreadFunction::of(camera).scale_px();
     return camera;
 }

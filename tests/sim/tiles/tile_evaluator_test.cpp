@@ -191,8 +191,8 @@ TEST(TileEvaluator, EachTileTakesTheCoarsestGridThatItsOwnBlurAllows) {
 TEST(TileEvaluator, TilesThatBendTooMuchForAPolynomialTakeCoarserGridsToo) {
     // Even cubics through points within a tile err by more than 1e-4 px.
     const CameraModel camera =
-        camera_with_lens(32, 24, {311.0, 311.0, 17.0, 11.0},
-                         {.k1 = 0.16, .k2 = -0.08, .s4 = -320.0}, 4.2, {1.4, 40.0, 550.0, {}});
+        camera_with(32, 24, {311.0, 311.0, 17.0, 11.0}, {.k1 = 0.16, .k2 = -0.08, .s4 = -320.0},
+                    Sensor{.pixel_pitch_um = 4.2}, Lens{1.4, 40.0, 550.0, {}});
     const UndistortionMap map(Projector(camera), 16);
     const cv::Rect tiles(0, 0, 8, 6);
     int bent = 0;

@@ -176,8 +176,8 @@ TEST(WedgePixels, AreFiniteHoweverFarTheLinesAre) {
 
 // Its distortion folds 218 px from the middle.
 CameraModel folding() {
-    return camera_with_lens(640, 480, {400.0, 400.0, 319.5, 239.5}, {.k1 = -0.5}, 8.3,
-                            {2.8, 150.0, 650.0, {}});
+    return camera_with(640, 480, {400.0, 400.0, 319.5, 239.5}, {.k1 = -0.5},
+                       Sensor{.pixel_pitch_um = 8.3}, Lens{2.8, 150.0, 650.0, {}});
 }
 
 // 2 x 2 cells of 5 mm, somewhat before the plane of focus.
@@ -209,8 +209,8 @@ TEST(WedgePixels, AreNotTakenBesideTheBorderOfTheValidRegion) {
 
 // A marker through the plane of focus, with distortion.
 CameraModel near_focus() {
-    return camera_with_lens(320, 240, {540.0, 540.0, 60.2, 50.7}, {.k1 = -0.28, .p1 = 0.002}, 8.3,
-                            {2.8, 150.0, 650.0, {}});
+    return camera_with(320, 240, {540.0, 540.0, 60.2, 50.7}, {.k1 = -0.28, .p1 = 0.002},
+                       Sensor{.pixel_pitch_um = 8.3}, Lens{2.8, 150.0, 650.0, {}});
 }
 
 Scene tilted_cells() {
@@ -240,8 +240,8 @@ TEST(WedgePixels, AreTheSameOnAnyNumberOfThreadsAndInAnyRegion) {
 
 // Cells of 120 px, blurred by 5 to 8 px, under some distortion.
 CameraModel camera_of_large_cells() {
-    return camera_with_lens(320, 240, {2000.0, 2000.0, 160.2, 118.7}, {.k1 = -0.2, .p1 = 0.002},
-                            5.0, {1.4, 900.0, 1200.0, {}});
+    return camera_with(320, 240, {2000.0, 2000.0, 160.2, 118.7}, {.k1 = -0.2, .p1 = 0.002},
+                       Sensor{.pixel_pitch_um = 5.0}, Lens{1.4, 900.0, 1200.0, {}});
 }
 
 Scene large_cells() {

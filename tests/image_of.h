@@ -1,4 +1,4 @@
-// Images by a function of their pixels.
+// Images by a function of their pixels; a gray.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -6,6 +6,8 @@
 #include "core/statistics/random.h"
 
 namespace etalon::test {
+
+inline constexpr double gray = 1.0 / 255.0;  // of linear full scale
 
 // CV_32FC1 of value(x, y), which is called row by row.
 template <class Value>

@@ -2,7 +2,7 @@
 
 cmake_policy(VERSION 3.25)
 
-file(GLOB_RECURSE sources ${ROOT}/tests/*.cpp)
+file(GLOB_RECURSE sources ${ROOT}/tests/*.cpp ${ROOT}/tests/*.h)
 set(declared "")
 foreach(source IN LISTS sources)
     file(READ ${source} text)

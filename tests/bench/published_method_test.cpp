@@ -1,16 +1,12 @@
 #include "bench/published_method.h"
 
-#include <gtest/gtest.h>
-
-#include <numbers>
 #include <opencv2/calib3d.hpp>
-#include <set>
 
-#include "core/program/errors.h"
 #include "sim/psf/diffraction.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/scene/pose_sampling.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -20,13 +16,11 @@ using Undistortion = PublishedMethod::Undistortion;
 // Wide and strongly distorted, so that a fixed-point step more or less shows; blurred by some 2 px;
 // infrared, so that the Airy pattern is as wide as a pixel.
 CameraModel small_camera() {
-    CameraModel camera = test::camera_with(
+    return camera_with(
         61, 47, {60.0, 68.0, 29.0, 25.5},
         // k1, k2, p1, p2, k3 to k6, s1 to s4
-        {-0.35, 0.09, 0.003, -0.002, 0.1, 0.01, 0.02, 0.03, 0.002, 0.004, 0.006, -0.01});
-    camera.sensor = Sensor{.pixel_pitch_um = 40.0};
-    camera.lens = Lens{0.5, 60.0, 20000.0, {}};
-    return camera;
+        {-0.35, 0.09, 0.003, -0.002, 0.1, 0.01, 0.02, 0.03, 0.002, 0.004, 0.006, -0.01},
+        Sensor{.pixel_pitch_um = 40.0}, Lens{0.5, 60.0, 20000.0, {}});
 }
 
 PlacedMarker marker(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {

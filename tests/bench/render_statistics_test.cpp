@@ -1,8 +1,7 @@
 // The renderer against the reference integrator, at reduced size. Full size: etalon bench.
 
-#include <gtest/gtest.h>
-
 #include "bench/render_comparison.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

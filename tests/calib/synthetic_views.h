@@ -1,10 +1,8 @@
 // Views of a 9x6 board through many lenses, made by projection alone.
 #pragma once
 
-#include <cmath>
 #include <functional>
 
-#include "calib/camera/projector.h"
 #include "calib/intrinsics/calibrate.h"
 #include "core/statistics/random.h"
 #include "tests/calib/cameras.h"

@@ -6,9 +6,14 @@
 
 #include "calib/intrinsics/camera_fit.h"
 #include "compare/detect/board/chessboard_corners.h"
-#include "tests/photos.h"
+#include "tests/paths.h"
 
 namespace etalon::test {
+
+// Whether the photographs of Debian's opencv-doc are there: ./test.sh puts them into build/photos.
+inline bool photos_are_there() {
+    return std::filesystem::exists(std::filesystem::path(ETALON_PHOTO_DIR) / "left01.jpg");
+}
 
 struct BoardPhotos {
     Marker board = parse_marker("chessboard:9x6@25mm", "test");

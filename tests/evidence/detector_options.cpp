@@ -9,9 +9,8 @@
 #include <functional>
 
 #include "compare/detect/detector_adaptors.h"
-#include "compare/make_detector.h"
 #include "core/time/clock.h"
-#include "tests/compare/rendered_targets.h"
+#include "tests/compare/rendered_tags.h"
 
 namespace etalon {
 namespace {

@@ -4,9 +4,7 @@
 // made from one camera's photographs, applied to those of the other, which it has not seen.
 //
 // Usage: edge_causes FOLDER, with left01.jpg .. right14.jpg.
-#include <fmt/format.h>
 
-#include <filesystem>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 

@@ -9,7 +9,6 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/projector.h"
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "core/program/errors.h"

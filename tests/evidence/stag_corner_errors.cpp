@@ -26,11 +26,6 @@ void line(const char* name, const CameraModel& camera, const char* marker, const
     std::fflush(stdout);
 }
 
-CameraModel with_tone_curve(CameraModel camera) {
-    camera.sensor->transfer.kind = Transfer::Kind::rec709;
-    return camera;
-}
-
 }  // namespace
 }  // namespace etalon::test
 
@@ -41,14 +36,14 @@ int main(int count, char** arguments) {
         "| poses | n | detected | error px, sides from 60 px: 50 / 90 / 99 % | smaller | "
         "inward px |\n|---|---|---|---|---|---|\n");
     const char* published = "stag:HD21:3@50mm";
-    line("published comparison", study_webcam(1000.0), published, study_range, poses);
-    line("the same, 50 mm with the border", study_webcam(1000.0), "stag:HD21:3@40mm", study_range,
+    line("published comparison", noisy_webcam(1000.0), published, study_range, poses);
+    line("the same, 50 mm with the border", noisy_webcam(1000.0), "stag:HD21:3@40mm", study_range,
          poses);
-    line("the same, tone curve", with_tone_curve(study_webcam(1000.0)), published, study_range,
+    line("the same, tone curve", with_tone_curve(noisy_webcam(1000.0)), published, study_range,
          poses);
-    line("near, tilts to 60 degrees", study_webcam(400.0), published, near_range, poses);
-    line("the same, R16", study_webcam(400.0), "stag:R16:77@50mm", near_range, poses);
-    line("the same, tone curve", with_tone_curve(study_webcam(400.0)), published, near_range,
+    line("near, tilts to 60 degrees", noisy_webcam(400.0), published, near_range, poses);
+    line("the same, R16", noisy_webcam(400.0), "stag:R16:77@50mm", near_range, poses);
+    line("the same, tone curve", with_tone_curve(noisy_webcam(400.0)), published, near_range,
          poses);
     line("near, barrel distortion", barrel_webcam(), published, {200.0, 440.0, 1.0, false}, poses);
 }

@@ -8,7 +8,6 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "calib/camera/projector.h"
 #include "compare/detect/detector_adaptors.h"
 #include "compare/detect/topotag/topotag_detector.h"
 #include "core/statistics/random.h"
@@ -22,19 +21,9 @@ namespace etalon::test {
 
 constexpr double degree = std::numbers::pi / 180.0;
 
-// The camera whose numbers the published comparison of markers shows (FMAC, arXiv 2601.07723), with
-// a sensor of ordinary noise: 40 electrons a code value, 8 read.
+// With a sensor of ordinary noise: 40 electrons a code value, 8 read.
 inline CameraModel study_camera() {
-    CameraModel camera = camera_with(640, 480, {822.317, 822.317, 319.495, 242.502},
-                                     {.k1 = -0.0449369, .k2 = 1.17277, .k3 = -3.63244});
-    camera.lens = Lens{1.8, 1000.0, 600.0, {}};
-    camera.sensor = Sensor{.pixel_pitch_um = 2.8, .gain_e_per_dn = 40.0, .read_noise_e = 8.0};
-    return camera;
-}
-
-inline CameraModel with_tone_curve(CameraModel camera) {
-    camera.sensor->transfer.kind = Transfer::Kind::rec709;
-    return camera;
+    return study_webcam(1000.0, 40.0, 8.0);
 }
 
 // The middle of the larger camera's image.

@@ -1,9 +1,9 @@
 // What holds for every scene, on a few dozen random ones of the fuzzer's kinds. `render_fuzz` looks
 // at as many as there is time for.
-#include <gmock/gmock.h>
 #include <tbb/global_control.h>
 
 #include "tests/fuzz/random_scenes.h"
+#include "tests/test.h"
 
 namespace etalon::test {
 namespace {

@@ -5,16 +5,11 @@
 // Each pair is tried once, with one of three thirds (nothing, disk, SIGTERM) and with a camera
 // whose calibration is true or false by turns; all three: --gtest_random_seed=0, 1, 2.
 
-#include <gmock/gmock.h>
-
 #include "mocks/twin/twin.h"
-#include "tests/loopback/program.h"
-#include "tests/loopback/quick_station.h"
+#include "tests/loopback/quick_run.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 constexpr int faulty_move = 6;
 constexpr Duration longest_run = 90s;  // of two seconds and what four time-outs of each device cost

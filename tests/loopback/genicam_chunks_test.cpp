@@ -1,19 +1,11 @@
 // Chunks and PTP over GigE Vision on loopback: what a frame says of itself against what was asked,
 // and what becomes of frames whose chunks cannot be true.
-#include <gmock/gmock.h>
-
-#include <cmath>
 
 #include "mocks/camera/gige_description.h"
 #include "tests/loopback/gige_rig.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
-using testing::Contains;
-using testing::HasSubstr;
-using testing::Not;
 
 constexpr int width = 68, height = 41;
 

@@ -1,15 +1,13 @@
 // The contract of Camera, kept by the GenICam backend on loopback: for packed and plain formats,
 // for a camera that is triggered by software and for one that runs freely, with and without a clock
 // that can be read, with and without chunks.
-#include "mocks/camera/gige_camera.h"
+#include <arv.h>
+
 #include "tests/capture/frame/camera_contract.h"
-#include "tests/fakes/in_process_camera.h"
 #include "tests/loopback/gige_rig.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 struct GenicamCase {
     std::string format;
@@ -100,13 +98,22 @@ CameraRigMaker rig(const std::string& name, const GenicamCase& tested) {
     return {name, [=] { return std::make_unique<GenicamContractRig>(tested); }};
 }
 
+// Aravis' camera without a transport: a device of its own kind inside this process, `Fake_1`, that
+// can be opened while an object of this class exists. Not GigE Vision: no packets, no control to
+// lose, names of features as before SFNC 2, and pixels that are the library's.
+class InProcessCamera {
+public:
+    InProcessCamera() { arv_enable_interface("Fake"); }
+    ~InProcessCamera() { arv_disable_interface("Fake"); }
+    InProcessCamera(const InProcessCamera&) = delete;
+    InProcessCamera& operator=(const InProcessCamera&) = delete;
+};
+
 // Another transport than GigE Vision, as far as one can be had without a device.
 class InProcessRig final : public CameraRig {
 public:
     Clock& clock() override { return clock_; }
-    std::unique_ptr<Camera> open() override {
-        return open_camera(InProcessCamera::uri, {}, clock_);
-    }
+    std::unique_ptr<Camera> open() override { return open_camera("genicam:Fake_1", {}, clock_); }
     CaptureSettings settings() const override {
         return {.width = 150,
                 .height = 80,

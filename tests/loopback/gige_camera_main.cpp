@@ -1,7 +1,6 @@
 // gige-camera WIDTH HEIGHT BITS PICTURE: a GigE Vision camera on 127.0.0.1 that shows the picture
 // of that number until it is ended. Prints `ready`, and then with which settings its first frame
-// was exposed. Used by powered_camera.h.
-#include <fmt/format.h>
+// was exposed. Used by PoweredCamera.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>

@@ -1,8 +1,5 @@
 // `etalon serve` as a program: what strangers send to it, and runs against the twin that are
 // started, looked at, stopped and gone on with over HTTP as the page does it.
-#include <gmock/gmock.h>
-
-#include <regex>
 
 #include "core/statistics/random.h"
 #include "tests/loopback/quick_run.h"
@@ -10,10 +7,6 @@
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
-using namespace std::chrono_literals;
 
 struct WebAnswer {
     int status = 0;

@@ -2,14 +2,13 @@
 // TCP and over a serial line: whether the move goes on, or the axes stop and whether that is
 // confirmed, and in which time.
 #include <future>
-#include <thread>
 
-#include "tests/loopback/link_cases.h"
+#include "stage/link/modbus_link.h"
+#include "tests/loopback/stage_rig.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
 using Kind = ModbusFault::Kind;
 
 constexpr auto time_out = 250ms, quiet = 100ms;  // T and Q of the table; quiet as in StageRig
@@ -17,6 +16,35 @@ constexpr auto busy_machine = 700ms;             // on top of the table's times
 constexpr int for_good = 1'000'000;
 
 enum class Outcome { goes_on, stop_confirmed, stop_not_confirmed };
+
+// Every fault of the wire, by name, over TCP and over a serial line.
+struct LinkCase {
+    const char* name;
+    ModbusFault fault;
+};
+
+ModbusFault link_fault(ModbusFault::Kind kind, std::chrono::milliseconds delay = 0ms,
+                       int code = 0) {
+    return {.kind = kind, .at = {FaultTrigger::When::request, 1}, .delay = delay, .code = code};
+}
+
+// Those that may pass. A late reply comes after `late`, which must be longer than the time-out.
+std::vector<LinkCase> link_cases(std::chrono::milliseconds late) {
+    return {{"LateReply", link_fault(Kind::late_reply, late)},
+            {"Silence", link_fault(Kind::silence)},
+            {"Garbage", link_fault(Kind::garbage)},
+            {"WrongId", link_fault(Kind::wrong_id)},
+            {"HalfOpen", link_fault(Kind::half_open)},
+            {"SlowBytes", link_fault(Kind::slow_bytes, 20ms)},
+            {"Reset", link_fault(Kind::reset)},
+            {"Busy", link_fault(Kind::exception, {}, 6)}};
+}
+
+using LinkCaseOnAWire = std::tuple<LinkCase, Wire>;
+
+std::string case_name(const testing::TestParamInfo<LinkCaseOnAWire>& one) {
+    return std::get<0>(one.param).name + name_of(std::get<1>(one.param));
+}
 
 // With an answer that will not pass.
 std::vector<LinkCase> all_link_cases() {
@@ -250,6 +278,59 @@ TEST_P(StageFaultInMotion, AControllerThatDiesIsAnErrorInTime) {
 
 INSTANTIATE_TEST_SUITE_P(Every, StageFaultInMotion, testing::Values(Wire::tcp, Wire::rtu),
                          [](const auto& one) { return name_of(one.param); });
+
+// ---- link faults
+
+// What a read and a write make of every fault of the wire, and in which time.
+
+class LinkFault : public testing::TestWithParam<LinkCaseOnAWire> {
+protected:
+    const ModbusFault& fault() const { return std::get<0>(GetParam()).fault; }
+    void write(std::uint16_t first, std::uint16_t second) {
+        const std::vector<std::uint16_t> values = {first, second};
+        link.write(1, RegisterSpace::holding_registers, 104, values);
+    }
+    void break_next() { rig.server->set_script(scripted_faults({fault()}, rig.simulation)); }
+
+    StageRig rig{100ms, std::get<1>(GetParam())};
+    ModbusLink link{rig.link(), rig.clock};
+};
+
+// One attempt of 100 ms, a pause of 20 ms, 200 ms until the line is quiet, one more attempt; the
+// rest is for a busy machine.
+TEST_P(LinkFault, AReadGetsTheRightValueAllTheSame) {
+    write(7, 5);
+    break_next();
+    const Instant start = rig.clock.now();
+    EXPECT_EQ(link.read(1, RegisterSpace::holding_registers, 104, 2),
+              (std::vector<std::uint16_t>{7, 5}));
+    EXPECT_LT(rig.clock.now() - start, 900ms);
+    EXPECT_EQ(link.read(1, RegisterSpace::holding_registers, 105, 1),
+              std::vector<std::uint16_t>{5});
+}
+
+TEST_P(LinkFault, AWriteIsSentOnceAndCanBeReadBack) {
+    write(7, 5);
+    break_next();
+    bool uncertain = false;
+    try {
+        write(9, 3);
+        ADD_FAILURE() << "no error";
+    } catch (const UncertainWrite&) {
+        uncertain = true;
+    } catch (const DeviceError&) {
+    }
+    const bool done = fault().kind != ModbusFault::Kind::exception;  // which refuses for certain
+    EXPECT_EQ(uncertain, done);
+    EXPECT_EQ(link.read(1, RegisterSpace::holding_registers, 104, 2),
+              done ? (std::vector<std::uint16_t>{9, 3}) : (std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(rig.server->writes().size(), done ? 2U : 1U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Every, LinkFault,
+                         testing::Combine(testing::ValuesIn(link_cases(150ms)),
+                                          testing::Values(Wire::tcp, Wire::rtu)),
+                         case_name);
 
 }  // namespace
 }  // namespace etalon

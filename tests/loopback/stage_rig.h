@@ -4,7 +4,8 @@
 
 #include "mocks/stage/modbus_controller.h"
 #include "stage/motion/modbus_stage.h"
-#include "tests/fakes/fast_axes.h"
+#include "tests/fakes/test_axes.h"
+#include "tests/test.h"
 
 namespace etalon {
 
@@ -25,8 +26,7 @@ inline std::string name_of(Wire wire) {
 class StageRig {
 public:
     // The long time-out is for tests that lose nothing: they shall pass on a busy machine.
-    explicit StageRig(std::chrono::milliseconds response_timeout = std::chrono::seconds(2),
-                      Wire wire = Wire::tcp,
+    explicit StageRig(std::chrono::milliseconds response_timeout = 2s, Wire wire = Wire::tcp,
                       StageProfile of_controller = builtin_stage_profile("generic"),
                       std::vector<Axis> of_stage = fast_axes())
         : profile(std::move(of_controller)), axes(std::move(of_stage)), timeout_(response_timeout) {
@@ -39,7 +39,7 @@ public:
     }
 
     StageLink link() const {
-        StageLink link{.response_timeout = timeout_, .quiet = std::chrono::milliseconds(100)};
+        StageLink link{.response_timeout = timeout_, .quiet = 100ms};
         if (line)
             link.address = SerialPort{.device = line->device()};
         else
@@ -70,7 +70,9 @@ public:
     SteadyClock clock;
     StageProfile profile;
     std::vector<Axis> axes;
-    SimulatedStage simulation{axes, {.homing = std::chrono::milliseconds(30)}, clock};
+    // A controller that does not tell whether its axes are homed must be seen to move them: also by
+    // the polls of a slow line on a busy machine.
+    SimulatedStage simulation{axes, {.homing = profile.has(Signal::homed) ? 30ms : 1s}, clock};
     std::unique_ptr<SerialPair> line;  // of a serial rig
     std::unique_ptr<ModbusStageServer> server;
 

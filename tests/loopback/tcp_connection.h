@@ -2,14 +2,13 @@
 #pragma once
 
 #include <arpa/inet.h>
-#include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <chrono>
-#include <string>
 #include <utility>
+
+#include "tests/test.h"
 
 namespace etalon {
 

@@ -2,7 +2,6 @@
 // in-process rendering says the stage's position must show. And the program etalon-twin.
 #include "mocks/twin/twin.h"
 #include "capture/frame/camera.h"
-#include "core/file/text.h"
 #include "mocks/camera/gige_camera.h"
 #include "stage/axes/kinematics.h"
 #include "tests/loopback/program.h"
@@ -10,8 +9,6 @@
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 constexpr double deg = std::numbers::pi / 180.0;
 

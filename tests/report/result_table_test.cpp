@@ -1,11 +1,12 @@
 #include "report/result_table.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "report/html.h"
+#include "report/json_text.h"
+#include "report/number_text.h"
+#include "report/result_rows.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -91,6 +92,116 @@ TEST(ResultTable, PosesHaveSixColumns) {
     const Rigid pose = rigid_from_vector((Vector6d() << 0.5, 0, 0, 1, 2, 3).finished());
     EXPECT_EQ(csv_of(table_of(columns, std::vector<Rigid>{pose})),
               "refined_rx,refined_ry,refined_rz,refined_tx,refined_ty,refined_tz\n0.5,0,0,1,2,3\n");
+}
+
+// ---- result rows
+
+TEST(Shard, IsEveryNthUnit) {
+    const Shard shard = parse_shard("2/5");
+    std::size_t count = 0;
+    for (std::size_t unit = 0; unit < 13; ++unit)
+        count += shard.holds(unit);
+    EXPECT_EQ(count, 3u);  // 1, 6, 11
+    EXPECT_EQ(shard.units(13), 3u);
+    EXPECT_EQ(parse_shard("4/5").units(13), 2u);
+    EXPECT_TRUE(parse_shard("").is_all());
+    for (const char* text : {"0/5", "6/5", "2", "2/", "a/b", "1/2/3", "1/1000001"})
+        EXPECT_THROW(parse_shard(text), ConfigError) << text;
+}
+
+constexpr ShardedWork work{"study", "pose", "study merge", "study.json"};
+
+RowsDescription rows_of(const std::string& shard, std::size_t units) {
+    return {work, R"({"shard": )" + shard + "}", "pose,error\n", units};
+}
+
+TEST(RowRecord, AFullDiskIsADiskErrorAndKeepsTheWholeRows) {
+    const TemporaryFolder folder;
+    const std::string row = "0," + std::string(100, '7') + "\n";
+    {
+        RowRecord record(folder / "out", rows_of("[1, 1]", 2));
+        record.add(row);
+        const FileSizeLimit limit(150);
+        EXPECT_THROW(record.add(row), DiskError);
+    }
+    const RowRecord again(folder / "out", rows_of("[1, 1]", 2));
+    EXPECT_EQ(again.units_done(), 1u);
+    EXPECT_EQ(read_text(folder / "out" / "results.csv"), "pose,error\n" + row);
+}
+
+TEST(RowRecord, MergingOntoAFullDiskIsADiskError) {
+    const TemporaryFolder folder;
+    RowRecord(folder / "a", rows_of("[1, 2]", 1)).add("0,0.25\n");
+    RowRecord(folder / "b", rows_of("[2, 2]", 1)).add("1,0.75\n");
+    const std::vector<std::filesystem::path> shards{folder / "a", folder / "b"};
+    {
+        const FileSizeLimit limit(20);  // the description and the header have room, two rows not
+        EXPECT_THROW(merge_rows(shards, rows_of("[1, 1]", 2), folder / "whole"), DiskError);
+    }
+    merge_rows(shards, rows_of("[1, 1]", 2), folder / "whole");
+    EXPECT_EQ(read_text(folder / "whole" / "results.csv"), "pose,error\n0,0.25\n1,0.75\n");
+}
+
+// ---- json text
+
+std::filesystem::path written(const TemporaryFolder& folder, const std::string& text) {
+    std::ofstream(folder / "file.json") << text;
+    return folder / "file.json";
+}
+
+std::string lists(std::size_t depth) {
+    return std::string(depth, '[') + std::string(depth, ']');
+}
+
+TEST(JsonText, IsReadBackWithItsKeysInTheirOrder) {
+    const TemporaryFolder folder;
+    const std::string text = R"({"b":1,"a":[2.5,null]})";
+    EXPECT_EQ(text_of(read_json(written(folder, text)), -1), text);
+    EXPECT_TRUE(read_json(written(folder, "{\"b\":")).is_discarded());
+}
+
+// 200 000 lists in each other took all of the stack when they were written again.
+TEST(JsonText, IsRefusedWhereItIsDeeperThanTheStack) {
+    const TemporaryFolder folder;
+    EXPECT_TRUE(read_json(written(folder, lists(50))).is_array());
+    EXPECT_THROW(read_json(written(folder, lists(52))), ConfigError);
+    EXPECT_THROW(read_json(written(folder, lists(200'000))), ConfigError);
+}
+
+// ---- number text
+
+TEST(NumberText, HasTheDigitsThatAreAskedFor) {
+    EXPECT_EQ(fixed(2.7182, 2), "2.72");
+    EXPECT_EQ(significant(271.82, 2), "2.7e+02");
+    EXPECT_EQ(significant(0.027182, 3), "0.0272");
+}
+
+TEST(NumberText, ShowsADashWhereNothingIsKnown) {
+    EXPECT_EQ(fixed(std::nullopt, 2), "–");
+    EXPECT_EQ(fixed(std::nullopt, 2, "-"), "-");
+    EXPECT_EQ(fixed(std::optional(0.5), 3), "0.500");
+    EXPECT_EQ(significant(std::numeric_limits<double>::quiet_NaN(), 3), "–");
+    EXPECT_EQ(significant(std::optional<double>(), 3, "unknown"), "unknown");
+}
+
+TEST(NumberText, CountsOneAndMany) {
+    EXPECT_EQ(counted(1, "photograph"), "1 photograph");
+    EXPECT_EQ(counted(7, "photograph"), "7 photographs");
+    EXPECT_EQ(counted(2, "quantity", "quantities"), "2 quantities");
+}
+
+TEST(NumberText, SaysOfAValueLostInNoiseWhatItIsBelow) {
+    EXPECT_EQ(value_or_below(0.0, 0.0371, 4), "below 0.037");
+    EXPECT_EQ(value_or_below(0.013, 0.0371, 2), "0.013");
+    EXPECT_EQ(value_or_below(0.0, 0.0, 2), "0");
+}
+
+TEST(NumberText, SaysProbabilitiesInPercent) {
+    EXPECT_EQ(probability_text(0.02275), "2.3 %");
+    EXPECT_EQ(probability_text(0.5), "50 %");
+    EXPECT_EQ(probability_text(0.97725), "97.72 %");
+    EXPECT_EQ(probability_text(3e-5), "< 0.01 %");
+    EXPECT_EQ(probability_text(0.99995), "> 99.99 %");
 }
 
 }  // namespace

@@ -2,22 +2,22 @@
 // marker of a few cells.
 #pragma once
 
-#include <cmath>
-#include <numbers>
+#include <tbb/global_control.h>
 
+#include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
 #include "tests/calib/cameras.h"
+#include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon::test {
-
-inline constexpr double gray = 1.0 / 255.0;
 
 // 96 x 72 px, f = 400 px, focused at 150 mm: blur radius at z is 400 d/2 |1/z - 1/150|, d = 1.71
 // mm.
 inline CameraModel small_camera(PointSpread spread) {
-    return camera_with_lens(96, 72, {400.0, 400.0, 47.0, 35.0}, {}, 6.0,
-                            {1.4, 150.0, 600.0, spread});
+    return camera_with(96, 72, {400.0, 400.0, 47.0, 35.0}, {}, Sensor{.pixel_pitch_um = 6.0},
+                       Lens{1.4, 150.0, 600.0, spread});
 }
 
 // The depth, nearer than the plane of focus, at which the blur disk has this radius.
@@ -63,6 +63,33 @@ inline double edge_profile(double distance_px, double disk_px, double sigma_px) 
 
 inline double largest_difference(const cv::Mat& a, const cv::Mat& b) {
     return cv::norm(a, b, cv::NORM_INF);
+}
+
+// ---- Images against the reference integrator, and against those of parts and of other threads.
+
+// Within 0.1 gray and so many of the reference's own standard errors. Gives the reference.
+inline std::vector<ReferencePixel> expect_reference(const cv::Mat& radiance,
+                                                    const CameraModel& camera, const Scene& scene,
+                                                    const std::vector<cv::Point>& pixels,
+                                                    const ReferenceOptions& options,
+                                                    double standard_errors = 4.0) {
+    const auto reference = integrate_reference(camera, scene, pixels, options);
+    for (std::size_t i = 0; i < pixels.size(); ++i)
+        EXPECT_NEAR(radiance.at<float>(pixels[i]), reference[i].mean,
+                    0.1 / 255.0 + standard_errors * reference[i].standard_error)
+            << pixels[i];
+    return reference;
+}
+
+// The same bytes on any number of threads, and in a region by itself but for its tail.
+inline void expect_the_same_everywhere(const CameraModel& camera, const Scene& scene,
+                                       const cv::Rect& region) {
+    const Renderer renderer(camera);
+    const RenderedImage image = renderer.render(scene);
+    const RenderedImage part = renderer.render(scene, {.region = region});
+    EXPECT_LT(255.0 * cv::norm(image.radiance(region), part.radiance(region), cv::NORM_INF), 0.01);
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    EXPECT_EQ(cv::norm(image.radiance, renderer.render(scene).radiance, cv::NORM_INF), 0.0);
 }
 
 }  // namespace etalon::test

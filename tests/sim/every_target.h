@@ -2,8 +2,8 @@
 #pragma once
 
 #include "sim/tiles/vector_targets.h"
+#include "tests/test.h"
 
-#include <gtest/gtest.h>
 #include <hwy/targets.h>
 
 #include <cstdint>

@@ -2,16 +2,10 @@
 // and how they ended.
 #pragma once
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <sys/wait.h>
 
-#include <algorithm>
-#include <cstdlib>
-
-#include "core/file/text.h"
 #include "tests/paths.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 
@@ -53,8 +47,8 @@ Finished finished(Command command) {
 inline void expect_one_line_error(const Finished& finished, int exit_code,
                                   const std::string& message) {
     EXPECT_EQ(finished.exit_code, exit_code) << finished.err;
-    EXPECT_THAT(finished.err, testing::StartsWith("etalon: "));
-    EXPECT_THAT(finished.err, testing::HasSubstr(message));
+    EXPECT_THAT(finished.err, StartsWith("etalon: "));
+    EXPECT_THAT(finished.err, HasSubstr(message));
     EXPECT_EQ(std::count(finished.err.begin(), finished.err.end(), '\n'), 1) << finished.err;
     EXPECT_EQ(finished.out, "");
 }

@@ -1,21 +1,12 @@
 // What shells are told: from the declared commands and the tables of the program.
 
-#include <gmock/gmock.h>
-
 #include "compare/make_detector.h"
-#include "core/program/errors.h"
 #include "station/commands.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::Contains;
-using testing::Each;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
-using testing::Not;
-using testing::StartsWith;
 using Words = std::vector<std::string>;
 
 const DescribedCommand& program() {

@@ -8,7 +8,6 @@ namespace etalon {
 namespace {
 
 using Json = nlohmann::json;
-using testing::HasSubstr;
 
 constexpr const char* register_command =
     "register --station station.yaml --positions positions.csv";

@@ -1,8 +1,6 @@
 // A station with photographs of its marker at known positions of the stage, as renders.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <opencv2/imgcodecs.hpp>
 
 #include "compare/expect/expected_view.h"

@@ -1,10 +1,7 @@
 // A small station for tests: its files on disk, and the same devices as mocks.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include "core/file/text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 
@@ -79,12 +76,6 @@ inline std::filesystem::path write_station(const TemporaryFolder& folder,
     write_text(folder / "limits.yaml", limits_text);
     write_text(folder / "station.yaml", text);
     return folder / "station.yaml";
-}
-
-inline std::string replaced(std::string text, const std::string& what, const std::string& by) {
-    const auto at = text.find(what);
-    EXPECT_NE(at, std::string::npos) << what;
-    return at == std::string::npos ? text : text.replace(at, what.size(), by);
 }
 
 }  // namespace etalon

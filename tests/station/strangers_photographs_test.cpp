@@ -7,14 +7,11 @@
 
 #include "calib/files/camera_file.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/compare/rendered_targets.h"
+#include "tests/compare/rendered_tags.h"
 #include "tests/station/built_program.h"
 
 namespace etalon::test {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
 
 constexpr const char* tag_name = "apriltag:36h11:5@40mm";
 
@@ -320,7 +317,7 @@ TEST_F(StrangersPhotographs, OfAnEdgeTellItsSharpness) {
     for (const char* where : {"auto", "60,30,75x100"}) {
         const Finished finished = etalon(fmt::format("characterise --edge {} edge.png", where));
         EXPECT_EQ(finished.exit_code, 0) << finished.err;
-        ASSERT_THAT(finished.out, testing::StartsWith("MTF50 ")) << where;
+        ASSERT_THAT(finished.out, StartsWith("MTF50 ")) << where;
         EXPECT_NEAR(std::stod(finished.out.substr(6)), truth, 0.02 * truth) << where;
     }
     expect_one_line_error(etalon("characterise --edge 60,30 edge.png"), 3,

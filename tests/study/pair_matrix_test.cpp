@@ -1,16 +1,80 @@
 #include "study/pair_matrix.h"
 
-#include <gtest/gtest.h>
-
 #include <numeric>
 
+#include "core/statistics/random.h"
+#include "study/external_detector.h"
 #include "study/study_report.h"
-#include "tests/study/synthetic_study.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
+using std::chrono::milliseconds;
+
 constexpr std::size_t columns = PairMatrix::columns, rows = PairMatrix::rows;
+
+// ---- a marker study without images: poses as in the published one, and errors of the kinds that
+// detectors show there (growing with distance and tilt, biased in depth, flipped, missed)
+
+// z from 500 to 1500 mm within +-21 by +-16 degrees, roll and pitch +-45, yaw +-180 degrees.
+std::vector<Rigid> study_poses(std::size_t count) {
+    std::vector<Rigid> poses;
+    for (std::size_t i = 0; i < count; ++i) {
+        RandomStream random(23, 1, i);
+        const auto within = [&](double reach) { return reach * (2.0 * random.uniform() - 1.0); };
+        const double z = 1000.0 + within(500.0), x = within(0.38 * z), y = within(0.28 * z);
+        const double rad = std::numbers::pi / 180.0;
+        poses.push_back({rotation_from_roll_pitch_yaw(
+                             {within(45.0 * rad), within(45.0 * rad), within(180.0 * rad)}),
+                         {x, y, z}});
+    }
+    return poses;
+}
+
+// What a detector does: errors scale with `noise`, depth comes out too large by `bias` of itself.
+struct SyntheticDetector {
+    double noise = 1.0, bias = 0.0, flip_rate = 0.0, missed_when_far = 0.0;
+};
+
+DetectorErrors synthetic_errors(const SyntheticDetector& detector, const std::vector<Rigid>& poses,
+                                std::uint32_t stream) {
+    DetectorErrors errors;
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+        RandomStream random(29, stream, i);
+        const Rigid& truth = poses[i];
+        const double z = truth.translation.z(), far = (z - 500.0) / 1000.0;
+        if (random.uniform() < detector.missed_when_far * far * far) {
+            errors.push_back(std::nullopt);
+            continue;
+        }
+        const double depth_noise = detector.noise * 2e-6 * z * z, shift = random.normal();
+        const double depth = depth_noise * shift + detector.bias * z * (0.4 + far);
+        const Eigen::Vector3d ray = truth.translation / z, angles = roll_pitch_yaw(truth.rotation);
+        const bool flip = random.uniform() < detector.flip_rate * (0.3 + far);
+        const double tilt_noise =
+            detector.noise * 0.004 * (0.4 + far) / (0.3 + std::abs(angles.x()));
+        Eigen::Vector3d turned =
+            angles + tilt_noise * Eigen::Vector3d(random.normal(), random.normal(), 0.0);
+        turned.z() += detector.noise * 0.0009 * (0.3 + far) * random.normal();
+        if (flip)
+            turned.head<2>() = -turned.head<2>();
+        const Eigen::Vector3d side(random.normal(), random.normal(), 0.0);
+        const Rigid estimated{rotation_from_roll_pitch_yaw(turned),
+                              truth.translation + depth * ray + 4e-5 * detector.noise * z * side};
+        errors.push_back(detected_error(estimated, truth, flip));
+    }
+    return errors;
+}
+
+std::vector<PoseComponents> components(const std::vector<Rigid>& poses) {
+    std::vector<PoseComponents> rows;
+    for (const Rigid& pose : poses)
+        rows.push_back(pose_components(pose));
+    return rows;
+}
+
+// ---- the tests
 
 std::size_t occurrences(const std::string& text, const std::string& part) {
     std::size_t count = 0;
@@ -35,9 +99,9 @@ std::uint32_t sum(const PairPanel& panel, std::size_t first_row, std::size_t row
 }
 
 TEST(PairMatrix, CountsEveryDetectedPoseOnceInEveryPanel) {
-    const auto poses = test::study_poses(3000);
-    const PairMatrix matrix = pair_matrix("tag", test::components(poses),
-                                          test::synthetic_errors({1.0, 0.01, 0.1, 0.5}, poses, 1));
+    const auto poses = study_poses(3000);
+    const PairMatrix matrix =
+        pair_matrix("tag", components(poses), synthetic_errors({1.0, 0.01, 0.1, 0.5}, poses, 1));
     EXPECT_EQ(matrix.poses, 3000u);
     EXPECT_LT(matrix.detected, 2900u);
     EXPECT_GT(matrix.above[3] + matrix.below[3], 100u);  // flips
@@ -82,13 +146,13 @@ TEST(PairMatrix, ShowsAnErrorThatGrowsWithDepth) {
 }
 
 TEST(PairMatrix, KeepsWhatLiesBeyondAnAxis) {
-    auto poses = test::study_poses(500);
-    DetectorErrors errors = test::synthetic_errors({1.0, 0.0, 0.0, 0.0}, poses, 1);
+    auto poses = study_poses(500);
+    DetectorErrors errors = synthetic_errors({1.0, 0.0, 0.0, 0.0}, poses, 1);
     for (std::size_t i = 0; i < errors.size(); ++i)
         errors[i]->measures[0] = 0.1 * static_cast<double>(i % 7);
     errors[7]->measures[0] = 4000.0;
     errors[8]->measures[0] = errors[9]->measures[0] = -4000.0;
-    const PairMatrix matrix = pair_matrix("tag", test::components(poses), errors);
+    const PairMatrix matrix = pair_matrix("tag", components(poses), errors);
     EXPECT_EQ(matrix.above[0], 1u);
     EXPECT_EQ(matrix.below[0], 2u);
     EXPECT_LT(matrix.errors[0].high, 10.0);
@@ -102,10 +166,9 @@ TEST(PairMatrix, KeepsWhatLiesBeyondAnAxis) {
 }
 
 TEST(PairMatrix, IsAPictureOfItsOwnForPapers) {
-    const auto poses = test::study_poses(2000);
-    const std::string svg =
-        pair_matrix_svg(pair_matrix("<tag> & co", test::components(poses),
-                                    test::synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1)));
+    const auto poses = study_poses(2000);
+    const std::string svg = pair_matrix_svg(pair_matrix(
+        "<tag> & co", components(poses), synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1)));
     EXPECT_EQ(svg.find("<svg"), 0u);
     EXPECT_NE(svg.find("xmlns='http://www.w3.org/2000/svg'"), std::string::npos);
     EXPECT_EQ(occurrences(svg, "<image "), 36u);
@@ -116,9 +179,9 @@ TEST(PairMatrix, IsAPictureOfItsOwnForPapers) {
 }
 
 TEST(PairMatrix, OfManyPosesIsNoLargerThanAMegabyte) {
-    const auto poses = test::study_poses(100000);
-    const auto matrix = pair_matrix("tag", test::components(poses),
-                                    test::synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1));
+    const auto poses = study_poses(100000);
+    const auto matrix =
+        pair_matrix("tag", components(poses), synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1));
     EXPECT_LT(pair_matrix_svg(matrix).size(), 1000000u);
     HtmlPage page("study", "");
     add_pair_matrices(page, {&matrix, 1});
@@ -126,9 +189,9 @@ TEST(PairMatrix, OfManyPosesIsNoLargerThanAMegabyte) {
 }
 
 TEST(PairMatrix, IsChosenByTabsInAReportThatNeedsNothingFromOutside) {
-    const auto poses = test::study_poses(300);
-    const auto truth = test::components(poses);
-    const DetectorErrors errors = test::synthetic_errors({}, poses, 1);
+    const auto poses = study_poses(300);
+    const auto truth = components(poses);
+    const DetectorErrors errors = synthetic_errors({}, poses, 1);
     const std::vector<PairMatrix> matrices{pair_matrix("one", truth, errors),
                                            pair_matrix("<b>", truth, errors)};
     HtmlPage page("study", "");
@@ -180,6 +243,121 @@ TEST(StudyPlots, ShowEveryDetectorsBins) {
     for (const std::string& svg : {rate, error})
         for (const char* unwanted : {"nan", "inf"})
             EXPECT_EQ(svg.find(unwanted), std::string::npos) << unwanted;
+}
+
+// ---- external detector
+
+// Small shell programs that answer, crash, hang and talk nonsense.
+
+constexpr const char* good_answer = R"({"camera_from_marker":[0.1,-0.2,0.3,4,-5,600],"more":[1]})";
+
+class ExternalDetectorTest : public testing::Test {
+protected:
+    // A program that has the two paths in $image and $camera; $pose is a good answer.
+    ExternalDetector running(const std::string& each_line,
+                             milliseconds time_out = milliseconds(20000)) {
+        std::ofstream(folder_ / "program") << "pose='" << good_answer << "'\n"
+                                           << "tab=$(printf '\\t')\n"
+                                           << "while IFS=$tab read -r image camera; do\n"
+                                           << each_line << "\ndone\n";
+        return {{"sh", (folder_ / "program").string()}, time_out, "--detector"};
+    }
+
+    static void expect_pose(const ExternalAnswer& answer) {
+        ASSERT_TRUE(answer.camera_from_marker) << answer.failure;
+        const Vector6d pose = vector_from_rigid(*answer.camera_from_marker);
+        const Vector6d expected{{0.1, -0.2, 0.3, 4, -5, 600}};
+        EXPECT_LT((pose - expected).norm(), 1e-12);
+        EXPECT_EQ(answer.failure, "");
+    }
+
+    // The answer to an image "odd" of a program that does `what` then, and that one pose follows.
+    std::string failure_of(const std::string& what, milliseconds time_out = milliseconds(20000)) {
+        auto detector =
+            running("if [ $image = odd ]; then " + what + "; else echo \"$pose\"; fi", time_out);
+        expect_pose(detector.detect("before", "camera.yml"));
+        const ExternalAnswer answer = detector.detect("odd", "camera.yml");
+        EXPECT_FALSE(answer.camera_from_marker);
+        expect_pose(detector.detect("after", "camera.yml"));
+        return answer.failure;
+    }
+
+    TemporaryFolder folder_;
+};
+
+TEST_F(ExternalDetectorTest, GivesItsPoses) {
+    auto detector = running("echo \"$pose\"");
+    for (int i = 0; i < 5; ++i)
+        expect_pose(detector.detect("image.png", "camera.yml"));
+}
+
+TEST_F(ExternalDetectorTest, IsToldBothPathsAndTellsItsOwnFailures) {
+    auto detector = running("printf '{\"failure\":\"%s and %s\"}\\n' \"$image\" \"$camera\"");
+    const ExternalAnswer answer = detector.detect("an image.png", "the camera.yml");
+    EXPECT_FALSE(answer.camera_from_marker);
+    EXPECT_EQ(answer.failure, "an image.png and the camera.yml");
+}
+
+TEST_F(ExternalDetectorTest, IsRunOnceForAllImages) {
+    auto detector = running("n=$((n + 1)); echo \"{\\\"failure\\\":\\\"$n\\\"}\"");
+    EXPECT_EQ(detector.detect("a", "c").failure, "1");
+    EXPECT_EQ(detector.detect("b", "c").failure, "2");
+}
+
+TEST_F(ExternalDetectorTest, ThatEndsIsStartedAgain) {
+    EXPECT_EQ(failure_of("exit 7"), "the program ended with exit code 7");
+    EXPECT_THAT(failure_of("kill -SEGV $$"), StartsWith("the program was ended by signal 11"));
+    EXPECT_EQ(failure_of("exec >&- <&-; sleep 60"), "the program has closed its output");
+}
+
+// What it has started must end with it: the sleeping child holds the output open.
+TEST_F(ExternalDetectorTest, ThatIsSilentForTooLongIsStartedAgain) {
+    EXPECT_EQ(failure_of("sleep 60", milliseconds(2000)), "no answer within 2000 ms");
+}
+
+TEST_F(ExternalDetectorTest, ThatTalksNonsenseIsStartedAgain) {
+    constexpr const char* none = "the answer is neither a pose nor a failure";
+    for (const char* answer :
+         {"hello", "", "[1,2,3,4,5,6]", "{}", R"({"camera_from_marker":[1,2,3,4,5]})",
+          R"({"camera_from_marker":[1,2,3,4,5,"6"]})",
+          R"({"camera_from_marker":[1,2,3,4,5,1e999]})", R"({"camera_from_marker":null})",
+          R"({"failure":3})", R"({"failure":"cut off)"})
+        EXPECT_EQ(failure_of(std::string("echo '") + answer + "'"), none) << answer;
+    EXPECT_EQ(failure_of("printf '%s\\n%s\\n' \"$pose\" \"$pose\""),
+              "the answer is more than one line");
+    EXPECT_THAT(failure_of("head -c 200000 /dev/zero | tr '\\0' x"), HasSubstr("longer than"));
+}
+
+// A second line that comes late would be taken for the next image's answer.
+TEST_F(ExternalDetectorTest, ThatSaysMoreThanItIsAskedIsStartedAgain) {
+    const std::filesystem::path said = folder_ / "said";
+    auto detector = running(
+        "echo \"$pose\"; [ $image = twice ] && { sleep 0.1; echo '{\"failure\":\"late\"}'; : >" +
+        said.string() + "; }");
+    expect_pose(detector.detect("twice", "c"));
+    for (int i = 0; i < 1000 && !std::filesystem::exists(said); ++i)
+        SteadyClock().wait_for(milliseconds(5), {});
+    ASSERT_TRUE(std::filesystem::exists(said));
+    expect_pose(detector.detect("once", "c"));
+}
+
+TEST_F(ExternalDetectorTest, ThatNeverReadsFailsEveryTimeInTime) {
+    ExternalDetector detector({"sleep", "60"}, milliseconds(150), "--detector");
+    for (int i = 0; i < 2; ++i)
+        EXPECT_EQ(detector.detect("a", "c").failure, "no answer within 150 ms");
+}
+
+TEST_F(ExternalDetectorTest, ThatDoesNotExistIsAnErrorAtOnce) {
+    EXPECT_THROW(ExternalDetector({"/nowhere/detector"}, milliseconds(100), "--detector"),
+                 ConfigError);
+    EXPECT_THROW(ExternalDetector({}, milliseconds(100), "--detector"), ConfigError);
+}
+
+TEST_F(ExternalDetectorTest, RefusesPathsThatNoLineCanTell) {
+    auto detector = running("echo \"$pose\"");
+    EXPECT_THROW(detector.detect("a\tb", "c"), ConfigError);
+    EXPECT_THROW(detector.detect("a", "c\nd"), ConfigError);
+    expect_pose(detector.detect("a", "c"));
 }
 
 }  // namespace

@@ -1,12 +1,13 @@
 // The USB camera without a kernel: what its test pattern tells, and how it answers its host.
-#include <gtest/gtest.h>
 
+#include "tests/test.h"
 #include "tests/vm/test_pattern.h"
 
 namespace etalon {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
+using usb::camera_terminal, usb::control_interface, usb::stream_interface;
 
 // Requests to the camera's entities and to its stream, as uvcvideo makes them.
 constexpr int get_current = 0x81, set_current = 0x01, get_information = 0x86;
@@ -55,7 +56,7 @@ TEST(TestPattern, IsAnotherInEachFrameAndKeepsTo12Bits) {
 }
 
 TEST(UsbVideoDevice, DescribesItselfInPartsThatAddUp) {
-    const Bytes all = configuration_descriptor({.sizes = {{640, 480}, {320, 200}, {70, 50}}});
+    const Bytes all = usb::configuration_descriptor({.sizes = {{640, 480}, {320, 200}, {70, 50}}});
     EXPECT_EQ(all[2] | all[3] << 8, static_cast<int>(all.size()));
     std::size_t at = 0;
     int frames = 0;

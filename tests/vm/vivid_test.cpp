@@ -2,7 +2,6 @@
 // uvcvideo, with every pixel format, the multi-planar interface and faults on request. Runs in the
 // guest. Device 0 is single-planar, device 1 multi-planar.
 #include <fcntl.h>
-#include <gmock/gmock.h>
 #include <linux/videodev2.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
@@ -12,8 +11,6 @@
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 constexpr int width = 320, height = 180;
 
@@ -210,7 +207,7 @@ TEST_F(Vivid, MarksFramesWhoseStampsWrap) {
         for (int i = 0; i < 3; ++i) {
             const Frame frame = next();
             EXPECT_EQ(frame.status, FrameStatus::corrupt);
-            EXPECT_THAT(frame.status_detail, testing::HasSubstr("time stamp"));
+            EXPECT_THAT(frame.status_detail, HasSubstr("time stamp"));
         }
         camera_->disarm();
     }

@@ -1,12 +1,8 @@
 // `etalon stability` would notice a renderer that is wrong: the cases are given wrong ones.
 #include "bench/stability/stability_case.h"
-
-#include <gmock/gmock.h>
+#include "tests/test.h"
 
 #include <opencv2/imgproc.hpp>
-#include <set>
-
-#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -69,7 +65,7 @@ TEST(Stability, CatchesAnImageWhereARefusalIsDue) {
         EXPECT_FALSE(outcome.passed) << name;
     }
     EXPECT_THAT(outcome_of(case_named("nan: pose"), credulous).words,
-                testing::HasSubstr("accepted: qx = nan"));
+                HasSubstr("accepted: qx = nan"));
 }
 
 TEST(Stability, CountsAnExceptionAsAFailure) {
@@ -133,7 +129,7 @@ TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {
     for (const char* word :
          {"tilt", "focus", "behind", "fold", "pole", "nan", "infinity", "barrel", "tiny",
           "background", "megapixel", "stiff", "calibrating", "registering"})
-        EXPECT_THAT(all, testing::HasSubstr(word));
+        EXPECT_THAT(all, HasSubstr(word));
 }
 
 }  // namespace

@@ -1,18 +1,14 @@
 #include "calib/camera/projector.h"
 
-#include <gtest/gtest.h>
-
 #include <opencv2/calib3d.hpp>
+#include <opencv2/ccalib/omnidir.hpp>
 
-#include "core/program/errors.h"
+#include "calib/camera/camera_model.h"
 #include "tests/calib/cameras.h"
-#include "tests/calib/lens_tables.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using test::camera_with;
-using test::Complex, test::ComplexPoint, test::ComplexRay;
 
 Eigen::Vector2d opencv_projection(const CameraModel& camera, const Eigen::Vector3d& p) {
     const Intrinsics& i = camera.intrinsics;
@@ -55,8 +51,7 @@ const std::vector<Eigen::Vector3d> points{
     {0, 0, 500}, {110, -70, 500}, {-90, 130, 730}, {210, 170, 900}, {-7, -5, 40}};
 
 TEST(Projector, AgreesWithOpenCvForEveryCoefficient) {
-    for (const CameraModel& camera :
-         {test::webcam(), test::canon(), test::all_fourteen(), test::wide_angle()}) {
+    for (const CameraModel& camera : {webcam(), canon(), all_fourteen(), wide_angle()}) {
         const Projector projector(camera);
         for (const Eigen::Vector3d& p : points) {
             const auto pixel = projector.project(p);
@@ -67,7 +62,7 @@ TEST(Projector, AgreesWithOpenCvForEveryCoefficient) {
 }
 
 CameraModel skewed() {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     camera.intrinsics.skew = -23.7;
     return camera;
 }
@@ -91,13 +86,12 @@ TEST(Projector, PutsTheSkewAfterTheDistortion) {
 }
 
 TEST(Projector, JacobianIsTheComplexStepDerivative) {
-    for (const CameraModel& camera :
-         {test::webcam(), test::canon(), test::all_fourteen(), test::wide_angle(), skewed()}) {
+    for (const CameraModel& camera : {webcam(), canon(), all_fourteen(), wide_angle(), skewed()}) {
         const Projector projector(camera);
         for (const Eigen::Vector3d& p : points) {
             const auto projected = projector.project_with_jacobian(p);
             ASSERT_TRUE(projected);
-            const Eigen::MatrixXd expected = test::complex_step(
+            const Eigen::MatrixXd expected = complex_step(
                 [&](const ComplexRay& at) { return complex_projection(camera, at); }, p);
             EXPECT_LT((projected->jacobian - expected).norm(), 1e-12 * expected.norm())
                 << projected->jacobian << "\n"
@@ -121,11 +115,11 @@ void expect_round_trip(const CameraModel& camera, int step) {
 }
 
 TEST(Projector, EveryPixelOfTheNamedCamerasSurvivesTheRoundTrip) {
-    expect_round_trip(test::webcam(), 3);
-    expect_round_trip(test::canon(), 17);
-    expect_round_trip(test::all_fourteen(), 3);
+    expect_round_trip(webcam(), 3);
+    expect_round_trip(canon(), 17);
+    expect_round_trip(all_fourteen(), 3);
     expect_round_trip(skewed(), 3);
-    expect_round_trip(test::wide_angle(), 7);
+    expect_round_trip(wide_angle(), 7);
 }
 
 TEST(Projector, WorksFromFivePixelsToHalfAMillionPixelsOfFocalLength) {
@@ -202,7 +196,7 @@ TEST(Projector, GivesNothingBehindTheCameraAndForWhatIsNoNumber) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const double infinity = std::numeric_limits<double>::infinity();
     for (const CameraModel& camera :
-         {test::webcam(), test::all_fourteen(), camera_with(8, 8, {5, 7, 3, 2}, {})}) {
+         {webcam(), all_fourteen(), camera_with(8, 8, {5, 7, 3, 2}, {})}) {
         const Projector projector(camera);
         EXPECT_FALSE(projector.project({7, 5, 0}));
         EXPECT_FALSE(projector.project({7, 5, -500}));
@@ -224,6 +218,237 @@ TEST(Projector, RefusesCamerasThatCannotExist) {
     EXPECT_THROW(Projector(camera_with(640, 480, {500, 500, nan, 240}, {})), NumericalError);
     EXPECT_THROW(Projector(camera_with(640, 480, {500, 500, 320, 240, nan}, {})), NumericalError);
     EXPECT_THROW(Projector(centred({.k2 = nan})), NumericalError);
+}
+
+// ---- wide projector
+
+// Projector with lenses that see more than a plane: their projection (lens_projection_test.cpp) and
+// the distortion (projector_test.cpp) one after the other, and back.
+
+CameraModel wide(LensProjection projection, Distortion distortion = {}, double focal = 150.0) {
+    CameraModel camera = camera_with(700, 500, {focal, 0.97 * focal, 361.0, 239.0}, distortion);
+    camera.projection = projection;
+    return camera;
+}
+
+// Every kind, those that end and those that do not, with all coefficients that it may have.
+std::vector<CameraModel> wide_cameras() {
+    using enum Projection;
+    const Distortion some{.k1 = 0.011,
+                          .k2 = -0.0021,
+                          .p1 = 0.0012,
+                          .p2 = -0.0007,
+                          .k3 = 3e-4,
+                          .s1 = 0.001,
+                          .s4 = -2e-4,
+                          .k7 = -2e-5};
+    const auto cahvors = test::cahvors();
+    return {wide({equidistant}, some),
+            wide({stereographic}, some, 180.0),
+            wide({field_of_view, 0.93}, some),
+            wide({unified, 0.71}, some, 220.0),
+            wide({unified, 1.83}, some, 700.0),
+            wide({extended_unified, 1.13, 0.62}, some),
+            wide({double_sphere, -0.21, 0.57}, some),
+            wide({equidistant}),
+            wide({double_sphere, 0.34, 0.44}),
+            wide(polynomials()[0], some),
+            wide(polynomials()[1]),
+            wide(cahvors[2]),
+            wide(cahvors[3], {.k1 = 0.001, .p2 = -0.0007}),
+            wide(splines()[0]),
+            wide(splines()[1], {.k1 = 0.001, .p2 = -0.0007})};
+}
+
+TEST(WideProjector, IsOpenCvsFisheyeOverTheWholeImage) {
+    CameraModel camera =
+        wide({Projection::equidistant}, {.k1 = 0.021, .k2 = -0.013, .k3 = 0.004, .k7 = -0.0006});
+    camera.intrinsics.skew = 7.3;
+    const Intrinsics& i = camera.intrinsics;
+    const cv::Matx33d k(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
+    const cv::Vec4d coefficients(0.021, -0.013, 0.004, -0.0006);
+    const Projector projector(camera);
+    int compared = 0;
+    for (int y = 0; y < camera.height; y += 7)
+        for (int x = 0; x < camera.width; x += 7) {
+            const auto ray = projector.ray({x, y});
+            if (!ray || ray->z() < 0.05)
+                continue;  // OpenCV's own stops before 90 degrees
+            const std::vector<cv::Point3d> points{{ray->x(), ray->y(), ray->z()}};
+            std::vector<cv::Point2d> pixels;
+            cv::fisheye::projectPoints(points, pixels, cv::Vec3d(), cv::Vec3d(), k, coefficients,
+                                       i.skew / i.fx);
+            ASSERT_LT((Eigen::Vector2d(pixels[0].x, pixels[0].y) - Eigen::Vector2d(x, y)).norm(),
+                      1e-9)
+                << x << " " << y;
+            ++compared;
+        }
+    EXPECT_GT(compared, 3000);
+}
+
+TEST(WideProjector, IsOpenCvsOmnidirOverTheWholeImage) {
+    CameraModel camera = wide({Projection::unified, 1.27},
+                              {.k1 = -0.11, .k2 = 0.031, .p1 = 0.0021, .p2 = -0.0034}, 500.0);
+    camera.intrinsics.skew = -4.1;
+    const Intrinsics& i = camera.intrinsics;
+    const cv::Matx33d k(i.fx, i.skew, i.cx, 0, i.fy, i.cy, 0, 0, 1);
+    const Projector projector(camera);
+    for (int y = 0; y < camera.height; y += 7)
+        for (int x = 0; x < camera.width; x += 7) {
+            const auto ray = projector.ray({x, y});
+            ASSERT_TRUE(ray);
+            const std::vector<cv::Point3d> points{{ray->x(), ray->y(), ray->z()}};
+            std::vector<cv::Point2d> pixels;
+            cv::omnidir::projectPoints(points, pixels, cv::Vec3d(), cv::Vec3d(), k, 1.27,
+                                       cv::Vec4d(-0.11, 0.031, 0.0021, -0.0034));
+            ASSERT_LT((Eigen::Vector2d(pixels[0].x, pixels[0].y) - Eigen::Vector2d(x, y)).norm(),
+                      1e-9)
+                << x << " " << y;
+        }
+}
+
+TEST(WideProjector, EveryPixelComesBack) {
+    for (const CameraModel& camera : wide_cameras()) {
+        SCOPED_TRACE(name_of(camera.projection.kind).name);
+        const Projector projector(camera);
+        int behind = 0, seen = 0;
+        for (int y = 0; y < camera.height; y += 11)
+            for (int x = 0; x < camera.width; x += 11) {
+                const auto ray = projector.ray({x, y});
+                if (!ray)
+                    continue;
+                ++seen;
+                behind += ray->z() < 0.0;
+                const auto back = projector.project(731.0 * *ray);
+                ASSERT_TRUE(back) << x << " " << y;
+                ASSERT_LT((*back - Eigen::Vector2d(x, y)).norm(), 1e-9) << x << " " << y;
+            }
+        EXPECT_GT(seen, 2000);
+        EXPECT_GT(behind, 0);
+    }
+}
+
+// Central differences; what they lose is some 1e-9 of the derivative.
+TEST(WideProjector, HasTheDerivativesOfBoth) {
+    for (const CameraModel& camera : wide_cameras()) {
+        SCOPED_TRACE(name_of(camera.projection.kind).name);
+        const Projector projector(camera);
+        for (const double angle : {0.0, 0.3, 0.9, 1.6}) {
+            const Eigen::Vector3d p = ray_at(angle, 2.13, 3.7);
+            const auto at = projector.project_with_jacobian(p);
+            ASSERT_TRUE(at);
+            for (int i = 0; i < 3; ++i) {
+                const Eigen::Vector3d step = 2e-5 * Eigen::Vector3d::Unit(i);
+                const Eigen::Vector2d slope =
+                    (*projector.project(p + step) - *projector.project(p - step)) / 4e-5;
+                EXPECT_LT((at->jacobian.col(i) - slope).norm(), 2e-8 * at->jacobian.norm());
+            }
+        }
+    }
+}
+
+// theta (1 - 0.05 theta^2) is imaged as far as it grows: to sqrt(1 / 0.15) = 2.58 rad.
+TEST(WideProjector, EndsAtTheFirstOfFoldAndProjection) {
+    const Projector folding(wide({Projection::equidistant}, {.k1 = -0.05}));
+    const double fold = std::sqrt(1.0 / 0.15);
+    EXPECT_TRUE(folding.project(ray_at(fold - 1e-6, 0.4)));
+    EXPECT_FALSE(folding.project(ray_at(fold + 1e-6, 0.4)));
+    const Projector ending(wide({Projection::equidistant}, {.k1 = 0.02}));
+    EXPECT_TRUE(ending.project(ray_at(pi - 1e-6, 0.4)));
+    const double edge = 150.0 * pi * (1.0 + 0.02 * pi * pi);
+    EXPECT_TRUE(ending.ray({361.0 + edge - 1e-3, 239.0}));
+    EXPECT_FALSE(ending.ray({361.0 + edge + 1e-3, 239.0}));
+    EXPECT_FALSE(ending.project({0.0, 0.0, -1.0}));
+}
+
+TEST(WideProjector, RefusesWhatNoLensIs) {
+    EXPECT_THROW(Projector(wide({Projection::equidistant}, {.tau_x = 0.1})), NumericalError);
+    EXPECT_THROW(Projector(wide({Projection::double_sphere, -1.0, 0.5})), NumericalError);
+    EXPECT_THROW(require_perspective(wide({Projection::equidistant}), "this"), NumericalError);
+}
+
+// Up to 80 degrees, with the derivative that differences have.
+TEST(WideProjector, HasNormalisedCoordinatesInFront) {
+    for (const CameraModel& camera : wide_cameras()) {
+        SCOPED_TRACE(name_of(camera.projection.kind).name);
+        const Projector projector(camera);
+        for (const double angle : {0.0, 0.4, 1.1, 1.39}) {
+            const Eigen::Vector3d ray = ray_at(angle, 0.9);
+            const Eigen::Vector2d x = ray.hnormalized();
+            const auto found = projector.unproject(*projector.project(ray));
+            ASSERT_TRUE(found);
+            EXPECT_LT((*found - x).norm(), 1e-11 * (1.0 + x.squaredNorm()));
+            const Eigen::Matrix2d derivative = projector.pixel_by_normalised(x);
+            for (int i = 0; i < 2; ++i) {
+                const Eigen::Vector2d step = 1e-5 * Eigen::Vector2d::Unit(i);
+                const Eigen::Vector2d slope = (*projector.project((x + step).homogeneous()) -
+                                               *projector.project((x - step).homogeneous())) /
+                                              2e-5;
+                EXPECT_LT((derivative.col(i) - slope).norm(), 1e-5);
+            }
+        }
+        EXPECT_FALSE(projector.unproject(*projector.project(ray_at(1.397, 0.9))));
+    }
+}
+
+TEST(WideProjector, HasRaysOfFlatLensesToo) {
+    const Projector webcam(test::webcam());
+    const auto plane = webcam.unproject({17, 400});
+    EXPECT_EQ(*webcam.ray({17, 400}), Eigen::Vector3d(plane->x(), plane->y(), 1.0));
+}
+
+// ---- camera model
+
+CameraModel webcam_with_lens(double focus_distance_mm) {
+    CameraModel camera = webcam();
+    camera.lens = Lens{2.5, focus_distance_mm, 650, {}};
+    camera.sensor = Sensor{.pixel_pitch_um = 8.3};
+    return camera;
+}
+
+TEST(ThinLens, SatisfiesTheLensEquation) {
+    const ThinLens lens = thin_lens(webcam_with_lens(150));
+    EXPECT_NEAR(lens.image_distance_mm, 538.55 * 0.0083, 1e-15);
+    EXPECT_NEAR(1 / lens.focal_length_mm, 1 / 150.0 + 1 / lens.image_distance_mm, 1e-15);
+    EXPECT_NEAR(lens.aperture_diameter_mm, lens.focal_length_mm / 2.5, 1e-15);
+    EXPECT_NEAR(lens.working_f_number, lens.image_distance_mm / lens.aperture_diameter_mm, 1e-15);
+    EXPECT_GT(lens.working_f_number, 2.5);  // bellows factor
+}
+
+TEST(ThinLens, FocusedAtInfinityHasItsSensorInTheFocalPlane) {
+    const ThinLens lens = thin_lens(webcam_with_lens(std::numeric_limits<double>::infinity()));
+    EXPECT_EQ(lens.inverse_focus_per_mm, 0.0);
+    EXPECT_DOUBLE_EQ(lens.focal_length_mm, lens.image_distance_mm);
+    EXPECT_DOUBLE_EQ(lens.working_f_number, 2.5);
+}
+
+// Similar triangles: a point at z is sharp at z' = 1 / (1/f - 1/z) behind the lens, and the cone
+// from the aperture has the diameter d |z' - v| / z' where the sensor cuts it.
+TEST(BlurRadius, IsTheConeFromTheApertureCutByTheSensor) {
+    const CameraModel camera = webcam_with_lens(150);
+    const ThinLens lens = thin_lens(camera);
+    for (const double z : {90.0, 500.0, 1700.0}) {
+        const double sharp = 1 / (1 / lens.focal_length_mm - 1 / z);
+        const double diameter_mm =
+            lens.aperture_diameter_mm * std::abs(sharp - lens.image_distance_mm) / sharp;
+        EXPECT_NEAR(blur_radius_px(camera, z), diameter_mm / 2 / 0.0083, 1e-10);
+    }
+    EXPECT_NEAR(blur_radius_px(camera, 150), 0.0, 1e-12);
+}
+
+TEST(BlurRadius, IsZeroWithoutALensAndRefusedBehindIt) {
+    EXPECT_EQ(blur_radius_px(webcam(), 500), 0.0);
+    EXPECT_THROW(blur_radius_px(webcam_with_lens(150), 0.0), NumericalError);
+    EXPECT_THROW(blur_radius_px(webcam_with_lens(150), std::nan("")), NumericalError);
+}
+
+TEST(ThinLens, RefusesLensesThatCannotExist) {
+    EXPECT_THROW(thin_lens(webcam()), NumericalError);
+    EXPECT_THROW(thin_lens(webcam_with_lens(0.0)), NumericalError);
+    EXPECT_THROW(thin_lens(webcam_with_lens(std::nan(""))), NumericalError);
+    CameraModel camera = webcam_with_lens(150);
+    camera.lens->f_number = 0.0;
+    EXPECT_THROW(thin_lens(camera), NumericalError);
 }
 
 }  // namespace

@@ -1,18 +1,11 @@
 #include "calib/files/camera_file.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include "calib/files/foreign_camera.h"
-#include "core/file/text.h"
 #include "tests/calib/cameras.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 std::filesystem::path temporary(const std::string& name) {
     static const TemporaryFolder folder;
@@ -177,7 +170,7 @@ CameraModel written_and_read(const CameraModel& camera) {
 }
 
 TEST(CameraFile, WritesWhatReadsBackToTheLastBit) {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     camera.intrinsics.fx = 2000.0 / 3;
     camera.serial = "a \"b\" \\ c\n#: d";
     camera.covariance = ParameterCovariance{{"fx", "cy", "tau_x"}, Eigen::MatrixXd(3, 3)};
@@ -249,7 +242,7 @@ TEST(CameraFile, ReadsAMeasuredPointSpreadAndWritesItBack) {
 }
 
 TEST(CameraFile, CarriesStandardUncertainties) {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     camera.lens = Lens{2.8, 1000.0 / 7, 650, {PointSpread::Kind::gaussian, 0.7}};
     camera.sensor = Sensor{.pixel_pitch_um = 8.3, .bits = 12, .black_dn = 5, .gain_e_per_dn = 3};
     camera.sensor->transfer = {Transfer::Kind::table, {{0, 0}, {0.1, 1203 / 4095.0}, {1, 1}}};
@@ -268,7 +261,7 @@ TEST(CameraFile, CarriesStandardUncertainties) {
 }
 
 TEST(CameraFile, CarriesUncertaintiesOfAMeasuredPointSpread) {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     camera.lens = Lens{2.8, 150, 650, {PointSpread::Kind::measured, 0.0}};
     camera.lens->psf.profile = {{0, 4}, {0.5, 3}, {1.25, 0.7}, {3, 0}};
     camera.sensor = Sensor{.pixel_pitch_um = 8.3};
@@ -346,8 +339,8 @@ std::string matrix(int rows, int cols, const std::string& data) {
 const std::string good_matrix = matrix(3, 3, "538., 0., 342.5, 0., 541., 233.5, 0., 0., 1.");
 const std::string good_distortion = matrix(5, 1, "-0.25, 0.125, 0.5, -0.0625, 7.");
 const CameraModel good_camera =
-    test::camera_with(640, 480, {538, 541, 342.5, 233.5},
-                      {.k1 = -0.25, .k2 = 0.125, .p1 = 0.5, .p2 = -0.0625, .k3 = 7});
+    camera_with(640, 480, {538, 541, 342.5, 233.5},
+                {.k1 = -0.25, .k2 = 0.125, .p1 = 0.5, .p2 = -0.0625, .k3 = 7});
 
 TEST(OpenCvFile, ReadsYamlXmlAndJsonUnderAllUsualNames) {
     const std::string xml =
@@ -446,10 +439,6 @@ const std::string ros =
     "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.25, 0.125, 0.5, -0.0625, 7]\n"
     "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n";
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-    return text.replace(text.find(from), from.size(), to);
-}
-
 TEST(RosFile, ReadsPlumbBobAndRational) {
     EXPECT_EQ(read(ros), good_camera);
     std::string rational = replaced(ros, "plumb_bob", "rational_polynomial");
@@ -459,9 +448,7 @@ TEST(RosFile, ReadsPlumbBobAndRational) {
 }
 
 TEST(RosFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return error_of(replaced(ros, from, to));
-    };
+    const auto with = [](auto from, auto to) { return error_of(replaced(ros, from, to)); };
     EXPECT_THAT(with("plumb_bob", "fisheye"),
                 HasSubstr("case.yml:8: distortion_model: must be plumb_bob, rational_polynomial or "
                           "equidistant, not 'fisheye'"));

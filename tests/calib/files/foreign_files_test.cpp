@@ -1,22 +1,16 @@
 // Files of other tools, laid out as their documentation says (docs/files.md names it), with numbers
 // of which no two are alike.
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
-#include <fstream>
 #include <opencv2/core.hpp>
+#include <sstream>
 
-#include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
 #include "tests/calib/cameras.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 std::filesystem::path written(const std::string& text) {
     static const TemporaryFolder folder;
@@ -35,10 +29,6 @@ std::string foreign_error(const std::string& text, const std::string& select = "
     return what.substr(what.find("case:") == std::string::npos ? 0 : what.find("case:"));
 }
 
-std::string with_other(std::string text, const std::string& from, const std::string& to) {
-    return text.replace(text.find(from), from.size(), to);
-}
-
 const std::string kalibr =
     "cam0:\n"
     "  cam_overlaps: []\n"
@@ -48,8 +38,7 @@ const std::string kalibr =
     "  intrinsics: [461.5, 460.25, 362.75, 246.125]\n"
     "  resolution: [752, 480]\n"
     "  rostopic: /cam0/image_raw\n";
-const std::string second_kalibr =
-    with_other(with_other(kalibr, "cam0:", "cam1:"), "461.5", "463.5");
+const std::string second_kalibr = replaced(replaced(kalibr, "cam0:", "cam1:"), "461.5", "463.5");
 
 const std::string mrcal =
     "# generated on 2024-01-02 with   mrcal-calibrate-cameras --lensmodel ...\n"
@@ -108,11 +97,10 @@ const std::string colmap_text =
 
 TEST(KalibrFile, ReadsRadtanAndNone) {
     EXPECT_EQ(read_foreign(kalibr),
-              test::camera_with(752, 480, {461.5, 460.25, 362.75, 246.125},
-                                {.k1 = -0.27, .k2 = 0.067, .p1 = 0.00087, .p2 = 0.00011}));
-    const std::string none =
-        with_other(kalibr, "distortion_model: radtan", "distortion_model: none");
-    EXPECT_TRUE(read_foreign(with_other(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]"))
+              camera_with(752, 480, {461.5, 460.25, 362.75, 246.125},
+                          {.k1 = -0.27, .k2 = 0.067, .p1 = 0.00087, .p2 = 0.00011}));
+    const std::string none = replaced(kalibr, "distortion_model: radtan", "distortion_model: none");
+    EXPECT_TRUE(read_foreign(replaced(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]"))
                     .distortion.is_zero());
 }
 
@@ -123,9 +111,7 @@ TEST(KalibrFile, OneOfSeveralCamerasMustBeNamed) {
 }
 
 TEST(KalibrFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return foreign_error(with_other(kalibr, from, to));
-    };
+    const auto with = [](auto from, auto to) { return foreign_error(replaced(kalibr, from, to)); };
     EXPECT_THAT(with("radtan", "rational"),
                 HasSubstr("case:5: cam0.distortion_model: of pinhole must be radtan, equidistant, "
                           "fov or none, not 'rational'"));
@@ -192,16 +178,14 @@ TEST(KalibrFile, RefusesParametersThatNoLensHas) {
 
 TEST(MrcalFile, ReadsTheOpenCvModels) {
     EXPECT_EQ(read_foreign(mrcal),
-              test::camera_with(3840, 2160, {1766.5, 1765.25, 1944.75, 1064.125},
-                                {2.16, -1.18, -9.3e-05, 0.00077, -0.23, 2.44, -0.66, -0.62}));
-    const std::string old = with_other(mrcal, "'lensmodel'", "'lens_model'");
+              camera_with(3840, 2160, {1766.5, 1765.25, 1944.75, 1064.125},
+                          {2.16, -1.18, -9.3e-05, 0.00077, -0.23, 2.44, -0.66, -0.62}));
+    const std::string old = replaced(mrcal, "'lensmodel'", "'lens_model'");
     EXPECT_EQ(read_foreign(old).distortion.k6, -0.62);
 }
 
 TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return foreign_error(with_other(mrcal, from, to));
-    };
+    const auto with = [](auto from, auto to) { return foreign_error(replaced(mrcal, from, to)); };
     EXPECT_THAT(with("LENSMODEL_OPENCV8", "LENSMODEL_LATLON"),
                 HasSubstr("case:3: lensmodel: must be LENSMODEL_PINHOLE, _STEREOGRAPHIC, _OPENCV4, "
                           "_OPENCV5, _OPENCV8, _OPENCV12, _CAHVOR, _CAHVORE or "
@@ -214,23 +198,21 @@ TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
 
 TEST(MatlabFile, ReadsEveryWayToSayTheMatrix) {
     const auto with_matrix = [](const std::string& text) {
-        return with_other(
-            matlab, "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]", text);
+        return replaced(matlab, "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]",
+                        text);
     };
     for (const std::string& text :
          {matlab, with_matrix("\"K\":[[715.25,0,565.75],[0,711.5,355.375],[0,0,1]]"),
           with_matrix("\"FocalLength\":[715.25,711.5],\"PrincipalPoint\":[565.75,355.375],"
                       "\"Skew\":0")}) {
-        EXPECT_EQ(read_foreign(text), test::camera_with(1072, 712, {715.25, 711.5, 564.75, 354.375},
-                                                        {-0.33, 0.092, 0.0012, -0.0034, 0.011}));
+        EXPECT_EQ(read_foreign(text), camera_with(1072, 712, {715.25, 711.5, 564.75, 354.375},
+                                                  {-0.33, 0.092, 0.0012, -0.0034, 0.011}));
     }
-    EXPECT_EQ(read_foreign(with_other(matlab, "[712,1072]", "[]")).width, 0);
+    EXPECT_EQ(read_foreign(replaced(matlab, "[712,1072]", "[]")).width, 0);
 }
 
 TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return foreign_error(with_other(matlab, from, to));
-    };
+    const auto with = [](auto from, auto to) { return foreign_error(replaced(matlab, from, to)); };
     EXPECT_THAT(with("[715.25,0,0]", "[715.25,0.5,0]"),
                 HasSubstr("case:1: IntrinsicMatrix: must be [fx skew cx; 0 fy cy; 0 0 1]"));
     EXPECT_THAT(with("\"WorldPoints\"", "\"Skew\":0.25,\"WorldPoints\""),
@@ -247,18 +229,16 @@ TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
 }
 
 TEST(BoofCvFile, ReadsBrown) {
-    EXPECT_EQ(read_foreign(boofcv), test::camera_with(640, 480, {530.75, 529.5, 322.75, 234.125},
-                                                      {-0.24, 0.125, 0.0013, -0.0021}));
+    EXPECT_EQ(read_foreign(boofcv), camera_with(640, 480, {530.75, 529.5, 322.75, 234.125},
+                                                {-0.24, 0.125, 0.0013, -0.0021}));
     const std::string without = boofcv.substr(0, boofcv.find("radial_tangential:\n"));
     EXPECT_TRUE(
-        read_foreign(with_other(without, "model: pinhole_radial_tangential", "model: pinhole"))
+        read_foreign(replaced(without, "model: pinhole_radial_tangential", "model: pinhole"))
             .distortion.is_zero());
 }
 
 TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
-    const auto with = [](const std::string& from, const std::string& to) {
-        return foreign_error(with_other(boofcv, from, to));
-    };
+    const auto with = [](auto from, auto to) { return foreign_error(replaced(boofcv, from, to)); };
     EXPECT_THAT(with("model: pinhole_radial_tangential", "model: stereo_camera"),
                 HasSubstr("case:13: model: must be pinhole, pinhole_radial_tangential, "
                           "omnidirectional_universal or kannala_brandt, not 'stereo"));
@@ -271,10 +251,10 @@ TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
 
 TEST(ColmapFile, ReadsEveryModelThatWeHave) {
     EXPECT_EQ(read_foreign(colmap_text),
-              test::camera_with(3072, 2304, {2559.75, 2558.5, 1535.75, 1152.25},
-                                {-0.2, 0.1, 0.001, -0.002, 0.03, 0.4, -0.05, 0.06}));
+              camera_with(3072, 2304, {2559.75, 2558.5, 1535.75, 1152.25},
+                          {-0.2, 0.1, 0.001, -0.002, 0.03, 0.4, -0.05, 0.06}));
     EXPECT_EQ(read_foreign("# list\n1 RADIAL 640 480 500.5 320.5 241.5 0.25 -0.125\n"),
-              test::camera_with(640, 480, {500.5, 500.5, 320.0, 241.0}, {0.25, -0.125}));
+              camera_with(640, 480, {500.5, 500.5, 320.0, 241.0}, {0.25, -0.125}));
     EXPECT_EQ(read_foreign("1 PINHOLE 640 480 500.5 502 320.5 241.5\n").intrinsics.fy, 502);
     EXPECT_EQ(read_foreign("1 SIMPLE_RADIAL 640 480 500.5 320.5 241.5 0.25\n").distortion.k1, 0.25);
 }
@@ -303,29 +283,27 @@ TEST(OpenCvFile, ReadsFisheyeAndOmnidir) {
         "{\"camera_matrix\": [[538.0, 0, 342.5], [0, 541.0, 233.5], [0, 0, 1]],\n"
         "\"image_width\": 640, \"image_height\": 480,\n"
         "\"distortion_coefficients\": [-0.25, 0.125, 0.5, -0.0625], EXTRA}\n";
-    const CameraModel fisheye = read_foreign(with_other(text, "EXTRA", "\"fisheye_model\": 1"));
+    const CameraModel fisheye = read_foreign(replaced(text, "EXTRA", "\"fisheye_model\": 1"));
     EXPECT_EQ(fisheye.projection, LensProjection{Projection::equidistant});
     EXPECT_EQ(fisheye.distortion, (Distortion{.k1 = -0.25, .k2 = 0.125, .k3 = 0.5, .k7 = -0.0625}));
-    const CameraModel omnidir = read_foreign(with_other(text, "EXTRA", "\"xi\": 1.25"));
+    const CameraModel omnidir = read_foreign(replaced(text, "EXTRA", "\"xi\": 1.25"));
     EXPECT_EQ(omnidir.projection, (LensProjection{Projection::unified, 1.25}));
     EXPECT_EQ(omnidir.distortion.p2, -0.0625);
-    EXPECT_TRUE(
-        read_foreign(with_other(text, "EXTRA", "\"fisheye_model\": 0")).projection.is_flat());
-    EXPECT_THAT(foreign_error(with_other(text, "EXTRA", "\"xi\": -1")),
-                HasSubstr("xi: no unified"));
-    EXPECT_THAT(foreign_error(with_other(text, "EXTRA", "\"xi\": 1, \"fisheye_model\": 1")),
+    EXPECT_TRUE(read_foreign(replaced(text, "EXTRA", "\"fisheye_model\": 0")).projection.is_flat());
+    EXPECT_THAT(foreign_error(replaced(text, "EXTRA", "\"xi\": -1")), HasSubstr("xi: no unified"));
+    EXPECT_THAT(foreign_error(replaced(text, "EXTRA", "\"xi\": 1, \"fisheye_model\": 1")),
                 HasSubstr("of one of the two"));
 }
 
 // BoofCV's own example of a Ricoh Theta camera, shortened.
 TEST(BoofCvFile, ReadsTheUniversalOmnidirectionalModel) {
     const CameraModel camera =
-        read_foreign(with_other(boofcv, "model: pinhole_radial_tangential",
-                                "model: omnidirectional_universal\nmirror_offset: 2.945"));
+        read_foreign(replaced(boofcv, "model: pinhole_radial_tangential",
+                              "model: omnidirectional_universal\nmirror_offset: 2.945"));
     EXPECT_EQ(camera.projection, (LensProjection{Projection::unified, 2.945}));
     EXPECT_EQ(camera.distortion.k2, 0.125);
-    EXPECT_THAT(foreign_error(with_other(boofcv, "model: pinhole_radial_tangential",
-                                         "model: omnidirectional_universal\nmirror_offset: -1")),
+    EXPECT_THAT(foreign_error(replaced(boofcv, "model: pinhole_radial_tangential",
+                                       "model: omnidirectional_universal\nmirror_offset: -1")),
                 HasSubstr("mirror_offset: no unified projection"));
 }
 
@@ -339,15 +317,15 @@ TEST(ColmapFile, OneOfSeveralCamerasMustBeNamed) {
 }
 
 TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
-    EXPECT_THAT(foreign_error(with_other(colmap_text, "FULL_OPENCV", "DIVISION")),
+    EXPECT_THAT(foreign_error(replaced(colmap_text, "FULL_OPENCV", "DIVISION")),
                 HasSubstr("case:4: MODEL: must be SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, "
                           "OPENCV, FULL_OPENCV, FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, "
                           "OPENCV_FISHEYE or THIN_PRISM_FISHEYE, not 'DIVISION'"));
-    EXPECT_THAT(foreign_error(with_other(colmap_text, " 0.06", "")),
+    EXPECT_THAT(foreign_error(replaced(colmap_text, " 0.06", "")),
                 HasSubstr("case:4: PARAMS: FULL_OPENCV has 12 parameters, not 11"));
-    EXPECT_THAT(foreign_error(with_other(colmap_text, "2559.75", "nan")),
+    EXPECT_THAT(foreign_error(replaced(colmap_text, "2559.75", "nan")),
                 HasSubstr("case:4: PARAMS: must be a finite number, not 'nan'"));
-    EXPECT_THAT(foreign_error(with_other(colmap_text, "3072", "-5")),
+    EXPECT_THAT(foreign_error(replaced(colmap_text, "3072", "-5")),
                 HasSubstr("case:4: must be a whole"));
     EXPECT_THAT(foreign_error("1 PINHOLE\n"), HasSubstr("PARAMS: PINHOLE has 4 parameters, not 0"));
     EXPECT_EQ(read_foreign(colmap_text + "\v\n \f#\n", "3").width, 3072);
@@ -355,7 +333,7 @@ TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
 
 // A camera of which every tool's model holds all coefficients up to the given one.
 CameraModel camera_with_coefficients(std::size_t count) {
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     auto all = camera.distortion.coefficients();
     std::fill(all.begin() + static_cast<std::ptrdiff_t>(count), all.end(), 0.0);
     camera.distortion = Distortion::of(all);
@@ -402,7 +380,7 @@ TEST(ForeignFiles, WriteWhatReadsBack) {
 }
 
 TEST(OpenCvFile, WritesXmlAndJsonByTheEnding) {
-    const CameraModel camera = test::all_fourteen();
+    const CameraModel camera = all_fourteen();
     for (const auto& [name, beginning] :
          {std::pair{"c.xml", "<?xml"}, std::pair{"c.json", "{"}, std::pair{"c.yml", "%YAML"}}) {
         const auto path = written("").replace_filename(name);
@@ -410,7 +388,7 @@ TEST(OpenCvFile, WritesXmlAndJsonByTheEnding) {
         std::ifstream file(path);
         std::string first;
         file >> first;
-        EXPECT_THAT(first, testing::StartsWith(beginning));
+        EXPECT_THAT(first, StartsWith(beginning));
         EXPECT_EQ(tool_of(path), CalibrationTool::opencv);
         EXPECT_EQ(read_camera(path), camera) << name;
     }
@@ -425,16 +403,16 @@ TEST(OpenCvFile, ReadsStandardDeviations) {
         "\"dist_coeffs_std_dev\": [0.125, 3, 0, 0, 0.75]}\n";
     const CameraModel camera = read_foreign(text);
     ASSERT_TRUE(camera.covariance);
-    EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fx", "fy", "cx", "k1", "k2", "k3"));
+    EXPECT_THAT(camera.covariance->order, ElementsAre("fx", "fy", "cx", "k1", "k2", "k3"));
     EXPECT_EQ(camera.covariance->matrix(2, 2), 2.25);
     EXPECT_EQ(camera.covariance->matrix(5, 5), 0.5625);
     EXPECT_EQ(camera.covariance->matrix(0, 1), 0.0);
-    EXPECT_THAT(foreign_error(with_other(text, "1.5, 0]", "-1.5, 0]")),
+    EXPECT_THAT(foreign_error(replaced(text, "1.5, 0]", "-1.5, 0]")),
                 HasSubstr("case:2: cameraMatrix_std_dev: has a standard deviation"));
     for (const char* extreme : {"1e200, 0]", "1e-200, 0]"})
-        EXPECT_THAT(foreign_error(with_other(text, "1.5, 0]", extreme)),
+        EXPECT_THAT(foreign_error(replaced(text, "1.5, 0]", extreme)),
                     HasSubstr("cameraMatrix_std_dev: has a standard deviation"));
-    EXPECT_THAT(foreign_error(with_other(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
+    EXPECT_THAT(foreign_error(replaced(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
 }
 
 // Laid out as the example in OpenCV's tutorial on the interactive calibration.
@@ -460,15 +438,15 @@ TEST(OpenCvFile, ReadsWhatTheInteractiveCalibrationWrites) {
     EXPECT_EQ(camera.intrinsics.fy, 1251.25);
     EXPECT_EQ(camera.distortion.k3, 1.5);
     ASSERT_TRUE(camera.covariance);
-    EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fy", "cx", "cy", "k1", "k2", "k3"));
+    EXPECT_THAT(camera.covariance->order, ElementsAre("fy", "cx", "cy", "k1", "k2", "k3"));
     EXPECT_EQ(camera.covariance->matrix(5, 5), 0.1875 * 0.1875);
-    EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
-    EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280 -720")),
+    EXPECT_THAT(foreign_error(replaced(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
+    EXPECT_THAT(foreign_error(replaced(text, "1280 720", "1280 -720")),
                 HasSubstr("cameraResolution"));
-    EXPECT_THAT(foreign_error(
-                    with_other(text, "<framesCount>21</framesCount>",
+    EXPECT_THAT(
+        foreign_error(replaced(text, "<framesCount>21</framesCount>",
                                "<image_width>1280</image_width><image_height>720</image_height>")),
-                HasSubstr("is given as 'image_width' too"));
+        HasSubstr("is given as 'image_width' too"));
 }
 
 TEST(OpenCvFile, WritesStandardDeviationsThatReadBack) {
@@ -483,7 +461,7 @@ TEST(OpenCvFile, WritesStandardDeviationsThatReadBack) {
         const CameraModel back = read_camera(path);
         EXPECT_EQ(back.distortion.in_opencv_order(), camera.distortion.in_opencv_order());
         ASSERT_TRUE(back.covariance) << name;
-        EXPECT_THAT(back.covariance->order, testing::ElementsAre("fx", "cy", "p1", "k6"));
+        EXPECT_THAT(back.covariance->order, ElementsAre("fx", "cy", "p1", "k6"));
         EXPECT_EQ(back.covariance->matrix(0, 0), 9.0);
         EXPECT_EQ(back.covariance->matrix(1, 1), 0.25);
         EXPECT_NEAR(back.covariance->matrix(2, 2), 7.0, 1e-14);  // sqrt(7) squared
@@ -518,12 +496,11 @@ TEST(ForeignFiles, PointsProjectOntoTheSamePixelOfTheSensor) {
         "{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [500.5, 502.25, 320.5, 241.75],\n"
         "'extrinsics': [0,0,0,0,0,0], 'imagersize': [640, 480]}\n";
     const std::string plain_kalibr =
-        with_other(kalibr, "[-0.27, 0.067, 0.00087, 0.00011]", "[0, 0, 0, 0]");
+        replaced(kalibr, "[-0.27, 0.067, 0.00087, 0.00011]", "[0, 0, 0, 0]");
     const std::string plain_matlab =
-        with_other(with_other(matlab, "-0.33,0.092,0.011", "0,0"), "0.0012,-0.0034", "0,0");
-    const std::string plain_boofcv =
-        with_other(boofcv.substr(0, boofcv.find("radial_tangential:\n")),
-                   "model: pinhole_radial_tangential", "model: pinhole");
+        replaced(replaced(matlab, "-0.33,0.092,0.011", "0,0"), "0.0012,-0.0034", "0,0");
+    const std::string plain_boofcv = replaced(boofcv.substr(0, boofcv.find("radial_tangential:\n")),
+                                              "model: pinhole_radial_tangential", "model: pinhole");
     const std::string plain_colmap = "1 PINHOLE 640 480 500.5 502.25 320.5 241.75\n";
     const Eigen::Vector3d point(0.21, -0.13, 1.4);
     for (const Case& c : {Case{plain_mrcal, 500.5, 502.25, 320.5, 241.75, 0.0},
@@ -539,24 +516,177 @@ TEST(ForeignFiles, PointsProjectOntoTheSamePixelOfTheSensor) {
 }
 
 TEST(ForeignFiles, SayWhatTheyDoNotHold) {
-    CameraModel camera = test::webcam();
+    CameraModel camera = webcam();
     const auto lost = [&](CalibrationTool tool) { return lost_in_foreign_file(tool, camera); };
     EXPECT_TRUE(lost(CalibrationTool::ros).empty());
     camera.serial = "U3V-7";
     camera.sensor = Sensor{.pixel_pitch_um = 5};
-    EXPECT_THAT(lost(CalibrationTool::ros), testing::ElementsAre("serial", "sensor"));
+    EXPECT_THAT(lost(CalibrationTool::ros), ElementsAre("serial", "sensor"));
     camera.covariance = ParameterCovariance{{"fx", "k1"}, Eigen::Matrix2d::Identity()};
-    EXPECT_THAT(lost(CalibrationTool::ros), testing::ElementsAre("serial", "covariance", "sensor"));
-    EXPECT_THAT(lost(CalibrationTool::opencv), testing::ElementsAre("serial", "sensor"));
+    EXPECT_THAT(lost(CalibrationTool::ros), ElementsAre("serial", "covariance", "sensor"));
+    EXPECT_THAT(lost(CalibrationTool::opencv), ElementsAre("serial", "sensor"));
     camera.covariance->matrix(0, 1) = camera.covariance->matrix(1, 0) = 0.5;
     EXPECT_THAT(lost(CalibrationTool::opencv),
-                testing::ElementsAre("serial", "correlations of the covariance", "sensor"));
+                ElementsAre("serial", "correlations of the covariance", "sensor"));
     camera.projection.kind = Projection::telecentric;
     EXPECT_THROW(write_foreign_camera(written(""), CalibrationTool::colmap, camera), ConfigError);
 }
 
 TEST(ForeignFiles, ASelectionNeedsSeveralCameras) {
     EXPECT_THAT(foreign_error(mrcal, "cam1"), HasSubstr("there is nothing to select"));
+}
+
+// ---- installed tools
+
+// What we write, read and used by the tool that it is for, where that is installed.
+
+// Debian's own interpreter, which has Debian's modules.
+constexpr const char* python = "/usr/bin/python3";
+
+bool succeeds(const std::string& command) {
+    return std::system((command + " >/dev/null 2>&1").c_str()) == 0;
+}
+
+std::vector<Eigen::Vector2d> projected_by_mrcal(const TemporaryFolder& folder,
+                                                const std::vector<Eigen::Vector3d>& points) {
+    std::string lines;
+    for (const Eigen::Vector3d& point : points)
+        lines += fmt::format("{} {} {}\n", point.x(), point.y(), point.z());
+    write_text(folder / "points.txt", lines);
+    write_text(folder / "project.py",
+               "import mrcal, numpy\n"
+               "model = mrcal.cameramodel('camera.cameramodel')\n"
+               "for pixel in mrcal.project(numpy.loadtxt('points.txt'), *model.intrinsics()):\n"
+               "    print(repr(float(pixel[0])), repr(float(pixel[1])))\n");
+    const std::string command =
+        fmt::format("cd '{}' && {} project.py > pixels.txt", (folder / "").string(), python);
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    std::istringstream answer(read_text(folder / "pixels.txt"));
+    std::vector<Eigen::Vector2d> pixels;
+    for (double x, y; answer >> x >> y;)
+        pixels.emplace_back(x, y);
+    return pixels;
+}
+
+// Over the whole image: our ray of a pixel, projected there, is the pixel; and so here.
+TEST(InstalledTools, MrcalProjectsAsWeDo) {
+    if (!succeeds(fmt::format("{} -c 'import mrcal'", python)))
+        GTEST_SKIP() << "mrcal is not installed (python3-mrcal)";
+    std::vector<CameraModel> cameras{webcam(), all_fourteen(),
+                                     wide_truth({Projection::stereographic}, 140.0),
+                                     wide_truth(cahvors()[0], 400.0)};
+    cameras[1].distortion.tau_x = cameras[1].distortion.tau_y = 0.0;
+    for (const LensProjection& projection :
+         {cahvors()[2], cahvors()[3], cahvors()[4], splines()[0], splines()[1]})
+        cameras.push_back(wide_truth(projection, 140.0));
+    for (const CameraModel& camera : cameras) {
+        SCOPED_TRACE(name_of(camera.projection.kind).name);
+        const TemporaryFolder folder;
+        write_foreign_camera(folder / "camera.cameramodel", CalibrationTool::mrcal, camera);
+        const Projector projector(camera);
+        std::vector<Eigen::Vector3d> rays;
+        std::vector<Eigen::Vector2d> pixels;
+        for (int y = 0; y < camera.height; y += 20)
+            for (int x = 0; x < camera.width; x += 20)
+                if (const auto ray = projector.ray({x, y})) {
+                    rays.push_back(617.0 * *ray);
+                    pixels.emplace_back(x, y);
+                }
+        const auto theirs = projected_by_mrcal(folder, rays);
+        ASSERT_EQ(theirs.size(), rays.size());
+        ASSERT_GT(rays.size(), 600u);
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+            ASSERT_LT((theirs[i] - pixels[i]).norm(), 1e-9) << pixels[i].transpose();
+            ASSERT_LT((*projector.project(rays[i]) - theirs[i]).norm(), 1e-9);
+        }
+    }
+}
+
+// ---- COLMAP
+
+constexpr const char* colmap = "QT_QPA_PLATFORM=offscreen colmap";
+
+struct Sighting {
+    Eigen::Vector3d point;
+    Eigen::Vector2d pixel;
+};
+
+// COLMAP measures how far each point of a reconstruction lies from its two sightings when it
+// filters them: here both by the same camera, at the origin. The mean distance of each point, px.
+std::vector<double> distances_by_colmap(const TemporaryFolder& folder,
+                                        const std::vector<Sighting>& sightings) {
+    std::string seen, points;
+    for (std::size_t i = 0; i < sightings.size(); ++i) {
+        const auto& [point, pixel] = sightings[i];
+        const Eigen::Vector2d theirs = pixel.array() + 0.5;
+        seen += fmt::format("{} {} {} ", theirs.x(), theirs.y(), i + 1);
+        points += fmt::format("{} {} {} {} 0 0 0 9 1 {} 2 {}\n", i + 1, point.x(), point.y(),
+                              point.z(), i, i);
+    }
+    write_text(folder / "images.txt",
+               "1 1 0 0 0 0 0 0 1 a.png\n" + seen + "\n2 1 0 0 0 0 0 0 1 b.png\n" + seen + "\n");
+    write_text(folder / "points3D.txt", points);
+    const std::string command = fmt::format(
+        "cd '{0}' && mkdir out && {1} point_filtering --input_path . --output_path out "
+        "--max_reproj_error 1e-3 --min_tri_angle 0 --min_track_len 2 >log 2>&1 && "
+        "{1} model_converter --input_path out --output_path out --output_type TXT >log 2>&1",
+        (folder / "").string(), colmap);
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    std::istringstream lines(read_text(folder / "out/points3D.txt"));
+    std::vector<double> distances;
+    for (std::string line; std::getline(lines, line);) {
+        double number[8] = {};
+        std::istringstream words(line);
+        for (double& word : number)
+            words >> word;
+        if (words)
+            distances.push_back(number[7]);
+    }
+    return distances;
+}
+
+std::vector<CameraModel> cameras_of_colmap() {
+    using enum Projection;
+    CameraModel pinhole = webcam(), full = all_fourteen();
+    pinhole.distortion = {};
+    auto coefficients = full.distortion.coefficients();
+    std::fill(coefficients.begin() + 8, coefficients.end(), 0.0);  // from s1 on
+    full.distortion = Distortion::of(coefficients);
+    CameraModel four = pinhole;
+    four.distortion = {.k1 = -0.286, .k2 = 0.057, .p1 = 0.0021, .p2 = -0.0034};
+    const Distortion kannala_brandt{.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4};
+    Distortion prism = kannala_brandt;
+    prism.p1 = 0.0012;
+    prism.p2 = -0.0007;
+    prism.s1 = 0.001;
+    prism.s3 = -0.002;
+    return {pinhole,
+            four,
+            full,
+            wide_truth({field_of_view, 0.93}, 190.0),
+            wide_truth({equidistant}, 181.0, kannala_brandt),
+            wide_truth({equidistant}, 181.0, prism)};
+}
+
+// Over the whole image, as far as COLMAP goes: not beside or behind the camera.
+TEST(InstalledTools, ColmapProjectsAsWeDo) {
+    if (!succeeds(fmt::format("{} help", colmap)))
+        GTEST_SKIP() << "COLMAP is not installed (colmap)";
+    for (const CameraModel& camera : cameras_of_colmap()) {
+        const TemporaryFolder folder;
+        write_foreign_camera(folder / "cameras.txt", CalibrationTool::colmap, camera);
+        SCOPED_TRACE(read_text(folder / "cameras.txt"));
+        const Projector projector(camera);
+        std::vector<Sighting> sightings;
+        for (int y = 0; y < camera.height; y += 20)
+            for (int x = 0; x < camera.width; x += 20)
+                if (const auto ray = projector.ray({x, y}); ray && ray->z() > 0.1)
+                    sightings.push_back({617.0 * *ray, {x, y}});
+        const std::vector<double> distances = distances_by_colmap(folder, sightings);
+        ASSERT_GT(sightings.size(), 400u);
+        ASSERT_EQ(distances.size(), sightings.size());
+        EXPECT_LT(*std::max_element(distances.begin(), distances.end()), 1e-9);
+    }
 }
 
 }  // namespace

@@ -1,20 +1,13 @@
 // Files of cameras with wide lenses, or with rows and columns that do not meet at right angles:
 // ours, and those of the tools that have them.
-#include <gmock/gmock.h>
 
-#include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/foreign_camera.h"
-#include "core/file/text.h"
 #include "tests/calib/cameras.h"
-#include "tests/calib/lens_tables.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 TEST(WideCameraFile, CarriesEveryProjection) {
     const TemporaryFolder folder;
@@ -24,14 +17,14 @@ TEST(WideCameraFile, CarriesEveryProjection) {
                                              {Projection::unified, 1.83},
                                              {Projection::extended_unified, 1.13, 0.62},
                                              {Projection::double_sphere, -0.21, 0.57},
-                                             test::polynomials()[1],
-                                             test::cahvors()[0],
-                                             test::cahvors()[4],
-                                             test::splines()[0],
-                                             test::splines()[1]}) {
+                                             polynomials()[1],
+                                             cahvors()[0],
+                                             cahvors()[4],
+                                             splines()[0],
+                                             splines()[1]}) {
         SCOPED_TRACE(name_of(projection.kind).name);
         CameraModel camera =
-            test::camera_with(640, 480, {211, 209, 319.5, 239.5}, {.k1 = 0.1, .k7 = 0.02});
+            camera_with(640, 480, {211, 209, 319.5, 239.5}, {.k1 = 0.1, .k7 = 0.02});
         camera.projection = projection;
         camera.sensor = Sensor{.pixel_pitch_um = 5};
         write_camera(folder / "wide.yml", camera);
@@ -109,13 +102,12 @@ TEST(WideCameraFile, OfAnotherToolReadsBack) {
                                  {CalibrationTool::boofcv, {unified, 1.83}, radtan},
                                  {CalibrationTool::boofcv, {equidistant}, kb},
                                  {CalibrationTool::mrcal, {stereographic}, {}},
-                                 {CalibrationTool::mrcal, test::cahvors()[0], {}},
-                                 {CalibrationTool::mrcal, test::cahvors()[4], {}},
-                                 {CalibrationTool::mrcal, test::splines()[0], {}},
-                                 {CalibrationTool::mrcal, test::splines()[1], {}}}) {
+                                 {CalibrationTool::mrcal, cahvors()[0], {}},
+                                 {CalibrationTool::mrcal, cahvors()[4], {}},
+                                 {CalibrationTool::mrcal, splines()[0], {}},
+                                 {CalibrationTool::mrcal, splines()[1], {}}}) {
         SCOPED_TRACE(std::string(name_of(wide.tool)) + " " + name_of(wide.projection.kind).name);
-        CameraModel camera =
-            test::camera_with(700, 500, {211.5, 207.25, 361.0, 239.0}, wide.distortion);
+        CameraModel camera = camera_with(700, 500, {211.5, 207.25, 361.0, 239.0}, wide.distortion);
         camera.projection = wide.projection;
         const auto path = folder / "camera.yml";
         write_foreign_camera(path, wide.tool, camera);
@@ -228,7 +220,7 @@ TEST(WideCameraFile, OfBoofCvsKannalaBrandtIsItsPolynomial) {
 
 CameraModel skewed(Projection kind) {
     CameraModel camera =
-        test::camera_with(700, 500, {611.5, 587.25, 361.0, 239.0, -2.125}, {.k1 = -0.3, .k2 = 0.1});
+        camera_with(700, 500, {611.5, 587.25, 361.0, 239.0, -2.125}, {.k1 = -0.3, .k2 = 0.1});
     camera.projection = {kind, kind == Projection::unified ? 1.25 : 0.0};
     return camera;
 }

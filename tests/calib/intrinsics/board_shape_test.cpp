@@ -2,17 +2,13 @@
 // have, and that their shape and camera are the joint minimum and the truth.
 #include "calib/intrinsics/board_shape.h"
 
-#include <gmock/gmock.h>
-
 #include <Eigen/QR>
 
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 const CalibrationModel& standard() {
     return calibration_model("standard");
@@ -20,28 +16,28 @@ const CalibrationModel& standard() {
 
 BoardFlatness flatness_of(const std::vector<CalibrationView>& views,
                           const CalibrationModel& model = standard()) {
-    return check_board(views, fit_camera(views, test::image_size, model)).value();
+    return check_board(views, fit_camera(views, image_size, model)).value();
 }
 
 BoardShape shape_of(const std::vector<CalibrationView>& views) {
-    return fit_board_shape(views, fit_camera(views, test::image_size, standard()));
+    return fit_board_shape(views, fit_camera(views, image_size, standard()));
 }
 
 TEST(BoardFlatness, BowedTwistedAndMisprintedBoardsAreFound) {
-    for (const auto& displacement : {test::bow, test::twist, test::scatter}) {
+    for (const auto& displacement : {bow, twist, scatter}) {
         const BoardFlatness found = flatness_of(test::views_of(displacement, 10, 0.1, 5));
         EXPECT_TRUE(found.is_distorted()) << found.chance;
         EXPECT_GT(found.share, 0.15);
     }
-    EXPECT_FALSE(flatness_of(test::views_of(test::flat, 10, 0.1, 5)).is_distorted());
+    EXPECT_FALSE(flatness_of(test::views_of(flat, 10, 0.1, 5)).is_distorted());
 }
 
 TEST(BoardFlatness, SaysHowFarThePointsAre) {
-    const BoardFlatness found = flatness_of(test::views_of(test::bow, 13, 0.05, 5));
+    const BoardFlatness found = flatness_of(test::views_of(bow, 13, 0.05, 5));
     Eigen::VectorXd truth(54);
-    const auto view = test::synthetic_views(test::calibration_truth(), 1, 0.0, 1).front();
+    const auto view = synthetic_views(calibration_truth(), 1, 0.0, 1).front();
     for (int i = 0; i < 54; ++i)
-        truth[i] = test::bow(view.points_mm[std::size_t(i)], i).z();
+        truth[i] = bow(view.points_mm[std::size_t(i)], i).z();
     truth.array() -= truth.mean();
     EXPECT_NEAR(found.rms_mm, std::sqrt(truth.squaredNorm() / 54.0), 4 * found.rms_deviation_mm);
     EXPECT_LT(found.rms_deviation_mm, 0.02);
@@ -50,24 +46,24 @@ TEST(BoardFlatness, SaysHowFarThePointsAre) {
 // A lens with k1 = -0.27 and no distortion in the model: residuals of a pixel that stay in the
 // image.
 TEST(BoardFlatness, AWrongModelOfTheLensIsNoBentBoard) {
-    const auto views = test::views_of(test::flat, 13, 0.1, 8);
-    const CameraFit fit = fit_camera(views, test::image_size, calibration_model("pinhole"));
+    const auto views = test::views_of(flat, 13, 0.1, 8);
+    const CameraFit fit = fit_camera(views, image_size, calibration_model("pinhole"));
     EXPECT_GT(fit.variance, 0.05);  // noise alone: 0.01
     const BoardFlatness found = *check_board(views, fit);
     EXPECT_FALSE(found.is_distorted()) << found.chance << " " << found.share;
 }
 
 TEST(BoardFlatness, NeedsEightViews) {
-    const auto views = test::views_of(test::bow, 7, 0.1, 5);
-    EXPECT_FALSE(check_board(views, fit_camera(views, test::image_size, standard())));
+    const auto views = test::views_of(bow, 7, 0.1, 5);
+    EXPECT_FALSE(check_board(views, fit_camera(views, image_size, standard())));
 }
 
 TEST(BoardShape, IsTheTruthWithinItsDeviations) {
-    for (const auto& displacement : {test::bow, test::twist}) {
+    for (const auto& displacement : {bow, twist}) {
         const BoardShape shape = shape_of(test::views_of(displacement, 13, 0.1, 5));
         EXPECT_TRUE(shape.converged);
-        const Eigen::Vector3d truth = displacement == test::bow ? Eigen::Vector3d(8e-5, 0, -2e-5)
-                                                                : Eigen::Vector3d(0, 8e-5, 0);
+        const Eigen::Vector3d truth =
+            displacement == bow ? Eigen::Vector3d(8e-5, 0, -2e-5) : Eigen::Vector3d(0, 8e-5, 0);
         for (int i = 0; i < 3; ++i)
             EXPECT_NEAR(shape.curvature_per_mm[i], truth[i],
                         4 * shape.curvature_deviation_per_mm[i]);
@@ -76,7 +72,7 @@ TEST(BoardShape, IsTheTruthWithinItsDeviations) {
 }
 
 TEST(BoardShape, KeepsPlaceAttitudeAndSizeOfTheDrawing) {
-    const BoardShape shape = shape_of(test::views_of(test::scatter, 8, 0.1, 5));
+    const BoardShape shape = shape_of(test::views_of(scatter, 8, 0.1, 5));
     Eigen::Vector3d moved = Eigen::Vector3d::Zero();
     double turned = 0.0, grown = 0.0;
     for (const ShapedPoint& point : shape.points) {
@@ -169,17 +165,16 @@ private:
 };
 
 TEST(BoardShape, IsTheMinimumOfCameraPosesAndBoardTogether) {
-    const auto views = test::views_of(
-        [](const Eigen::Vector3d& p, int id) -> Eigen::Vector3d {
-            return test::bow(p, id) + test::scatter(p, id);
-        },
-        5, 0.1, 6);
-    const CameraFit flat = fit_camera(views, test::image_size, standard());
+    const auto views =
+        test::views_of([](const Eigen::Vector3d& p,
+                          int id) -> Eigen::Vector3d { return bow(p, id) + scatter(p, id); },
+                       5, 0.1, 6);
+    const CameraFit flat = fit_camera(views, image_size, standard());
     const BoardShape shape = fit_board_shape(views, flat);
     std::vector<CalibrationView> shaped;
     for (const CalibrationView& view : views)
         shaped.push_back(shape.shaped(view));
-    const CameraFit fit = fit_camera(shaped, test::image_size, standard());
+    const CameraFit fit = fit_camera(shaped, image_size, standard());
 
     const Eigen::VectorXd joint = JointProblem(views, shape).minimum(flat);
     for (std::size_t i = 0; i < 54; ++i) {
@@ -196,8 +191,8 @@ TEST(BoardShape, IsTheMinimumOfCameraPosesAndBoardTogether) {
 }
 
 TEST(BoardShape, APointInTwoPlacesIsRefused) {
-    auto views = test::views_of(test::flat, 8, 0.1, 5);
-    const CameraFit fit = fit_camera(views, test::image_size, standard());
+    auto views = test::views_of(flat, 8, 0.1, 5);
+    const CameraFit fit = fit_camera(views, image_size, standard());
     views[3].points_mm[4].x() += 1.0;
     EXPECT_THAT(text_of_error<NumericalError>([&] { fit_board_shape(views, fit); }),
                 HasSubstr("the point with id 4 is in two places"));

@@ -1,7 +1,5 @@
 // The 26 chessboard photographs of OpenCV's documentation package, copied flat into
 // ETALON_PHOTO_DIR.
-#include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/calibrate.h"
@@ -9,6 +7,7 @@
 #include "compare/detect/board/chessboard_corners.h"
 #include "sim/marker/marker.h"
 #include "tests/paths.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

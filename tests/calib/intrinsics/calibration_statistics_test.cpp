@@ -1,12 +1,11 @@
 // What calibrations state against what noise does to them: deviations, the difference of halves,
 // how often a true board is called bent and how often intervals hold the truth of a bowed board,
 // and which model the cross-validation advises for a wide lens.
-#include <gmock/gmock.h>
-
 #include <iostream>
 
 #include "calib/intrinsics/camera_consistency.h"
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -16,14 +15,14 @@ namespace {
 // varies with the residuals' variance, by 1/sqrt(2 * 783) = 0.025. Four of both together: 0.38.
 TEST(CalibrateStatistics, FormalDeviationsAreWhatIndependentNoiseDoes) {
     const int n = 60;
-    const CameraModel truth = test::calibration_truth();
+    const CameraModel truth = calibration_truth();
     Eigen::Matrix<double, 9, 1> sum, squares, formal;
     for (auto* each : {&sum, &squares, &formal})
         each->setZero();
     double mean_squares = 0.0;
     for (int run = 0; run < n; ++run) {
         const auto calibration =
-            calibrate_camera(test::synthetic_views(truth, 8, 0.3, 100 + run), {640, 480},
+            calibrate_camera(synthetic_views(truth, 8, 0.3, 100 + run), {640, 480},
                              {.model = "standard", .leave_one_out = false, .resamples = 0});
         const Eigen::VectorXd x = parameters_of(calibration.camera, calibration.model);
         sum += x;
@@ -56,13 +55,13 @@ void bend(CalibrationView& view, RandomStream& random) {
 TEST(CalibrateStatistics, RobustDeviationsAreWhatPhotosDoWhoseCornersErrTogether) {
     const int n = 150;
     const CalibrationModel& model = calibration_model("radial");
-    CameraModel truth = test::calibration_truth();
+    CameraModel truth = calibration_truth();
     truth.distortion = {.k1 = -0.27, .k2 = 0.09};
     Eigen::Matrix<double, 6, 1> sum, squares, robust, formal;
     for (auto* each : {&sum, &squares, &robust, &formal})
         each->setZero();
     for (int run = 0; run < n; ++run) {
-        auto views = test::synthetic_views(truth, 10, 0.1, 4000 + run);
+        auto views = synthetic_views(truth, 10, 0.1, 4000 + run);
         RandomStream random(5000 + run, 3);
         for (CalibrationView& view : views)
             bend(view, random);
@@ -88,8 +87,8 @@ TEST(CrossValidationStatistics, HalvesDifferAsMuchAsTheirCovariancesSay) {
     const int runs = 40;
     double ratio = 0.0, robust = 0.0;
     for (int run = 0; run < runs; ++run) {
-        const auto views = test::synthetic_views(test::calibration_truth(), 8, 0.2, 500 + run);
-        const auto halves = cross_validate(views, fit_camera(views, test::image_size, model));
+        const auto views = synthetic_views(calibration_truth(), 8, 0.2, 500 + run);
+        const auto halves = cross_validate(views, fit_camera(views, image_size, model));
         EXPECT_EQ(halves.views[0], 4u);
         EXPECT_EQ(halves.views[1], 4u);
         ratio += std::pow(halves.rms_px / halves.expected_formal_px, 2) / runs;
@@ -105,9 +104,8 @@ TEST(BoardShapeStatistics, TrueBoardsAreCalledBentAsRarelyAsStated) {
     for (const int count : {8, 11}) {
         int alarms = 0;
         for (int run = 0; run < runs; ++run) {
-            const auto views = test::views_of(test::flat, count, 0.1, 100 + run);
-            alarms +=
-                check_board(views, fit_camera(views, test::image_size, model))->is_distorted();
+            const auto views = test::views_of(flat, count, 0.1, 100 + run);
+            alarms += check_board(views, fit_camera(views, image_size, model))->is_distorted();
         }
         std::cout << count << " views: " << alarms << " false alarms of " << runs << "\n";
         // Binomial with max_board_chance: four standard deviations above the mean.
@@ -121,13 +119,13 @@ struct Coverage {
     double held = 0.0;
     std::array<double, 9> bias{}, deviation{};
 };
-Coverage coverage_of(const test::Displacement& displacement, bool fit_board, int runs) {
+Coverage coverage_of(const Displacement& displacement, bool fit_board, int runs) {
     Coverage coverage;
     const CalibrationModel& model = calibration_model("standard");
-    const Eigen::VectorXd truth = parameters_of(test::calibration_truth(), model);
+    const Eigen::VectorXd truth = parameters_of(calibration_truth(), model);
     for (int run = 0; run < runs; ++run) {
         const CameraCalibration found = calibrate_camera(
-            test::views_of(displacement, 12, 0.1, 500 + run), test::image_size,
+            test::views_of(displacement, 12, 0.1, 500 + run), image_size,
             {.model = "standard", .leave_one_out = false, .resamples = 0, .fit_board = fit_board});
         const Eigen::VectorXd error = parameters_of(found.camera, model) - truth;
         for (std::size_t i = 0; i < 9; ++i) {
@@ -148,8 +146,7 @@ Coverage coverage_of(const test::Displacement& displacement, bool fit_board, int
 TEST(BoardShapeStatistics, IntervalsHoldTheTruthOfABowedBoard) {
     constexpr int runs = 100;
     const double deviation = std::sqrt(0.95 * 0.05 / (3.0 * runs));
-    const Coverage drawn = coverage_of(test::bow, false, runs),
-                   fitted = coverage_of(test::bow, true, runs);
+    const Coverage drawn = coverage_of(bow, false, runs), fitted = coverage_of(bow, true, runs);
     EXPECT_LT(drawn.held, 0.95 - 4 * deviation);
     EXPECT_GT(std::abs(drawn.bias[0]), 2 * drawn.deviation[0]);
     EXPECT_GT(fitted.held, 0.95 - 4 * deviation);
@@ -158,8 +155,7 @@ TEST(BoardShapeStatistics, IntervalsHoldTheTruthOfABowedBoard) {
 
 TEST(BoardShapeStatistics, AFlatBoardLosesLittle) {
     constexpr int runs = 40;
-    const Coverage drawn = coverage_of(test::flat, false, runs),
-                   fitted = coverage_of(test::flat, true, runs);
+    const Coverage drawn = coverage_of(flat, false, runs), fitted = coverage_of(flat, true, runs);
     EXPECT_GT(fitted.held, 0.95 - 4 * std::sqrt(0.95 * 0.05 / (3.0 * runs)));
     EXPECT_LT(fitted.deviation[0], 2.0 * drawn.deviation[0]);
 }
@@ -167,7 +163,7 @@ TEST(BoardShapeStatistics, AFlatBoardLosesLittle) {
 // Boards 350 to 450 mm away whose middles lie up to 43 degrees from the axis, their corners up to
 // 59: what a lens of 120 degrees sees.
 Rigid mildly_wide_pose(int view) {
-    return test::pose_aside(view, {0.1, 0.45, 0.75}, 400.0);
+    return pose_aside(view, {0.1, 0.45, 0.75}, 400.0);
 }
 
 const ModelScore& score_of(const CameraCalibration& calibration, const std::string& model) {
@@ -177,17 +173,15 @@ const ModelScore& score_of(const CameraCalibration& calibration, const std::stri
 // Perspective models and those of wide lenses are held against each other where photos may tell
 // them apart, and nowhere else. 0.1 px of noise is 0.141 px of distance.
 TEST(WideCalibration, ComparesPerspectiveModelsWithThoseOfWideLenses) {
-    const CameraCalibration ordinary =
-        calibrate_camera(test::synthetic_views(test::calibration_truth(), 12, 0.1, 3),
-                         test::image_size, {.resamples = 0});
+    const CameraCalibration ordinary = calibrate_camera(
+        synthetic_views(calibration_truth(), 12, 0.1, 3), image_size, {.resamples = 0});
     EXPECT_EQ(ordinary.advice.models.size(), calibration_models().size());
     EXPECT_EQ(ordinary.model.name, "standard");
 
-    const CameraModel mild = test::wide_truth(
-        {Projection::equidistant}, 374.0, {.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4});
-    const CameraCalibration either =
-        calibrate_camera(test::synthetic_views(mild, 12, 0.1, 3, mildly_wide_pose),
-                         test::image_size, {.resamples = 0});
+    const CameraModel mild = wide_truth({Projection::equidistant}, 374.0,
+                                        {.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4});
+    const CameraCalibration either = calibrate_camera(
+        synthetic_views(mild, 12, 0.1, 3, mildly_wide_pose), image_size, {.resamples = 0});
     EXPECT_EQ(either.advice.models.size(), perspective_and_wide_models().size());
     EXPECT_LT(*either.leave_one_out_rms_px, 0.15);
     // Rational holds such a lens as well, with twice as many parameters.
@@ -197,23 +191,22 @@ TEST(WideCalibration, ComparesPerspectiveModelsWithThoseOfWideLenses) {
     EXPECT_FALSE(score_of(either, "standard").doubt.empty());
     EXPECT_FALSE(score_of(either, "omnidirectional").doubt.empty());  // fx and xi for each other
 
-    const CameraModel wide = test::wide_truth({Projection::double_sphere, -0.17, 0.59}, 165.0);
+    const CameraModel wide = wide_truth({Projection::double_sphere, -0.17, 0.59}, 165.0);
     const CameraCalibration far =
-        calibrate_camera(test::wide_views(wide, 12, 0.1, 7), test::image_size, {.resamples = 0});
+        calibrate_camera(wide_views(wide, 12, 0.1, 7), image_size, {.resamples = 0});
     EXPECT_EQ(far.model.name, "double_sphere");
     for (const CalibrationModel& model : calibration_models())
-        EXPECT_THAT(score_of(far, model.name).doubt, testing::HasSubstr("px in the fit, "))
-            << model.name;
+        EXPECT_THAT(score_of(far, model.name).doubt, HasSubstr("px in the fit, ")) << model.name;
     EXPECT_FALSE(score_of(far, "tilted").overfits);
 }
 
 TEST(WideCalibration, AdvisesAModelThatFollowsTheLens) {
     for (const std::size_t lens : {1u, 3u}) {
-        const auto [name, truth] = test::wide_models()[lens];
+        const auto [name, truth] = wide_models()[lens];
         SCOPED_TRACE(name);
-        const auto views = test::wide_views(truth, 12, 0.1, 5);
-        EXPECT_EQ(camera_groups(views, test::image_size).size(), 1u);
-        const CameraCalibration found = calibrate_camera(views, test::image_size, {.resamples = 0});
+        const auto views = wide_views(truth, 12, 0.1, 5);
+        EXPECT_EQ(camera_groups(views, image_size).size(), 1u);
+        const CameraCalibration found = calibrate_camera(views, image_size, {.resamples = 0});
         EXPECT_EQ(found.advice.models.size(), perspective_and_wide_models().size());
         EXPECT_FALSE(found.camera.projection.is_flat());
         EXPECT_LT(found.rms_px, 0.1 * std::sqrt(2.0) * 1.05);
@@ -225,6 +218,104 @@ TEST(WideCalibration, AdvisesAModelThatFollowsTheLens) {
         for (const Eigen::Vector2d& each : off.differences_px)
             EXPECT_LT(each.norm(), 0.3);
     }
+}
+
+// ---- camera consistency
+
+// How often an honest set is split: camera_groups() allows one in 100 000. And how mixed sets are
+// told apart.
+
+// As photos err: each view as a whole as much as all of its points do, the board bent by a
+// paraboloid of its own, 0.15 mm from middle to corner.
+CalibrationView bent(CalibrationView view, const CameraModel& camera, const Rigid& pose, int seed) {
+    RandomStream random(seed, 2);
+    const double across = 0.15 * random.normal(), along = 0.15 * random.normal();
+    const Projector projector(camera);
+    for (std::size_t i = 0; i < view.pixels.size(); ++i) {
+        const Eigen::Vector3d flat = view.points_mm[i];
+        const double x = (flat.x() - 100.0) / 100.0, y = (flat.y() - 62.5) / 62.5;
+        const Eigen::Vector3d curled(flat.x(), flat.y(), across * x * x + along * y * y);
+        view.pixels[i] +=
+            projector.project(pose * curled).value() - projector.project(pose * flat).value();
+    }
+    return view;
+}
+
+// 120 sets each: that one is split has a chance of 0.0012 where views err independently.
+void expect_no_split(bool with_bent_boards) {
+    const CameraModel camera = calibration_truth();
+    int split = 0;
+    for (int set = 0; set < 120; ++set) {
+        auto views = synthetic_views(camera, 8 + set % 7, 0.15, 100 + set);
+        if (with_bent_boards)
+            for (std::size_t i = 0; i < views.size(); ++i)
+                views[i] = bent(views[i], camera, synthetic_pose(int(i)), 1000 * set + int(i));
+        split += camera_groups(views, image_size).size() > 1 ? 1 : 0;
+    }
+    EXPECT_EQ(split, 0);
+}
+
+TEST(MixedViewsStatistics, SetsOfOneCameraAreNotSplit) {
+    expect_no_split(false);
+}
+TEST(MixedViewsStatistics, NorThoseOfBentBoards) {
+    expect_no_split(true);
+}
+
+struct Mix {
+    std::vector<std::size_t> aside;
+    double zoom, distortion;
+};
+
+class MixedViews : public testing::TestWithParam<Mix> {};
+
+// Half a set may be either the largest group or the other.
+TEST_P(MixedViews, AreToldApart) {
+    const Mix& mix = GetParam();
+    auto groups = camera_groups(mixed(mix.aside, zoomed(mix.zoom, mix.distortion)), image_size);
+    ASSERT_EQ(groups.size(), 2u);
+    EXPECT_GE(groups[0].views.size(), groups[1].views.size());
+    if (groups[0].views == mix.aside)
+        std::swap(groups[0], groups[1]);
+    EXPECT_EQ(groups[1].views, mix.aside);
+    const double truth = 537.0;  // (541 + 533) / 2
+    EXPECT_NEAR(groups[0].focal_px, truth, 5.0 * groups[0].deviation_px);
+    EXPECT_LT(groups[0].deviation_px, 2.0);
+    // Of one view with the others' distortion the focal length makes up for its own.
+    const double by_distortion = mix.aside.size() < 3 && mix.distortion != 1.0 ? 6.0 : 0.0;
+    EXPECT_NEAR(groups[1].focal_px, mix.zoom * truth, 5.0 * groups[1].deviation_px + by_distortion);
+    EXPECT_LT(groups[1].deviation_px, 8.0);
+}
+
+using I = std::vector<std::size_t>;
+INSTANTIATE_TEST_SUITE_P(OneThreeAndSixOfTwelve, MixedViews,
+                         testing::Values(Mix{I{5}, 1.03, 1.0}, Mix{I{5}, 0.97, 0.8},
+                                         Mix{I{0}, 1.3, 0.8}, Mix{I{0, 5, 8}, 1.03, 1.0},
+                                         Mix{I{0, 5, 8}, 0.97, 0.8}, Mix{I{0, 1, 2}, 1.3, 1.0},
+                                         Mix{I{0, 1, 2, 3, 4, 5}, 0.97, 1.0},
+                                         Mix{I{0, 2, 5, 6, 8, 10}, 1.03, 0.8},
+                                         Mix{I{0, 2, 5, 6, 8, 10}, 1.3, 0.8}));
+
+TEST(MixedViews, OfThreeZoomsAreThreeGroups) {
+    auto views = mixed({0, 5, 8}, zoomed(1.3));
+    for (const int i : {1, 4, 9})
+        views[std::size_t(i)] =
+            synthetic_view(zoomed(1.12), synthetic_pose(i), mixed_noise_px, 700 + i);
+    const auto groups = camera_groups(views, image_size);
+    ASSERT_EQ(groups.size(), 3u);
+    EXPECT_THAT(groups[0].views, ElementsAre(2u, 3u, 6u, 7u, 10u, 11u));
+    for (const auto& group : {groups[1], groups[2]})
+        EXPECT_THAT(group.views, testing::AnyOf(ElementsAre(0u, 5u, 8u), ElementsAre(1u, 4u, 9u)));
+}
+
+TEST(MixedViews, NeedFiveViewsThatDetermineACamera) {
+    auto views = mixed({0}, zoomed(1.3));
+    views.resize(4);
+    const auto groups = camera_groups(views, image_size);
+    ASSERT_EQ(groups.size(), 1u);
+    EXPECT_EQ(groups[0].views.size(), 4u);
+    const std::vector<CalibrationView> alike(6, mixed({}, calibration_truth())[2]);
+    EXPECT_EQ(camera_groups(alike, image_size).size(), 1u);  // determine nothing
 }
 
 }  // namespace

@@ -1,16 +1,13 @@
 #include "calib/intrinsics/camera_check.h"
 
-#include <gmock/gmock.h>
-
-#include "tests/calib/cameras.h"
+#include "calib/intrinsics/camera_consistency.h"
+#include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
 using enum CameraFinding::Weight;
-using testing::Contains;
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 std::vector<std::string> about(const CameraCheck& check, CameraFinding::Weight weight) {
     std::vector<std::string> words;
@@ -23,12 +20,10 @@ std::vector<std::string> about(const CameraCheck& check, CameraFinding::Weight w
 // Fields of view of pinholes whose axis lies on the line that is measured, by hand.
 TEST(CameraCheck, MeasuresTheFieldOfView) {
     constexpr double degree = std::numbers::pi / 180;
-    const CameraCheck wide =
-        check_camera(test::camera_with(640, 480, {500, 400, 299.5, 239.5}, {}));
+    const CameraCheck wide = check_camera(camera_with(640, 480, {500, 400, 299.5, 239.5}, {}));
     EXPECT_NEAR(wide.horizontal_deg, (std::atan(300 / 500.0) + std::atan(340 / 500.0)) / degree,
                 1e-9);
-    const CameraCheck high =
-        check_camera(test::camera_with(640, 480, {500, 400, 319.5, 259.5}, {}));
+    const CameraCheck high = check_camera(camera_with(640, 480, {500, 400, 319.5, 259.5}, {}));
     EXPECT_NEAR(high.vertical_deg, (std::atan(260 / 400.0) + std::atan(220 / 400.0)) / degree,
                 1e-9);
     EXPECT_GT(high.diagonal_deg, high.horizontal_deg);
@@ -40,7 +35,7 @@ TEST(CameraCheck, MeasuresTheFieldOfView) {
 // r (1 - r^2) has its fold at r = 1 / sqrt(3), where it is 0.3849: in the first camera the
 // middle of the image is inside, its corners are not.
 TEST(CameraCheck, FindsAFoldInsideTheImage) {
-    CameraModel camera = test::camera_with(641, 401, {700, 700, 320, 200}, {.k1 = -1.0});
+    CameraModel camera = camera_with(641, 401, {700, 700, 320, 200}, {.k1 = -1.0});
     const CameraCheck folded = check_camera(camera);
     EXPECT_TRUE(folded.has_fault());
     EXPECT_GT(folded.image_without_ray, 0.0);
@@ -53,14 +48,14 @@ TEST(CameraCheck, FindsAFoldInsideTheImage) {
     const CameraCheck near = check_camera(camera);
     EXPECT_FALSE(near.has_fault());
     EXPECT_GT(near.margin, 1.0);
-    EXPECT_THAT(about(near, warning), testing::Not(Contains("principal point")));
+    EXPECT_THAT(about(near, warning), Not(Contains("principal point")));
 }
 
 // 95 degrees to each side, along x; the corners lie beyond 180 degrees.
 TEST(CameraCheck, LooksAtAFisheyeLensToo) {
     constexpr double degree = std::numbers::pi / 180;
-    CameraModel camera = test::camera_with(
-        1000, 1000, {500.0 / (95 * degree), 500.0 / (95 * degree), 499.5, 499.5}, {});
+    CameraModel camera =
+        camera_with(1000, 1000, {500.0 / (95 * degree), 500.0 / (95 * degree), 499.5, 499.5}, {});
     camera.projection.kind = Projection::equidistant;
     const CameraCheck check = check_camera(camera);
     EXPECT_NEAR(check.horizontal_deg, 190.0, 1e-9);
@@ -77,27 +72,26 @@ TEST(CameraCheck, LooksAtAFisheyeLensToo) {
 
 TEST(CameraCheck, TheMarginIsTheRatioOfRadii) {
     // The corner is 400 px from the centre: r (1 - 0.1 r^2) = 0.5 there. The fold: sqrt(10 / 3).
-    const CameraModel camera = test::camera_with(640, 480, {800, 800, 319.5, 239.5}, {.k1 = -0.1});
+    const CameraModel camera = camera_with(640, 480, {800, 800, 319.5, 239.5}, {.k1 = -0.1});
     double r = 0.5;
     for (int i = 0; i < 50; ++i)
         r = 0.5 + 0.1 * r * r * r;
     EXPECT_NEAR(check_camera(camera).margin, std::sqrt(10.0 / 3.0) / r, 1e-6);
 }
 
-TEST(CameraCheck, WarnsOfWhatIsUnusual) {
-    const CameraCheck check = check_camera(test::camera_with(640, 480, {500, 520, 400, 239.5}, {}));
-    EXPECT_THAT(about(check, warning), ElementsAre("principal point", "intrinsics"));
-    CameraModel camera = test::webcam();
-    camera.sensor = Sensor{.pixel_pitch_um = 8300};
-    camera.lens = Lens{.f_number = 2.8, .focus_distance_mm = 15000, .wavelength_nm = 650};
-    EXPECT_THAT(about(check_camera(camera), warning), ElementsAre("lens", "sensor"));
-}
-
 CameraModel webcam_with(const Sensor& sensor, const Lens& lens) {
-    CameraModel camera = test::webcam();
+    CameraModel camera = webcam();
     camera.sensor = sensor;
     camera.lens = lens;
     return camera;
+}
+
+TEST(CameraCheck, WarnsOfWhatIsUnusual) {
+    const CameraCheck check = check_camera(camera_with(640, 480, {500, 520, 400, 239.5}, {}));
+    EXPECT_THAT(about(check, warning), ElementsAre("principal point", "intrinsics"));
+    const CameraModel camera =
+        webcam_with(Sensor{.pixel_pitch_um = 8300}, Lens{2.8, 15000, 650, {}});
+    EXPECT_THAT(about(check_camera(camera), warning), ElementsAre("lens", "sensor"));
 }
 
 // Each camera says one thing that no other part of it can agree with.
@@ -135,7 +129,7 @@ TEST(CameraCheck, WarnsOfALensAndASensorThatDoNotAgree) {
 }
 
 TEST(CameraCheck, LooksAtATelecentricLensToo) {
-    CameraModel camera = test::camera_with(640, 480, {20, 20, 319.5, 239.5}, {});
+    CameraModel camera = camera_with(640, 480, {20, 20, 319.5, 239.5}, {});
     camera.projection.kind = Projection::telecentric;
     camera.sensor = Sensor{.pixel_pitch_um = 5};
     camera.lens = Lens{.focus_distance_mm = 100, .wavelength_nm = 520, .object_na = 0.005};
@@ -147,15 +141,58 @@ TEST(CameraCheck, LooksAtATelecentricLensToo) {
     EXPECT_NEAR(check.diagonal_mm, 40.0, 1e-12);
     EXPECT_EQ(check.horizontal_deg, 0.0);
     EXPECT_THAT(check.findings.front().message,
-                testing::HasSubstr("magnification 0.1000, working f-number 10.000"));
+                HasSubstr("magnification 0.1000, working f-number 10.000"));
     camera.lens->object_na = 0.2;  // f/0.25
     EXPECT_THAT(about(check_camera(camera), warning), ElementsAre("lens"));
 }
 
 TEST(CameraCheck, SaysWhatTheRendererWillMiss) {
-    EXPECT_THAT(about(check_camera(test::webcam()), note),
+    EXPECT_THAT(about(check_camera(webcam()), note),
                 ElementsAre("renderer", "renderer", "renderer"));
-    EXPECT_FALSE(check_camera(test::webcam()).has_fault());
+    EXPECT_FALSE(check_camera(webcam()).has_fault());
+}
+
+// ---- camera consistency
+
+// Sets of views of which some were taken with another zoom, focus or camera; from points projected
+// here, 0.1 px of noise each.
+
+TEST(MixedViews, OfAnotherCameraWithTheSameFocalLengthAreFoundByItsCentre) {
+    CameraModel other = calibration_truth();
+    other.intrinsics.cx += 18.0;
+    other.intrinsics.cy -= 11.0;
+    const auto groups = camera_groups(mixed({1, 4, 6, 9}, other), image_size);
+    ASSERT_EQ(groups.size(), 2u);
+    EXPECT_THAT(groups[1].views, ElementsAre(1u, 4u, 6u, 9u));
+}
+
+// A board that was found in the wrong order, or corners of dirt, are no other camera: the rules for
+// outliers say so.
+TEST(MixedViews, AreNotThoseWithWrongCorners) {
+    auto views = mixed({}, calibration_truth());
+    std::swap_ranges(views[3].pixels.begin(), views[3].pixels.begin() + 9,
+                     views[3].pixels.begin() + 18);
+    for (const int i : {7, 20, 33})
+        views[8].pixels[std::size_t(i)].x() += 9.0;
+    EXPECT_EQ(camera_groups(views, image_size).size(), 1u);
+}
+
+// A board that is seen in part determines little of a camera of its own.
+TEST(MixedViews, OfFewPointsAreNotToldApart) {
+    auto views = mixed({}, calibration_truth());
+    for (const std::size_t i : {2u, 7u}) {
+        views[i].points_mm = {views[i].points_mm[0], views[i].points_mm[4], views[i].points_mm[30],
+                              views[i].points_mm[50]};
+        views[i].pixels = {views[i].pixels[0], views[i].pixels[4], views[i].pixels[30],
+                           views[i].pixels[50]};
+    }
+    EXPECT_EQ(camera_groups(views, image_size).size(), 1u);
+}
+
+// Without noise there is nothing to tell a difference by.
+TEST(MixedViews, ExactViewsOfOneCameraAreOneGroup) {
+    EXPECT_EQ(camera_groups(synthetic_views(calibration_truth(), 8, 0.0, 1), image_size).size(),
+              1u);
 }
 
 }  // namespace

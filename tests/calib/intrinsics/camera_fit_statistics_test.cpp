@@ -3,14 +3,13 @@
 //
 // 47 statements are tested, of which the wrong ones shall be less than one in a hundred test
 // programs: each at 0.01 / 47, 3.7 standard errors two-sided. Seeds are the run's number.
-#include <gtest/gtest.h>
 
 #include <cstdio>
-#include <set>
 
 #include "calib/intrinsics/calibration_covariance.h"
 #include "core/statistics/distributions.h"
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -52,7 +51,7 @@ Rigid near_pose(int view) {
 
 class Experiment {
 public:
-    explicit Experiment(const CameraModel& truth = test::calibration_truth(),
+    explicit Experiment(const CameraModel& truth = calibration_truth(),
                         const std::string& model = "standard",
                         const Eigen::Vector2d& from_middle = image_corner,
                         Rigid (*pose)(int) = near_pose)
@@ -60,8 +59,8 @@ public:
         for (int v = 0; v < views; ++v) {
             poses_.push_back(pose(v));
             exact_.push_back(truth_.projection.kind == Projection::telecentric
-                                 ? test::telecentric_view(truth_, poses_.back(), 0.0, 0)
-                                 : test::synthetic_view(truth_, poses_.back(), 0.0, 0));
+                                 ? telecentric_view(truth_, poses_.back(), 0.0, 0)
+                                 : synthetic_view(truth_, poses_.back(), 0.0, 0));
         }
     }
 
@@ -76,8 +75,7 @@ public:
 
     // Started at the truth, which is faster and ends at the same minimum (the test below).
     CameraFit fitted(std::span<const CalibrationView> observed) const {
-        return fit_camera(observed, test::image_size, model_,
-                          {.start = CameraStart{truth_, poses_}});
+        return fit_camera(observed, image_size, model_, {.start = CameraStart{truth_, poses_}});
     }
 
     Calibrated calibrate(int run) const {
@@ -293,10 +291,10 @@ void expect_rays_covered(const CameraModel& truth, const std::string& model, dou
 // rays. What holds 95 % of them is the next test's.
 TEST(CameraFitStatistics, StatedCovariancesOfWideLensesAreWhatNoiseDoes) {
     const std::set<std::string> trading{"fx", "fy", "k1", "k2", "xi"};
-    for (const auto& [name, truth] : test::wide_models()) {
+    for (const auto& [name, truth] : wide_models()) {
         if (name == std::string("field_of_view") || name == std::string("extended_unified"))
             continue;  // as double_sphere, with less to tell
-        const Experiment experiment(truth, name, {230.0, 150.0}, test::wide_pose);
+        const Experiment experiment(truth, name, {230.0, 150.0}, wide_pose);
         const std::vector<Calibrated> all = calibrations(experiment);
         for (Eigen::Index i = 0; i < all.front().error.size(); ++i) {
             const std::string& parameter = experiment.model().parameters[std::size_t(i)];
@@ -314,8 +312,8 @@ TEST(CameraFitStatistics, StatedCovariancesOfWideLensesAreWhatNoiseDoes) {
 // enough: 9 parameters at 0.01 / 9, 3.3 standard errors of 300 runs.
 TEST(CameraFitStatistics, ProfileIntervalsOfAnOmnidirectionalLensHoldTheTruth) {
     constexpr int fewer = 300;
-    const CameraModel truth = test::wide_models()[4].truth;
-    const Experiment experiment(truth, "omnidirectional", {230.0, 150.0}, test::wide_pose);
+    const CameraModel truth = wide_models()[4].truth;
+    const Experiment experiment(truth, "omnidirectional", {230.0, 150.0}, wide_pose);
     const Eigen::VectorXd values = parameters_of(truth, experiment.model());
     Eigen::VectorXd inside = Eigen::VectorXd::Zero(values.size());
     double skewness = 0.0;
@@ -344,7 +342,7 @@ TEST(CameraFitStatistics, ProfileIntervalsOfAnOmnidirectionalLensHoldTheTruth) {
 // Of the distortion of telecentric_truth() what a model has; with p1 and p2 a stronger one, which
 // tells its centre to half a pixel.
 CameraModel telecentric_lens_for(const std::string& model) {
-    CameraModel truth = test::telecentric_truth();
+    CameraModel truth = telecentric_truth();
     Distortion& d = truth.distortion;
     if (model == "telecentric")
         d = {};
@@ -359,7 +357,7 @@ CameraModel telecentric_lens_for(const std::string& model) {
 TEST(CameraFitStatistics, StatedCovariancesOfTelecentricLensesAreWhatNoiseDoes) {
     for (const CalibrationModel& model : telecentric_calibration_models()) {
         const CameraModel truth = telecentric_lens_for(model.name);
-        const Experiment experiment(truth, model.name, image_corner, test::telecentric_pose);
+        const Experiment experiment(truth, model.name, image_corner, telecentric_pose);
         const std::vector<Calibrated> all = calibrations(experiment);
         for (Eigen::Index i = 0; i < all.front().error.size(); ++i)
             expect_stated(model.parameters[std::size_t(i)], parameter_column(all, i), true, 3.9);
@@ -368,7 +366,7 @@ TEST(CameraFitStatistics, StatedCovariancesOfTelecentricLensesAreWhatNoiseDoes) 
 }
 
 CameraModel rational_lens(double prism, double tilt) {
-    CameraModel truth = test::calibration_truth();
+    CameraModel truth = calibration_truth();
     truth.distortion = {.k1 = 0.31,
                         .k2 = -0.12,
                         .p1 = 0.0004,
@@ -393,8 +391,7 @@ TEST(CameraFitStatistics, RaysOfARationalModelAreCovered) {
 // A distortion that tells its centre from p1 and p2 to 12 px only, so that they are far from
 // normal: the rays' 95 % intervals hold 89 % or more.
 TEST(CameraFitStatistics, RaysOfATelecentricModelAreNearlyCovered) {
-    expect_rays_covered(test::telecentric_truth(), "telecentric_standard", 0.92,
-                        test::telecentric_pose);
+    expect_rays_covered(telecentric_truth(), "telecentric_standard", 0.92, telecentric_pose);
 }
 
 // Tilt, prism and p1, p2 are told apart by what is quadratic in them only, so that the covariance
@@ -407,11 +404,10 @@ TEST(CameraFitStatistics, RaysOfATiltedModelAreNearlyCovered) {
 TEST(CameraFitStatistics, TheStartDoesNotMatter) {
     const Experiment experiment;
     for (int run = 0; run < 20; ++run) {
-        const CameraFit fit =
-            fit_camera(experiment.noisy(run), test::image_size, experiment.model());
+        const CameraFit fit = fit_camera(experiment.noisy(run), image_size, experiment.model());
         const Calibrated warm = experiment.calibrate(run);
         const Eigen::VectorXd cold = parameters_of(fit.camera, experiment.model()) -
-                                     parameters_of(test::calibration_truth(), experiment.model());
+                                     parameters_of(calibration_truth(), experiment.model());
         EXPECT_LT((cold - warm.error).cwiseQuotient(warm.u).cwiseAbs().maxCoeff(), 1e-6) << run;
     }
 }

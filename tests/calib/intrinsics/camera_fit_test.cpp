@@ -1,22 +1,18 @@
 #include "calib/intrinsics/camera_fit.h"
 
-#include <gmock/gmock.h>
-
 #include <opencv2/calib3d.hpp>
 
 #include "calib/intrinsics/calibration_start.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
-
 std::string fit_error(const std::vector<CalibrationView>& views,
                       const CameraFitOptions& options = {}) {
     return text_of_error<Error>(
-        [&] { fit_camera(views, test::image_size, calibration_model("standard"), options); });
+        [&] { fit_camera(views, image_size, calibration_model("standard"), options); });
 }
 
 double largest_difference_in_u(const CameraFit& fit, const Eigen::VectorXd& other,
@@ -39,7 +35,7 @@ PixelModel<Scalar> model_of(const CameraModel& camera) {
 
 // A perspective camera with every coefficient, and wide lenses with both parameters.
 std::vector<CameraModel> named_cameras() {
-    std::vector<CameraModel> cameras(3, test::all_fourteen());
+    std::vector<CameraModel> cameras(3, all_fourteen());
     cameras[1].distortion = {.k1 = 0.03, .p1 = 0.001, .s3 = -0.002, .k7 = 0.004};
     cameras[2].distortion = cameras[1].distortion;
     cameras[1].projection = {Projection::double_sphere, -0.21, 0.57};
@@ -98,7 +94,7 @@ TEST(PixelModel, HasTheDerivativesThatDifferencesHave) {
 }
 
 TEST(PixelModel, IsNotRegularBehindAFoldOrAPole) {
-    CameraModel camera = test::webcam();
+    CameraModel camera = webcam();
     const auto is_regular = [&](double x, double y) {
         return model_of<double>(camera)({x, y, 1.0}).is_regular;
     };
@@ -125,7 +121,7 @@ TEST(CalibrationModels, ContainEachTheOneBeforeAndSetWhatTheyName) {
     EXPECT_EQ(calibration_model("standard").parameters.back(), "k3");
     EXPECT_EQ(calibration_model("rational").parameters.back(), "k6");
     EXPECT_EQ(calibration_model("tilted").parameters.size(), 18u);
-    CameraModel camera = test::all_fourteen();
+    CameraModel camera = all_fourteen();
     const CalibrationModel radial = calibration_model("radial");
     Eigen::VectorXd values = parameters_of(camera, radial);
     EXPECT_EQ(values[5], camera.distortion.k2);
@@ -139,7 +135,7 @@ TEST(CalibrationModels, ContainEachTheOneBeforeAndSetWhatTheyName) {
                 HasSubstr("no parameter 'k8'"));
     for (const CalibrationModel& model : wide_calibration_models()) {
         EXPECT_EQ(&calibration_model(model.name), &model);
-        CameraModel wide = test::webcam();
+        CameraModel wide = webcam();
         wide.projection = {model.projection, 0.4, 0.3};
         const Eigen::VectorXd of_wide = parameters_of(wide, model);
         set_parameters(wide, model, 2.0 * of_wide);
@@ -152,32 +148,32 @@ TEST(CalibrationModels, ContainEachTheOneBeforeAndSetWhatTheyName) {
 
 // Exact views: what is left is rounding, some 1e-13 px of 500, times the condition number 50.
 TEST(CameraFit, FindsTheCameraThatMadeTheViews) {
-    const CameraModel truth = test::calibration_truth();
-    const auto views = test::synthetic_views(truth, 7, 0.0, 1);
+    const CameraModel truth = calibration_truth();
+    const auto views = synthetic_views(truth, 7, 0.0, 1);
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit fit = fit_camera(views, test::image_size, model);
+    const CameraFit fit = fit_camera(views, image_size, model);
     EXPECT_TRUE(fit.converged);
     EXPECT_LT(std::sqrt(fit.variance), 1e-11);
     EXPECT_LT((parameters_of(fit.camera, model) - parameters_of(truth, model)).norm(), 1e-9);
     for (int i = 0; i < 7; ++i)
-        EXPECT_LT(left_difference(fit.camera_from_target[i], test::synthetic_pose(i)).norm(), 1e-9);
+        EXPECT_LT(left_difference(fit.camera_from_target[i], synthetic_pose(i)).norm(), 1e-9);
 }
 
 // OpenCV reads single precision: it is given numbers that are, and stops at a step of 1e-9. Its
 // minimum is ours within a hundredth of u, and not below it.
 TEST(CameraFit, EndsWhereOpenCvEnds) {
-    auto views = test::synthetic_views(test::calibration_truth(), 8, 0.3, 5);
-    const auto [points, pixels] = test::opencv_views(views);
+    auto views = synthetic_views(calibration_truth(), 8, 0.3, 5);
+    const auto [points, pixels] = opencv_views(views);
     for (int v = 0; v < 8; ++v)
         for (std::size_t i = 0; i < views[v].pixels.size(); ++i)
             views[v].pixels[i] = {pixels[v][i].x, pixels[v][i].y};
     cv::Mat k, d;
     std::vector<cv::Mat> r, t;
     const double rms =
-        cv::calibrateCamera(points, pixels, test::image_size, k, d, r, t, 0,
+        cv::calibrateCamera(points, pixels, image_size, k, d, r, t, 0,
                             {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 300, 1e-15});
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit fit = fit_camera(views, test::image_size, model);
+    const CameraFit fit = fit_camera(views, image_size, model);
     Eigen::VectorXd opencv(9);
     opencv << k.at<double>(0, 0), k.at<double>(1, 1), k.at<double>(0, 2), k.at<double>(1, 2),
         d.at<double>(0), d.at<double>(1), d.at<double>(2), d.at<double>(3), d.at<double>(4);
@@ -191,9 +187,9 @@ TEST(CameraFit, EndsWhereOpenCvEnds) {
 // The covariance from differences of the projector alone: all columns at once, poses and all, by
 // normal equations.
 TEST(CameraFit, InverseInformationIsThatOfTheWholeJacobianByDifferences) {
-    const auto views = test::synthetic_views(test::calibration_truth(), 5, 0.2, 3);
+    const auto views = synthetic_views(calibration_truth(), 5, 0.2, 3);
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit fit = fit_camera(views, test::image_size, model);
+    const CameraFit fit = fit_camera(views, image_size, model);
     const int rows = 2 * 54 * 5, columns = 9 + 30;
     const auto residuals = [&](const CameraModel& camera, int view, const Rigid& pose) {
         const Projector projector(camera);
@@ -233,9 +229,9 @@ TEST(CameraFit, InverseInformationIsThatOfTheWholeJacobianByDifferences) {
 
 // At the minimum the views' scores cancel, and what no change can remove is the cost.
 TEST(CameraFit, ScoresCancelAtTheMinimum) {
-    const auto views = test::synthetic_views(test::calibration_truth(), 6, 0.2, 4);
+    const auto views = synthetic_views(calibration_truth(), 6, 0.2, 4);
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit fit = fit_camera(views, test::image_size, model);
+    const CameraFit fit = fit_camera(views, image_size, model);
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(9), sizes = sum;
     double squares = 0.0;
     for (const ViewEquations& view : view_equations(views, fit)) {
@@ -251,7 +247,7 @@ TEST(CameraFit, ScoresCancelAtTheMinimum) {
 
 // A point that is there twice is one with its sigma divided by the root of two.
 TEST(CameraFit, WeighsPointsByTheirSigma) {
-    auto once = test::synthetic_views(test::calibration_truth(), 5, 0.2, 6);
+    auto once = synthetic_views(calibration_truth(), 5, 0.2, 6);
     auto twice = once;
     once[2].sigma_px.assign(54, 1.0);
     for (int i = 0; i < 20; ++i) {
@@ -260,37 +256,37 @@ TEST(CameraFit, WeighsPointsByTheirSigma) {
         twice[2].pixels.push_back(twice[2].pixels[i]);
     }
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit a = fit_camera(once, test::image_size, model);
-    const CameraFit b = fit_camera(twice, test::image_size, model);
+    const CameraFit a = fit_camera(once, image_size, model);
+    const CameraFit b = fit_camera(twice, image_size, model);
     EXPECT_LT(largest_difference_in_u(a, parameters_of(b.camera, model), once, model), 1e-6);
 }
 
 // Ten of 378 points are 15 px off: squares follow them by many u, Huber's function does not.
 TEST(CameraFit, HubersFunctionLeavesOutliersWhereTheyAre) {
     const CalibrationModel& model = calibration_model("standard");
-    const auto clean = test::synthetic_views(test::calibration_truth(), 7, 0.1, 8);
+    const auto clean = synthetic_views(calibration_truth(), 7, 0.1, 8);
     auto views = clean;
     for (int i = 0; i < 10; ++i)
         views[i % 7].pixels[5 * i + 3] += Eigen::Vector2d(15.0, -4.0);
-    const CameraFit expected = fit_camera(clean, test::image_size, model);
+    const CameraFit expected = fit_camera(clean, image_size, model);
     const auto off = [&](double huber) {
-        const CameraFit fit = fit_camera(views, test::image_size, model, {.huber = huber});
+        const CameraFit fit = fit_camera(views, image_size, model, {.huber = huber});
         return largest_difference_in_u(expected, parameters_of(fit.camera, model), clean, model);
     };
     EXPECT_GT(off(0.0), 10.0);
     EXPECT_LT(off(0.2), 3.0);
-    const CameraFit robust = fit_camera(views, test::image_size, model, {.huber = 0.2});
+    const CameraFit robust = fit_camera(views, image_size, model, {.huber = 0.2});
     EXPECT_GT(robust.residuals_px[3][18].norm(), 14.0);
 }
 
 TEST(CameraFit, StartsFromAStartAndKeepsWhatIsNotFree) {
-    CameraModel truth = test::calibration_truth();
-    const auto views = test::synthetic_views(truth, 6, 0.0, 1);
+    CameraModel truth = calibration_truth();
+    const auto views = synthetic_views(truth, 6, 0.0, 1);
     std::vector<Rigid> poses;
     for (int i = 0; i < 6; ++i)
-        poses.push_back(test::synthetic_pose(i));
+        poses.push_back(synthetic_pose(i));
     truth.intrinsics.fx += 3.0;
-    const CameraFit fit = fit_camera(views, test::image_size, calibration_model("radial"),
+    const CameraFit fit = fit_camera(views, image_size, calibration_model("radial"),
                                      {.start = CameraStart{truth, poses}});
     EXPECT_EQ(fit.camera.distortion.k3, -0.02);
     EXPECT_EQ(fit.camera.distortion.p1, 0.0012);
@@ -301,17 +297,17 @@ TEST(CameraFit, StartsFromAStartAndKeepsWhatIsNotFree) {
 }
 
 TEST(CameraFit, RefusesViewsThatDoNotDetermineTheCamera) {
-    const CameraModel truth = test::calibration_truth();
+    const CameraModel truth = calibration_truth();
     std::vector<CalibrationView> square;
     for (int i = 0; i < 4; ++i)
-        square.push_back(test::synthetic_view(
+        square.push_back(synthetic_view(
             truth, {Eigen::Quaterniond::Identity(), {-100, -60, 400.0 + 50 * i}}, 0.05, i));
     EXPECT_THAT(fit_error(square), HasSubstr("do not determine"));
     EXPECT_THAT(fit_error(square), HasSubstr("fx"));
 }
 
 TEST(CameraFit, RefusesWhatIsNoView) {
-    const auto good = test::synthetic_views(test::calibration_truth(), 4, 0.1, 2);
+    const auto good = synthetic_views(calibration_truth(), 4, 0.1, 2);
     EXPECT_THAT(fit_error({good[0], good[1]}), HasSubstr("2 views, three are needed"));
     const auto broken = [&](const std::function<void(CalibrationView&)>& change) {
         auto views = good;
@@ -338,11 +334,11 @@ TEST(CameraFit, RefusesWhatIsNoView) {
 // ---- poses
 
 TEST(ViewPose, IsFoundForACameraWithEveryCoefficient) {
-    const CameraModel camera = test::all_fourteen();
+    const CameraModel camera = all_fourteen();
     for (int i = 0; i < 7; ++i) {
-        const CalibrationView view = test::synthetic_view(camera, test::synthetic_pose(i), 0.0, i);
+        const CalibrationView view = synthetic_view(camera, synthetic_pose(i), 0.0, i);
         const Rigid pose = fit_view_pose(camera, view);
-        EXPECT_LT(left_difference(pose, test::synthetic_pose(i)).norm(), 1e-8) << i;
+        EXPECT_LT(left_difference(pose, synthetic_pose(i)).norm(), 1e-8) << i;
         for (const Eigen::Vector2d& residual : view_residuals(camera, pose, view))
             EXPECT_LT(residual.norm(), 1e-9);
     }
@@ -350,18 +346,18 @@ TEST(ViewPose, IsFoundForACameraWithEveryCoefficient) {
 
 // A board of 200 mm in 6 m distance: the mirrored pose leaves 0.1 px more at most.
 TEST(ViewPose, TakesTheBetterOfTwoMirroredPoses) {
-    const CameraModel camera = test::calibration_truth();
+    const CameraModel camera = calibration_truth();
     for (int i = 0; i < 7; ++i) {
-        Rigid pose = test::synthetic_pose(i);
+        Rigid pose = synthetic_pose(i);
         pose.translation.z() += 5500.0;
-        const Rigid found = fit_view_pose(camera, test::synthetic_view(camera, pose, 0.0, i));
+        const Rigid found = fit_view_pose(camera, synthetic_view(camera, pose, 0.0, i));
         EXPECT_LT(left_difference(found, pose).norm(), 1e-5) << i;
     }
 }
 
 TEST(ViewPose, OfPointsBehindTheCameraHasNoResiduals) {
-    const CameraModel camera = test::calibration_truth();
-    const CalibrationView view = test::synthetic_view(camera, test::synthetic_pose(1), 0.0, 1);
+    const CameraModel camera = calibration_truth();
+    const CalibrationView view = synthetic_view(camera, synthetic_pose(1), 0.0, 1);
     const Rigid behind{Eigen::Quaterniond::Identity(), {0, 0, -500}};
     EXPECT_THAT(text_of_error<Error>([&] { view_residuals(camera, behind, view); }),
                 HasSubstr("no ray near"));
@@ -370,7 +366,7 @@ TEST(ViewPose, OfPointsBehindTheCameraHasNoResiduals) {
 // Weak perspective: both poses project the plane's middle alike, and the mirror of the mirror is
 // the pose.
 TEST(CalibrationStart, AMirroredPoseTiltsTheOtherWay) {
-    const Rigid pose = test::synthetic_pose(2);
+    const Rigid pose = synthetic_pose(2);
     const Eigen::Vector3d centre(100, 62.5, 0);
     const Rigid mirrored = mirrored_pose(pose, centre);
     EXPECT_LT((mirrored * centre - pose * centre).norm(), 1e-9);
@@ -380,14 +376,12 @@ TEST(CalibrationStart, AMirroredPoseTiltsTheOtherWay) {
 
 // Two pixels high and one wide, and a barrel: the start is within a few percent.
 TEST(CalibrationStart, IsNearTheCamera) {
-    const CameraModel webcam = test::calibration_truth();
-    const CameraStart start =
-        calibration_start(test::synthetic_views(webcam, 8, 0.2, 3), test::image_size);
+    const CameraModel webcam = calibration_truth();
+    const CameraStart start = calibration_start(synthetic_views(webcam, 8, 0.2, 3), image_size);
     EXPECT_NEAR(start.camera.intrinsics.fx, 541.0, 27.0);
     CameraModel tall = webcam;
     tall.intrinsics.fy = 280.0;
-    const CameraStart of_tall =
-        calibration_start(test::synthetic_views(tall, 8, 0.2, 3), test::image_size);
+    const CameraStart of_tall = calibration_start(synthetic_views(tall, 8, 0.2, 3), image_size);
     EXPECT_NEAR(of_tall.camera.intrinsics.fx / of_tall.camera.intrinsics.fy, 541.0 / 280.0, 0.15);
 }
 

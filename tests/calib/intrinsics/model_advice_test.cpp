@@ -1,10 +1,9 @@
 #include "calib/intrinsics/model_advice.h"
 
-#include <gtest/gtest.h>
-
 #include <opencv2/calib3d.hpp>
 
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -115,7 +114,7 @@ TEST(ModelAdvice, TakesNoModelThatIsAQuarterWorseHoweverLargeTheStandardError) {
 
 // A wide lens on views whose plain start leads each model astray by itself.
 TEST(ScoreModels, AModelNeverFitsWorseThanOneThatItContains) {
-    CameraModel truth = test::calibration_truth();
+    CameraModel truth = calibration_truth();
     truth.distortion = {.k1 = 0.9,
                         .k2 = 0.11,
                         .p1 = 0.0004,
@@ -125,9 +124,9 @@ TEST(ScoreModels, AModelNeverFitsWorseThanOneThatItContains) {
                         .k5 = 0.41,
                         .k6 = 0.03};
     for (const int seed : {1, 2, 3}) {
-        const auto views = test::synthetic_views(truth, 9, 0.2, seed);
+        const auto views = synthetic_views(truth, 9, 0.2, seed);
         const auto scores =
-            score_models(views, test::image_size, calibration_models(), /*leave_out_views=*/false);
+            score_models(views, image_size, calibration_models(), /*leave_out_views=*/false);
         for (std::size_t i = 1; i < scores.size(); ++i)
             EXPECT_LE(scores[i].rms_px, 1.0001 * scores[i - 1].rms_px) << scores[i].model;
     }
@@ -142,15 +141,15 @@ TEST(ModelAdvice, AdvisesNothingWhereNoViewWasLeftOut) {
 
 // OpenCV's own calibration and pose, one view at a time, of single-precision pixels.
 double left_out_by_opencv(const std::vector<CalibrationView>& views, std::size_t left_out) {
-    const auto [points, pixels] = test::opencv_views(views);
-    auto [other_points, other_pixels] = test::opencv_views(views);
+    const auto [points, pixels] = opencv_views(views);
+    auto [other_points, other_pixels] = opencv_views(views);
     other_points.erase(other_points.begin() + left_out);
     other_pixels.erase(other_pixels.begin() + left_out);
     const cv::TermCriteria until(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 200, 1e-15);
     cv::Mat k, d, r, t;
     std::vector<cv::Mat> rotations, translations;
-    cv::calibrateCamera(other_points, other_pixels, test::image_size, k, d, rotations, translations,
-                        0, until);
+    cv::calibrateCamera(other_points, other_pixels, image_size, k, d, rotations, translations, 0,
+                        until);
     cv::solvePnP(points[left_out], pixels[left_out], k, d, r, t);
     cv::solvePnPRefineLM(points[left_out], pixels[left_out], k, d, r, t, until);
     std::vector<cv::Point2f> projected;
@@ -165,8 +164,8 @@ double left_out_by_opencv(const std::vector<CalibrationView>& views, std::size_t
 
 // 54 points of 0.3 px noise: 10 px^2 a view. OpenCV's single precision leaves 1e-4 of that.
 TEST(ModelAdvice, LeavesOutAsOpenCvWould) {
-    const auto views = test::synthetic_views(test::calibration_truth(), 6, 0.3, 4);
-    const auto scores = score_models(views, test::image_size, {{calibration_model("standard")}});
+    const auto views = synthetic_views(calibration_truth(), 6, 0.3, 4);
+    const auto scores = score_models(views, image_size, {{calibration_model("standard")}});
     ASSERT_EQ(scores[0].left_out_squares.size(), 6u);
     double sum = 0.0;
     for (std::size_t v = 0; v < views.size(); ++v) {
@@ -180,14 +179,13 @@ TEST(ModelAdvice, LeavesOutAsOpenCvWould) {
 // With k1 and k2 alone in the lens, the richer model has nothing to find. One standard error lets
 // the wrong one through in about a sixth of the cases: more than half of 12 in 1 of 100 000.
 TEST(ModelAdvice, AdvisesTheModelThatTheLensHas) {
-    CameraModel truth = test::calibration_truth();
+    CameraModel truth = calibration_truth();
     truth.distortion = {.k1 = -0.27, .k2 = 0.09};
     const auto models = std::span(calibration_models()).first(3);
     int right = 0;
     for (int seed = 0; seed < 12; ++seed) {
-        const auto views = test::synthetic_views(truth, 7, 0.2, 300 + seed);
-        const ModelAdvice advice =
-            compare_models(score_models(views, test::image_size, models), views);
+        const auto views = synthetic_views(truth, 7, 0.2, 300 + seed);
+        const ModelAdvice advice = compare_models(score_models(views, image_size, models), views);
         ASSERT_TRUE(advice.advised);
         right += advice.models[*advice.advised].model == "radial";
         EXPECT_NE(advice.models[*advice.advised].model, "pinhole");
@@ -196,12 +194,12 @@ TEST(ModelAdvice, AdvisesTheModelThatTheLensHas) {
 }
 
 TEST(ModelAdvice, SaysWhyAModelHasNoScore) {
-    auto views = test::synthetic_views(test::calibration_truth(), 3, 0.2, 4);
-    const auto three = score_models(views, test::image_size, {{calibration_model("radial")}});
+    auto views = synthetic_views(calibration_truth(), 3, 0.2, 4);
+    const auto three = score_models(views, image_size, {{calibration_model("radial")}});
     EXPECT_TRUE(three[0].fit);
     EXPECT_FALSE(three[0].leave_one_out_rms_px);
     views.assign(5, views[0]);
-    const auto alike = score_models(views, test::image_size, {{calibration_model("radial")}});
+    const auto alike = score_models(views, image_size, {{calibration_model("radial")}});
     EXPECT_FALSE(alike[0].fit);
     EXPECT_FALSE(alike[0].failure.empty());
 }

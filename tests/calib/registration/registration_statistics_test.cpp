@@ -4,15 +4,14 @@
 // inside the 95 % ellipsoid, the scatter matrix in every direction, the mean error, and for each of
 // 12 parameters the share of runs inside 1.96 standard deviations. 4 x 16 = 64 comparisons at a
 // family-wise 1 % are 1.56e-4 each: 3.78 standard deviations of a normal deviate, two-sided.
-#include <gmock/gmock.h>
 
 #include <Eigen/Dense>
-#include <cmath>
 
 #include "calib/registration/registration.h"
 #include "core/statistics/random.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/registration/true_stage.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -67,7 +66,7 @@ Eigen::MatrixXd whitening(const Matrix12d& covariance, int rank) {
 
 // The freedoms are held at the truth, so that all 12 numbers have an error to speak of.
 Runs registered(const Vector6d& reach) {
-    const Projector projector(test::webcam());
+    const Projector projector(webcam());
     const std::vector<RegistrationPose> exact = exact_views(projector, reach);
     Runs all;
     for (int run = 0; run < runs; ++run) {

@@ -1,13 +1,8 @@
 #include "tests/capture/frame/camera_contract.h"
 
-#include <thread>
-
 #include "capture/frame/frame_checks.h"
-#include "tests/error_text.h"
 
 namespace etalon {
-
-using namespace std::chrono_literals;
 
 GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(CameraContract);
 

@@ -9,11 +9,8 @@
 // driver lose a frame, say) is skipped and says so.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <functional>
-
 #include "capture/frame/camera.h"
+#include "tests/test.h"
 
 namespace etalon {
 

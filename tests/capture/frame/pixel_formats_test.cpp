@@ -2,12 +2,10 @@
 // document places it.
 #include "capture/frame/pixel_formats.h"
 
-#include <gtest/gtest.h>
-
 #include <opencv2/imgcodecs.hpp>
 #include <random>
-#include <set>
-#include <vector>
+
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,18 +1,10 @@
-#include <gmock/gmock.h>
-
 #include "capture/libcamera/libcamera_camera.h"
 #include "tests/capture/frame/camera_contract.h"
 #include "tests/capture/libcamera/fake_libcamera.h"
-#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
-using testing::Contains;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 using testing::UnorderedElementsAre;
 
 // ---- formats -------------------------------------------------------------------------------

@@ -1,10 +1,7 @@
 // A scripted V4L2 device (tests/fakes/fake_v4l2.h) and the camera over it.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include "capture/v4l2/v4l2_camera.h"
-#include "tests/error_text.h"
 #include "tests/fakes/fake_v4l2.h"
 
 namespace etalon {

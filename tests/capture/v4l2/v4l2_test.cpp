@@ -1,10 +1,7 @@
 // What the V4L2 backend makes of devices that misbehave, over a scripted one
 // (tests/fakes/fake_v4l2.h); of their frames: v4l2_frames_test.cpp. The contract that all backends
-// keep is tested in v4l2_contract_test.cpp.
-#include <gmock/gmock.h>
-#include <linux/videodev2.h>
+// keep is tested in v4l2_frames_test.cpp.
 
-#include <cerrno>
 #include <latch>
 #include <opencv2/imgcodecs.hpp>
 
@@ -12,13 +9,6 @@
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
-using testing::AllOf;
-using testing::Contains;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 // ---- finding and opening ---------------------------------------------------------------------
 

@@ -11,13 +11,10 @@ namespace etalon::test {
 
 // 8 bit, a black level between two codes, 12 e/DN, 14 e of read noise (1.2 DN).
 inline CameraModel noisy_camera() {
-    CameraModel camera = camera_with(320, 240, {400.0, 403.0, 165.0, 112.0});
-    camera.sensor = Sensor{.pixel_pitch_um = 6.0,
-                           .bits = 8,
-                           .black_dn = 9.3,
-                           .gain_e_per_dn = 12.0,
-                           .read_noise_e = 14.0};
-    return camera;
+    return camera_with(
+        320, 240, {400.0, 403.0, 165.0, 112.0}, {},
+        Sensor{
+            .pixel_pitch_um = 6.0, .black_dn = 9.3, .gain_e_per_dn = 12.0, .read_noise_e = 14.0});
 }
 
 // Light and dark squares of 40 px under light that rises to the right: an eighth to all of `top`.

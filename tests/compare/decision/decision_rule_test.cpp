@@ -1,12 +1,9 @@
 // JCGM 106:2012, computed here a second way: by drawing true values and measurements.
-#include <gtest/gtest.h>
-
-#include <cmath>
 
 #include "compare/decision/verdict.h"
 #include "compare/uncertainty/uncertainty_budget.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

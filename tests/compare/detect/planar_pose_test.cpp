@@ -1,23 +1,17 @@
-#include <gtest/gtest.h>
-
-#include <limits>
-#include <numbers>
-
 #include "compare/detect/detector.h"
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using test::corners_at;
 using Points = std::vector<Eigen::Vector3d>;
 using Pixels = std::vector<Eigen::Vector2d>;
 
 // The webcam of the published study: strong barrel distortion, f_x and f_y told apart.
 CameraModel webcam() {
-    return test::camera_with(640, 480, {538.55, 541.2, 319.5, 239.5},
-                             {.k1 = -0.286, .k2 = 0.057, .p1 = 0.0013, .p2 = -0.0007, .k3 = 0.112});
+    return camera_with(640, 480, {538.55, 541.2, 319.5, 239.5},
+                       {.k1 = -0.286, .k2 = 0.057, .p1 = 0.0013, .p2 = -0.0007, .k3 = 0.112});
 }
 
 Points square(double side) {
@@ -186,7 +180,7 @@ TEST_F(EstimatePose, RefusesATelecentricCamera) {
 
 // Markers beside a lens of 200 degrees, their far corners behind the camera; exact pixels.
 TEST_F(EstimatePose, WorksBesideAWideLens) {
-    for (const auto& [name, camera] : test::wide_models()) {
+    for (const auto& [name, camera] : wide_models()) {
         const Projector projector(camera);
         for (const double angle : {0.0, 0.8, 1.55}) {
             const Eigen::Vector3d sight(0.6 * std::sin(angle), -0.8 * std::sin(angle),

@@ -2,20 +2,16 @@
 // they were made.
 #include "compare/diagnosis/causes.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
+#include "compare/diagnosis/error_signatures.h"
+#include "compare/diagnosis/outlier_poses.h"
 #include "tests/compare/qualification/injected_errors.h"
+#include "tests/compare/uncertainty/field_samples.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::Contains;
-using testing::EndsWith;
-using testing::HasSubstr;
 using testing::SizeIs;
-using testing::StartsWith;
 
 Cause named_in(const Causes& causes) {
     if (!causes.named())
@@ -220,6 +216,164 @@ TEST(Causes, TellAToneFromEdgesThatAreNarrower) {
     const Cause light = named_in(causes_with(run, 22, told(0.0, tone, 0.0)));
     EXPECT_EQ(light.text(), "tone curve");
     EXPECT_NEAR(light.errors.front().size, tone, 0.01);
+}
+
+// ---- error signatures
+
+struct Study {
+    SimulatedRun run = demo_run();
+    Projector projector{run.camera};
+    std::vector<ErrorSignature> signatures;
+    std::vector<StageError> stage_errors;
+
+    Study() {
+        const auto all = positions(run, run.plan_seed.value());
+        SignatureChain chain{
+            projector, run.points_mm, run.camera_from_base, run.carriage_from_marker, {}};
+        for (std::size_t i = 0; i < all.size(); ++i) {
+            chain.poses.emplace_back().hold_out = static_cast<int>(i) >= run.training;
+            chain.poses.back().base_from_carriage = base_from_carriage(run.axes, all[i]);
+        }
+        for (std::size_t k = 0; k < 3; ++k)
+            stage_errors.push_back(scale_term(run, all, k).error);
+        const auto count = static_cast<std::size_t>(run.hold_out);
+        const HoldOutNoise noise{std::vector<double>(count, 0.08),
+                                 std::vector<double>(count, 0.007)};
+        signatures = error_signatures(chain, stage_errors, noise, 0.1);
+    }
+
+    const ErrorSignature& of(const std::string& name) const {
+        return *std::ranges::find(signatures, name, &ErrorSignature::name);
+    }
+};
+
+TEST(ErrorSignatures, ConfoundFocalLengthWithTheScaleOfTheDepthAxis) {
+    const Study study;
+    EXPECT_THAT(study.of("focal length").confounded_with, Contains("stage scale z"));
+    EXPECT_THAT(study.of("stage scale z").confounded_with, Contains("focal length"));
+    EXPECT_THAT(study.of("focal length").confounded_with, Not(Contains("stage scale x")));
+    EXPECT_TRUE(study.of("focal length").observable);
+}
+
+// A larger marker and a stage that moves less look the same: both scale the whole scene.
+TEST(ErrorSignatures, ConfoundPrintSizeWithTheScaleOfAllAxesExactly) {
+    const Study study;
+    const Eigen::VectorXd& print = study.of("marker print size").after;
+    const Eigen::VectorXd& scale = study.of("stage scale, all linear axes").after;
+    EXPECT_LT((print + scale).norm(), 1e-3 * print.norm());
+}
+
+TEST(ErrorSignatures, FindAConstantOffsetNotObservable) {
+    const Study study;
+    const ErrorSignature& offset = study.of("constant pose offset");
+    EXPECT_NEAR(offset.before_rms_mm, 0.1, 1e-6);
+    EXPECT_LT(offset.after_rms_mm, 1e-8);
+    EXPECT_FALSE(offset.observable);
+}
+
+TEST(ErrorSignatures, SeeMostOfThePrincipalPointAbsorbed) {
+    const Study study;
+    for (const char* name : {"c_x", "c_y", "half pixel"})
+        EXPECT_LT(study.of(name).after_rms_mm, 0.15 * study.of(name).before_rms_mm) << name;
+}
+
+// The whole chain without noise, not linearised, against the signature: 0.2 % in focal length is
+// second order to 1 %.
+TEST(ErrorSignatures, AgreeWithTheWholeChain) {
+    Study study;
+    SimulatedRun run = without_noise(study.run);
+    run.true_camera.intrinsics.zoom(1.002);
+    const Qualification result = qualify(input_of(run, 3));
+    const ErrorSignature& expected = study.of("focal length");
+    Eigen::Index k = 0;
+    double difference2 = 0.0, power = 0.0;
+    for (const AnalysedPose& pose : result.poses)
+        if (pose.hold_out) {
+            const Eigen::Vector3d signature =
+                2e-3 / expected.size * expected.after.segment<3>(3 * k++);
+            difference2 += (pose.bias.b3->translation_mm - signature).squaredNorm();
+            power += signature.squaredNorm();
+        }
+    EXPECT_LT(std::sqrt(difference2 / power), 0.1);
+}
+
+// ---- outlier poses
+
+// Truth: fields and runs with poses that were put elsewhere.
+
+std::vector<OutlierPose> outlying_of(const std::vector<FieldSample>& all, double least_mm) {
+    return outlying_samples(all, fit_smooth_field(all, FieldBasis::position), least_mm);
+}
+
+TEST(OutlyingSamples, AreFoundWithHowFarTheyAreOff) {
+    auto all = field_samples::samples(40, 1.0, 0.05, 5);
+    EXPECT_TRUE(outlying_of(all, 0.2).empty());
+    const Eigen::Vector3d off(96.0, -3.0, 7.0), other(0.0, 2.0, -30.0);
+    all[17].error += off;
+    all[5].error += other;
+    const auto found = outlying_of(all, 0.2);
+    ASSERT_EQ(found.size(), 2u);
+    EXPECT_EQ(found[0].index, 17u);
+    EXPECT_EQ(found[1].index, 5u);
+    EXPECT_LT((found[0].off_mm - off).norm(), 0.3);  // noise and the field's own uncertainty there
+    EXPECT_LT((found[1].off_mm - other).norm(), 0.3);
+}
+
+// 40 samples may lose two.
+TEST(OutlyingSamples, AreNoneWhereTheyAreMany) {
+    auto all = field_samples::samples(40, 1.0, 0.05, 5);
+    for (const std::size_t i : {3u, 17u, 29u})
+        all[i].error += Eigen::Vector3d(0.0, 20.0 + static_cast<double>(i), 0.0);
+    EXPECT_TRUE(outlying_of(all, 0.2).empty());
+    EXPECT_EQ(max_outlying(40), 2u);
+    EXPECT_EQ(max_outlying(15), 1u);
+}
+
+TEST(OutlyingSamples, AreNoneThatAreNearerThanWhatCounts) {
+    auto all = field_samples::samples(40, 1.0, 0.001, 5);
+    all[17].error += Eigen::Vector3d(0.1, 0.0, 0.0);
+    EXPECT_EQ(outlying_of(all, 0.05).size(), 1u);
+    EXPECT_TRUE(outlying_of(all, 0.16).empty());
+}
+
+// The stage stands 40 mm aside of where it says, at a hold-out pose and at a training pose. What is
+// left is a camera without an error, and nobody may sign that it passes.
+TEST(OutlyingPoses, AreLeftOutAndWithholdPass) {
+    for (const std::size_t wrong : {43u, 12u}) {
+        SimulatedRun run = demo_run();
+        run.misread = [wrong](std::vector<double>& q, std::size_t i) {
+            if (i == wrong)
+                q[1] += q[1] > 0.0 ? -40.0 : 40.0;
+        };
+        run.look_for_causes = true;
+        const Qualification result = qualify(input_of(run, 1));
+        ASSERT_TRUE(result.causes->named());
+        EXPECT_EQ(result.causes->named()->text(), fmt::format("pose {} does not fit", wrong));
+        const std::string expected = fmt::format("pose {} along y by (39|40)[.0-9]* mm", wrong);
+        EXPECT_THAT(result.outlying, ElementsAre(testing::Field(&RejectedPose::text,
+                                                                testing::ContainsRegex(expected))));
+        EXPECT_EQ(result.verdict, Outcome::inconclusive) << wrong;
+        EXPECT_FALSE(result.poses[wrong].used);
+        for (const JudgedQuantity& each : result.quantities)
+            EXPECT_EQ(each.outcome, Outcome::pass) << each.name << " without pose " << wrong;
+    }
+}
+
+// Corners lie aside while the photographs' pixels show the marker at its place: the detector
+// slipped, the stage did not, and the field's robust fit bears one such pose.
+TEST(OutlyingPoses, AreNotThoseWhereOnlyTheDetectorSlipped) {
+    SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    for (const std::size_t slipped : {43u, 12u}) {
+        VisitedPose& pose = input.poses[slipped];
+        pose.seen_at = run.camera_from_base * pose.base_from_carriage * run.carriage_from_marker;
+        pose.detector_bias_px.assign(4, Eigen::Vector2d::Zero());
+        pose.corners = moved_by(pose.corners, {0.8, -0.6});
+    }
+    EXPECT_TRUE(qualify(input).outlying.empty());
+    for (const std::size_t slipped : {43u, 12u})
+        input.poses[slipped].seen_at.reset();
+    EXPECT_EQ(qualify(input).outlying.size(), 2u);
 }
 
 }  // namespace

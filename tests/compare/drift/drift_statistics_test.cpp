@@ -1,13 +1,11 @@
 // How often the warm-up check is wrong: its promise is at most 5 % over a whole run, whenever the
 // drift is as large as the limit.
-#include <gtest/gtest.h>
 
 #include "tests/compare/drift/simulated_drift.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using test::SimulatedDrift;
 
 constexpr int runs = 40;
 
@@ -16,9 +14,9 @@ constexpr int runs = 40;
 TEST(DriftStatistics, ADriftAtTheLimitIsNotCalledStable) {
     constexpr int max_by_chance = 8;
     SimulatedDrift shift, growth, small_tag, vibration;
-    shift.moved = small_tag.moved = vibration.moved = test::shift_at(0.02);
-    growth.moved = test::growth_at(0.02);  // in the corners
-    small_tag.target = test::grid_of_points(2, 2, 280, 200, 80);
+    shift.moved = small_tag.moved = vibration.moved = shift_at(0.02);
+    growth.moved = growth_at(0.02);  // in the corners
+    small_tag.target = grid_of_points(2, 2, 280, 200, 80);
     vibration.shake_px = 0.05;
     for (SimulatedDrift drift : {shift, growth, small_tag, vibration}) {
         drift.minutes = 20.0;  // long enough for the longest window
@@ -34,7 +32,7 @@ TEST(DriftStatistics, ADriftAtTheLimitIsNotCalledStable) {
 TEST(DriftStatistics, HalfTheLimitIsCalledStableInTheFirstWindow) {
     SimulatedDrift drift;
     for (const auto& [px_per_min, latest_min] : {std::pair(0.01, 5.3), {0.018, 20.3}}) {
-        drift.moved = test::shift_at(px_per_min);
+        drift.moved = shift_at(px_per_min);
         for (std::uint64_t seed = 1; seed <= runs; ++seed) {
             const DriftMonitor monitor = drift.watch(seed);
             EXPECT_TRUE(monitor.stable()) << seed;
@@ -47,7 +45,7 @@ TEST(DriftStatistics, HalfTheLimitIsCalledStableInTheFirstWindow) {
 // may be called below it. All noise lies along the drift here, where the promise is tight; other
 // noise and four different corners make errors rarer.
 TEST(DriftStatistics, OneJudgementErrsAsOftenAsItSays) {
-    const TargetReference reference(test::grid_of_points(9, 6, 150, 100, 40));
+    const TargetReference reference(grid_of_points(9, 6, 150, 100, 40));
     constexpr int windows = 4000;
     constexpr double chance = 0.1;
     int below = 0;
@@ -69,7 +67,7 @@ TEST(DriftStatistics, OneJudgementErrsAsOftenAsItSays) {
 // 7 runs of an hour at a frame a second: 25 200 frames, of which 4e-7 each are false jumps.
 TEST(DriftStatistics, NoiseAndVibrationAreNoJumps) {
     SimulatedDrift drift;
-    drift.moved = test::shift_at(0.05);  // never stable
+    drift.moved = shift_at(0.05);  // never stable
     for (std::uint64_t seed = 1; seed <= 4; ++seed)
         EXPECT_TRUE(drift.watch(seed).jumps().empty()) << seed;
     drift.shake_px = 0.02;

@@ -1,16 +1,9 @@
-#include "compare/drift/drift_monitor.h"
-
-#include <gtest/gtest.h>
-
-#include "core/program/errors.h"
 #include "core/statistics/distributions.h"
 #include "tests/compare/drift/simulated_drift.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using test::grid_of_points;
-using test::SimulatedDrift;
 
 TEST(Median, IsTheMiddleAndItsDeviationThatOfNormalValues) {
     EXPECT_EQ(median({7.0, 5.0, 100.0}), 7.0);

@@ -11,15 +11,14 @@ namespace etalon::test {
 
 // 12 bit, black level 64, a few thousand electrons: signal to noise of 50 in the white.
 inline CameraModel edge_camera(int width, int height) {
-    CameraModel camera = camera_with(
-        width, height, {900.0, 905.0, 0.5 * width - 1.7, 0.5 * height + 1.1}, {.k1 = -0.2});
-    camera.sensor = Sensor{.pixel_pitch_um = 5.0,
-                           .bits = 12,
-                           .black_dn = 64.0,
-                           .gain_e_per_dn = 0.8,
-                           .read_noise_e = 7.0};
-    camera.lens = Lens{.f_number = 8.0, .focus_distance_mm = 500.0, .wavelength_nm = 550.0};
-    return camera;
+    return camera_with(width, height, {900.0, 905.0, 0.5 * width - 1.7, 0.5 * height + 1.1},
+                       {.k1 = -0.2},
+                       Sensor{.pixel_pitch_um = 5.0,
+                              .bits = 12,
+                              .black_dn = 64.0,
+                              .gain_e_per_dn = 0.8,
+                              .read_noise_e = 7.0},
+                       Lens{.f_number = 8.0, .focus_distance_mm = 500.0, .wavelength_nm = 550.0});
 }
 
 inline void set_gaussian(CameraModel& camera, double sigma_px) {

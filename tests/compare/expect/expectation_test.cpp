@@ -1,22 +1,16 @@
 #include "compare/expect/expectation.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-
+#include "compare/make_detector.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "station/planning/expectation_report.h"
 #include "station/qualify/run_analysis.h"
+#include "station/setup/station_file.h"
 #include "tests/calib/cameras.h"
+#include "tests/station/stations.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 // By hand, for a marker on the camera's right that faces the camera's own z.
 TEST(Expectation, ComponentsAreAlongTheSightAndTheTilt) {
@@ -39,7 +33,7 @@ TEST(Expectation, ComponentsAreAlongTheSightAndTheTilt) {
 
 // The third component of rotation is the derivative of the tilt itself.
 TEST(Expectation, TheTiltErrorIsTheChangeOfTheTilt) {
-    const Projector projector(test::camera_with(640, 480, {540, 540, 320, 240}));
+    const Projector projector(camera_with(640, 480, {540, 540, 320, 240}));
     const Rigid pose{rotation_from_vector({0.4, -0.3, 1.1}), {60.0, -45.0, 500.0}};
     const Eigen::Vector3d w(2e-6, -3e-6, 1e-6);
     const Rigid turned{pose.rotation * rotation_from_vector(w), pose.translation};
@@ -102,9 +96,8 @@ TEST(ExpectationMap, RefusesTooFewPosesAndNumbersWithoutAMeaning) {
 }
 
 ExpectationRequest small_request() {
-    CameraModel camera = test::camera_with(240, 180, {210, 210, 121, 88});
-    camera.sensor = Sensor{.gain_e_per_dn = 40.0, .read_noise_e = 12.0};
-    return {.scene = {.camera = camera,
+    return {.scene = {.camera = camera_with(240, 180, {210, 210, 121, 88}, {},
+                                            Sensor{.gain_e_per_dn = 40.0, .read_noise_e = 12.0}),
                       .marker = parse_marker("apriltag:36h11:5@60mm", "test"),
                       .white_level = 0.8},
             .volume = {160.0, 260.0, 40.0 * rad_per_deg},
@@ -173,7 +166,7 @@ TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
             Rigid moved = pose;
             moved.translation += side * sight.cross(Eigen::Vector3d(0, 0, 1)).normalized();
             record.frames.emplace_back().corners =
-                test::corners_at(projector, request.scene.marker.points_mm, moved);
+                corners_at(projector, request.scene.marker.points_mm, moved);
         }
         record.detections = 2;
         result.poses.push_back(record);
@@ -195,7 +188,7 @@ TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
 TEST(RunExpectation, SaysNothingWithoutAnAnalysis) {
     HtmlPage page("test", "");
     add_run_expectation(page, QualifyResult{});
-    EXPECT_THAT(page.finish(), testing::Not(HasSubstr("What to expect")));
+    EXPECT_THAT(page.finish(), Not(HasSubstr("What to expect")));
 }
 
 // Poses aside that are not rendered are not among them, and others are in their place.
@@ -236,6 +229,89 @@ TEST(Expectation, RefusesAVolumeThatTheMarkerDoesNotFit) {
     EXPECT_THROW(expect_errors(request), NumericalError);
     request.scene.detector = "chessboard";
     EXPECT_THROW(expect_errors(request), ConfigError);
+}
+
+// ---- expected view
+
+StationFile noisy_station(const TemporaryFolder& folder) {
+    StationFile station = read_station(write_station(folder, station_text));
+    station.camera.model.sensor = Sensor{.bits = 8, .gain_e_per_dn = 55.0, .read_noise_e = 12.0};
+    return station;
+}
+
+class ExpectedViewTest : public testing::Test {
+protected:
+    ExpectedViewTest() : station_(noisy_station(folder_)), view_(expected_scene(station_)) {}
+
+    // Off the image's centre, turned and tilted.
+    Rigid pose(double x, double y, double z) const {
+        const Eigen::Quaterniond rotation(
+            Eigen::AngleAxisd(0.6, Eigen::Vector3d(0.3, 0.8, 0.2).normalized()));
+        return {rotation, {x, y, z}};
+    }
+    std::unique_ptr<Detector> detector() const {
+        return make_detector("auto", station_.marker, "test");
+    }
+
+    TemporaryFolder folder_;
+    StationFile station_;
+    ExpectedView view_;
+};
+
+TEST_F(ExpectedViewTest, AreaHoldsTheMarkerAndAMarginOfTwentyFourPixels) {
+    const Rigid marker = pose(17, -11, 380);
+    const cv::Rect area = view_.area_of(marker);
+    const cv::Rect all(0, 0, station_.camera.model.width, station_.camera.model.height);
+    EXPECT_LT(area.area(), all.area());
+    const Projector projector(station_.camera.model);
+    const CellGrid& grid = station_.marker.grid;
+    for (const int u : {0, grid.columns()})
+        for (const int v : {0, grid.rows()}) {
+            const Eigen::Vector2d pixel = *projector.project(marker * grid.point_mm(u, v));
+            for (const int x : {-24, 24})
+                for (const int y : {-24, 24}) {
+                    const cv::Point place(static_cast<int>(pixel.x() + x),
+                                          static_cast<int>(pixel.y() + y));
+                    EXPECT_TRUE(!all.contains(place) || area.contains(place)) << u << v << x << y;
+                }
+        }
+    EXPECT_EQ(area.x % 16, 0);
+    EXPECT_EQ(area.y % 16, 0);
+}
+
+TEST_F(ExpectedViewTest, AreaIsTheWholeImageForAMarkerThatIsNotInIt) {
+    const cv::Rect all(0, 0, station_.camera.model.width, station_.camera.model.height);
+    EXPECT_EQ(view_.area_of(pose(5000, 0, 380)), all);
+}
+
+// The same pixels with the same noise: corners agree to what the detector's thresholds near the
+// area's border may do, which is nothing, and to single precision, in which AprilTag fits.
+TEST_F(ExpectedViewTest, CornersOfTheAreaAreThoseOfTheWholeImage) {
+    const auto part = detector(), whole = detector();
+    for (const Rigid& marker : {pose(17, -11, 380), pose(-40, 25, 420), pose(3, 7, 350)}) {
+        const ExpectedExposures exposures(view_, marker);
+        for (std::uint32_t frame = 0; frame < 3; ++frame) {
+            const NoiseKey noise{7, frame};
+            const auto found = exposures.with_noise(*part, noise);
+            const auto expected =
+                whole->detect(view_.sensor().expose(view_.radiance_at(marker), noise)).corners;
+            ASSERT_TRUE(found && expected);
+            for (std::size_t k = 0; k < 4; ++k)
+                EXPECT_LT((found->pixels[k] - expected->pixels[k]).norm(), 1e-4) << k;
+        }
+    }
+}
+
+TEST_F(ExpectedViewTest, NoiseMovesTheCornersALittle) {
+    const auto tag = detector();
+    const ExpectedExposures exposures(view_, pose(17, -11, 380));
+    const auto clean = exposures.without_noise(*tag), noisy = exposures.with_noise(*tag, {7, 5});
+    ASSERT_TRUE(clean && noisy);
+    for (std::size_t k = 0; k < 4; ++k) {
+        const double moved = (noisy->pixels[k] - clean->pixels[k]).norm();
+        EXPECT_GT(moved, 1e-5);
+        EXPECT_LT(moved, 0.5);
+    }
 }
 
 }  // namespace

@@ -1,16 +1,14 @@
 // Real photographs of a board: with their own calibration they are matches, with one that is wrong
 // they are not.
-#include <gtest/gtest.h>
-
-#include <algorithm>
 
 #include "compare/match/photo_findings.h"
 #include "tests/compare/board_photos.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-struct Photos : test::BoardPhotos {
+struct Photos : BoardPhotos {
     using BoardPhotos::BoardPhotos;
     ComparedArea area = compared_area(board, {}, "test");
 
@@ -37,7 +35,7 @@ struct Photos : test::BoardPhotos {
 class RealPhotographs : public testing::TestWithParam<const char*> {
 protected:
     void SetUp() override {
-        if (!test::photos_are_there())
+        if (!photos_are_there())
             GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
     }
 };
@@ -80,7 +78,7 @@ TEST_P(RealPhotographs, HaveNoFindingWithTheirOwnCalibration) {
 // k1 0.05 off displaces the image's corners by several px and the boards' by one or two: most
 // photographs show it, though each has a pose of its own to make up for it.
 TEST(RealPhotographsOfTheLeftCamera, ShowAWrongDistortion) {
-    if (!test::photos_are_there())
+    if (!photos_are_there())
         GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
     const Photos photos("left");
     CameraModel wrong = photos.fit.camera;

@@ -4,22 +4,15 @@
 // docs/match-outcome.md.
 #include "compare/match/photo_findings.h"
 
-#include <gtest/gtest.h>
-
-#include <opencv2/imgproc.hpp>
-#include <set>
-
 #include "tests/compare/match/adversarial_photos.h"
-#include "tests/image_of.h"
+#include "tests/compare/match/photographed_run.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using test::examined;
-using test::TrueScene;
-
 std::shared_ptr<const PhotometricCamera> calibrated() {
-    static const auto camera = std::make_shared<const PhotometricCamera>(test::calibrated_camera());
+    static const auto camera = std::make_shared<const PhotometricCamera>(calibrated_camera());
     return camera;
 }
 
@@ -33,25 +26,24 @@ std::string names(const Findings& findings) {
 using Photographer = std::function<CodeImage(const TrueScene&, int seed)>;
 
 CodeImage plain(const TrueScene& scene, int seed) {
-    return test::exposed(test::radiance_of(scene), seed);
+    return exposed(radiance_of(scene), seed);
 }
 
 // Eight gray more than the camera has.
 CodeImage noisy(const TrueScene& scene, int seed) {
     CodeImage photo = plain(scene, seed);
     RandomStream random(5, 2);
-    cv::add(photo.pixels, test::normal_noise(photo.pixels.size(), 8.0, random), photo.pixels,
+    cv::add(photo.pixels, normal_noise(photo.pixels.size(), 8.0, random), photo.pixels,
             cv::noArray(), CV_8U);
     return photo;
 }
 
 Photographer before_the_sensor(std::function<Radiance(const TrueScene&)> radiance) {
-    return [=](const TrueScene& scene, int seed) { return test::exposed(radiance(scene), seed); };
+    return [=](const TrueScene& scene, int seed) { return exposed(radiance(scene), seed); };
 }
 
 Photographer with_radiance(std::function<Radiance(const Radiance&)> change) {
-    return before_the_sensor(
-        [=](const TrueScene& scene) { return change(test::radiance_of(scene)); });
+    return before_the_sensor([=](const TrueScene& scene) { return change(radiance_of(scene)); });
 }
 
 Photographer behind_the_sensor(std::function<CodeImage(const CodeImage&)> change) {
@@ -71,7 +63,7 @@ struct Harmless {
 const std::vector<Harmless> harmless{
     {"APhotographWithoutFault", plain},
     {"UnevenLight",
-     before_the_sensor([](const TrueScene& scene) { return test::unevenly_lit(scene, 0.5); })},
+     before_the_sensor([](const TrueScene& scene) { return unevenly_lit(scene, 0.5); })},
     {"Noise", noisy},
     {"JpegAtQuality50", compressed(50)},
 };
@@ -79,13 +71,13 @@ const std::vector<Harmless> harmless{
 // At the pose that corners with errors by the seed give.
 Findings found_in(const CodeImage& photo, const TrueScene& scene, int seed,
                   const std::shared_ptr<const PhotometricCamera>& camera = calibrated()) {
-    return examined(photo, scene, test::found_pose(scene, camera->model(), seed), camera);
+    return examined(photo, scene, found_pose(scene, camera->model(), seed), camera);
 }
 
 class MatchOf : public testing::TestWithParam<Harmless> {};
 
 TEST_P(MatchOf, IsAMatch) {
-    for (const auto scenes : {test::tag_scene, test::board_scene})
+    for (const auto scenes : {tag_scene, board_scene})
         for (int pose = 0; pose < 2; ++pose) {
             const TrueScene scene = scenes(pose);
             const Findings findings = found_in(GetParam().photo(scene, 3), scene, 3);
@@ -98,22 +90,21 @@ INSTANTIATE_TEST_SUITE_P(MatchOutcome, MatchOf, testing::ValuesIn(harmless),
 
 // The truth from brute-force sampling: no renderer of ours made this photograph.
 TEST(MatchOutcome, OfAPhotographByTheReferenceIntegratorIsAMatch) {
-    const TrueScene scene = test::tag_scene(0);
-    const Findings findings =
-        found_in(test::exposed(test::reference_radiance_of(scene), 4), scene, 4);
+    const TrueScene scene = tag_scene(0);
+    const Findings findings = found_in(exposed(reference_radiance_of(scene), 4), scene, 4);
     EXPECT_TRUE(is_matched(findings)) << names(findings);
 }
 
 // A camera whose file knows lens and noise: the blur is not fitted, and a larger one is a finding.
 TEST(MatchOutcome, NamesABlurThatIsNotTheCamerasOwn) {
-    const auto camera = std::make_shared<const PhotometricCamera>(test::true_camera());
+    const auto camera = std::make_shared<const PhotometricCamera>(true_camera());
     for (const bool board : {false, true}) {
-        const TrueScene scene = board ? test::board_scene(0) : test::tag_scene(0);
-        Radiance radiance = test::radiance_of(scene);
-        Findings findings = found_in(test::exposed(radiance, 5), scene, 5, camera);
+        const TrueScene scene = board ? board_scene(0) : tag_scene(0);
+        Radiance radiance = radiance_of(scene);
+        Findings findings = found_in(exposed(radiance, 5), scene, 5, camera);
         EXPECT_TRUE(is_matched(findings)) << names(findings);
         cv::GaussianBlur(radiance, radiance, {0, 0}, 0.8);
-        findings = found_in(test::exposed(radiance, 5), scene, 5, camera);
+        findings = found_in(exposed(radiance, 5), scene, 5, camera);
         ASSERT_FALSE(is_matched(findings));
         EXPECT_EQ(findings.front().name, "blur_differs") << names(findings);
         EXPECT_GT(findings.front().value, 0.0);
@@ -122,15 +113,15 @@ TEST(MatchOutcome, NamesABlurThatIsNotTheCamerasOwn) {
 
 using Scenes = std::vector<TrueScene (*)(int pose)>;
 
-const Scenes tag{test::tag_scene}, board{test::board_scene}, wide_board{test::wide_board_scene},
-    both{test::tag_scene, test::board_scene};
+const Scenes tag{tag_scene}, board{board_scene}, wide_board{wide_board_scene},
+    both{tag_scene, board_scene};
 
 struct Fault {
     std::string name;
     std::set<std::string> findings;  // every photograph has one of them
     Scenes scenes;
     Photographer photo;
-    CameraModel camera = test::calibrated_camera();  // what the calibration says
+    CameraModel camera = calibrated_camera();  // what the calibration says
 };
 
 // Photographs of what else hangs there: another marker, or the marker's own cells changed.
@@ -154,9 +145,8 @@ Photographer turned(int code) {
 }
 
 Photographer covered(double reflectance) {
-    return before_the_sensor([=](const TrueScene& scene) {
-        return test::occluded(scene, 1.5 * test::cell_px(scene), reflectance);
-    });
+    return before_the_sensor(
+        [=](const TrueScene& scene) { return occluded(scene, 1.5 * cell_px(scene), reflectance); });
 }
 
 Photographer sharpened(double amount) {
@@ -165,13 +155,13 @@ Photographer sharpened(double amount) {
 }
 
 CameraModel with_other_distortion() {
-    CameraModel wrong = test::calibrated_camera();
+    CameraModel wrong = calibrated_camera();
     wrong.distortion.k1 += 0.05;
     return wrong;
 }
 
 CameraModel with_another_focal_length() {
-    CameraModel wrong = test::calibrated_camera();
+    CameraModel wrong = calibrated_camera();
     wrong.intrinsics.zoom(1.05);
     return wrong;
 }
@@ -181,14 +171,14 @@ const std::vector<Fault> faults{
     {"GrayCover", {"occluded"}, both, covered(0.4)},
     {"WhiteCover", {"occluded"}, both, covered(0.8)},
     {"Glare", {"glare"}, both, before_the_sensor([](const TrueScene& scene) {
-         return test::with_glare(scene, 0.8 * test::cell_px(scene), 3.0);
+         return with_glare(scene, 0.8 * cell_px(scene), 3.0);
      })},
     {"MotionBlur",
      {"motion_blur"},
      both,
-     [](const TrueScene& scene, int seed) { return test::exposed(test::moved(scene, 5.0), seed); }},
+     [](const TrueScene& scene, int seed) { return exposed(moved(scene, 5.0), seed); }},
     {"RowsReadWhileTheMarkerMoves", {"skewed"}, both, before_the_sensor([](const TrueScene& scene) {
-         return test::rolled(scene, 3.0);
+         return rolled(scene, 3.0);
      })},
     {"AnotherId", {"wrong_marker"}, tag, of_another("apriltag:36h11:17@50mm")},
     {"AnotherFamily", {"wrong_marker", "marker_not_there"}, tag, of_another("aruco:6X6_50:3@50mm")},
@@ -201,7 +191,7 @@ const std::vector<Fault> faults{
     {"Mirrored", {"mirrored"}, tag, with_cells([](const cv::Mat& cells, cv::Mat& shown) {
          cv::flip(cells, shown, 1);
      })},
-    {"Negative", {"negative"}, both, behind_the_sensor(test::negative)},
+    {"Negative", {"negative"}, both, behind_the_sensor(negative)},
     {"LittleSharpening", {"sharpened"}, both, sharpened(0.5)},
     {"Sharpening", {"sharpened"}, both, sharpened(1.0)},
     {"MuchSharpening", {"sharpened"}, both, sharpened(2.0)},
@@ -217,10 +207,10 @@ const std::vector<Fault> faults{
      {"marker_not_there"},
      both,
      before_the_sensor(
-         [](const TrueScene& scene) -> Radiance { return 0.5 + 0.0 * test::radiance_of(scene); })},
+         [](const TrueScene& scene) -> Radiance { return 0.5 + 0.0 * radiance_of(scene); })},
     {"OutOfFocus", {"out_of_focus"}, both, before_the_sensor([](const TrueScene& scene) {
          Radiance blurred;
-         cv::GaussianBlur(test::radiance_of(scene), blurred, {0, 0}, 5.0);
+         cv::GaussianBlur(radiance_of(scene), blurred, {0, 0}, 5.0);
          return blurred;
      })},
     {"StrongCompression", {"compressed"}, both, compressed(10)},
@@ -253,10 +243,10 @@ INSTANTIATE_TEST_SUITE_P(MatchOutcome, FaultOf, testing::ValuesIn(faults),
 
 TEST(MatchOutcome, NamesAMarkerThatReachesOutOfTheImage) {
     for (const bool board : {false, true}) {
-        TrueScene scene = board ? test::board_scene(0) : test::tag_scene(0);
+        TrueScene scene = board ? board_scene(0) : tag_scene(0);
         scene.camera_from_marker.translation.x() += board ? 90.0 : 50.0;
-        const Findings findings = examined(test::exposed(test::radiance_of(scene), 1), scene,
-                                           scene.camera_from_marker, calibrated());
+        const Findings findings =
+            examined(exposed(radiance_of(scene), 1), scene, scene.camera_from_marker, calibrated());
         ASSERT_FALSE(is_matched(findings));
         EXPECT_EQ(findings.front().name, "not_in_image") << names(findings);
     }
@@ -266,10 +256,115 @@ TEST(MatchOutcome, NamesAMarkerThatReachesOutOfTheImage) {
 // would have a finding; with these seeds none has.
 TEST(MatchOutcome, HasFewFalseFindings) {
     for (int n = 0; n < 200; ++n) {
-        const TrueScene scene = n % 2 == 0 ? test::tag_scene(2 + n) : test::board_scene(2 + n);
+        const TrueScene scene = n % 2 == 0 ? tag_scene(2 + n) : board_scene(2 + n);
         const Findings findings = found_in(plain(scene, n), scene, n);
         EXPECT_TRUE(is_matched(findings)) << n << ": " << names(findings);
     }
+}
+
+// ---- pixel measurement
+
+// Photographs with a sensor's noise, of cameras that differ from the calibration in one thing:
+// truth is the number that was changed. Where it is the lens or the tone, the reference integrator
+// made them, and the renderer that is compared has no part in them; its own error (0.8 gray RMS at
+// blurred edges with these samples) would be a finding where nothing is wrong.
+
+ImageAgreement matched(const PhotographedTruth& truth,
+                       RenderMethod method = RenderMethod::automatic) {
+    const ImageAgreement match = photographed(truth, 31, method);
+    for (const std::string& finding : match.findings)
+        fmt::print("  {}\n", finding);
+    return match;
+}
+
+double evidence(const ImageAgreement& match, const std::string& error) {
+    const auto at = std::ranges::find(match.evidence.errors, error);
+    return match.evidence.observed[at - match.evidence.errors.begin()];
+}
+
+double expanded(const ImageAgreement& match, const std::string& error) {
+    const auto at = std::ranges::find(match.evidence.errors, error) - match.evidence.errors.begin();
+    return 3.0 * std::sqrt(match.evidence.covariance(at, at));
+}
+
+TEST(PhotoEvidence, MatchWhereTheCameraIsItsCalibration) {
+    const ImageAgreement match = matched({});
+    EXPECT_THAT(match.findings, IsEmpty());
+    EXPECT_EQ(match.photos, 14);
+    EXPECT_LT(match.blur_px->expanded_uncertainty, 0.02);
+    EXPECT_LT(match.edge_px->expanded_uncertainty, 0.02);
+}
+
+TEST(PhotoEvidence, TellAnApertureTwoStopsDown) {
+    PhotographedTruth truth;
+    truth.camera.lens->f_number = 3.2;
+    const ImageAgreement match = matched(truth, RenderMethod::reference);
+    ASSERT_EQ(match.findings.size(), 2u);
+    EXPECT_THAT(match.findings[0], HasSubstr("sharper"));
+    EXPECT_THAT(match.findings[1], StartsWith("the lens is at f/3."));
+}
+
+TEST(PhotoEvidence, TellWhereTheLensFocuses) {
+    PhotographedTruth truth;
+    truth.camera.lens->focus_distance_mm = 640.0;
+    const ImageAgreement match = matched(truth, RenderMethod::reference);
+    ASSERT_EQ(match.findings.size(), 2u);
+    EXPECT_THAT(match.findings[1], StartsWith("the lens focuses at 6"));
+    EXPECT_NEAR(evidence(match, "focus distance"), 1.0 / 640.0 - 1.0 / 1100.0,
+                expanded(match, "focus distance"));
+}
+
+// The curve that the model has, in the camera as a table.
+TEST(PhotoEvidence, TellAToneCurve) {
+    constexpr double bent = 0.15;
+    PhotographedTruth truth;
+    truth.camera.sensor->transfer.kind = Transfer::Kind::table;
+    for (int i = 0; i <= 200; ++i) {
+        const double s = i / 200.0;
+        truth.camera.sensor->transfer.table.emplace_back(s, s * (1.0 + bent * (1.0 - s)));
+    }
+    // Between black and white at 0.8 of full scale the same curve is a flatter one:
+    // (s + t s (1 - s)) / (1 + t (1 - 0.8)) with s = 0.8 u is u + t' u (1 - u).
+    const double flatter = 0.8 * bent / (1.0 + 0.2 * bent);
+    const ImageAgreement match = matched(truth, RenderMethod::reference);
+    EXPECT_NEAR(evidence(match, "tone curve"), flatter, expanded(match, "tone curve"));
+    EXPECT_TRUE(match.tone_gray->is_shown());
+    EXPECT_THAT(match.findings, Contains(HasSubstr("half tones are brighter")));
+}
+
+// A power of 0.8: t = 0.5, and leaning besides, which looks like another lens.
+TEST(PhotoEvidence, TakeNoToneCurveForALens) {
+    PhotographedTruth truth;
+    Transfer& curve = truth.camera.sensor->transfer;
+    curve.kind = Transfer::Kind::table;
+    for (int i = 0; i <= 400; ++i)
+        curve.table.emplace_back(i / 400.0, std::pow(i / 400.0, 0.8));
+    const ImageAgreement match = matched(truth);
+    EXPECT_TRUE(match.tone_gray->is_shown());
+    for (const char* error : {"f-number", "focus distance", "blur"})
+        EXPECT_LT(std::abs(evidence(match, error)), expanded(match, error)) << error;
+    EXPECT_LT(expanded(match, "blur"), 0.3);
+}
+
+TEST(PhotoEvidence, TellNoiseBackgroundAndBlack) {
+    PhotographedTruth truth;
+    truth.camera.sensor->gain_e_per_dn = 10.0;
+    truth.camera.sensor->read_noise_e = 2.0;
+    const ImageAgreement noise = matched(truth);
+    EXPECT_THAT(noise.findings, ElementsAre(HasSubstr("the noise is larger")));
+    EXPECT_GT(noise.noise_ratio->value, 0.8);  // twice the shot noise, and rounding
+    EXPECT_LT(noise.noise_ratio->value, 1.0);
+
+    truth = {};
+    truth.camera.sensor->black_dn = 15.0;
+    const ImageAgreement black = matched(truth);
+    EXPECT_NEAR(black.black_gray->value, 6.0, black.black_gray->expanded_uncertainty);
+    EXPECT_THAT(black.findings, ElementsAre(HasSubstr("black is brighter")));
+
+    const ImageAgreement beside = matched({.background = stated_background + 0.1});
+    EXPECT_NEAR(beside.background_gray->value, 0.1 * 0.8 * (255.0 - 9.0),
+                beside.background_gray->expanded_uncertainty + 0.3);
+    EXPECT_THAT(beside.findings, ElementsAre(HasSubstr("is brighter than the")));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // Photographs of a tag by a camera that differs from its calibration, with its sensor's noise, and
-// what their pixels tell: shared by pixel_measurement_statistics_test.cpp and
+// what their pixels tell: shared by photo_findings_statistics_test.cpp and
 // tests/evidence/causes.cpp.
 #pragma once
 
@@ -16,11 +16,10 @@ namespace etalon::test {
 inline constexpr double stated_background = 0.55;
 
 inline CameraModel photographed_calibration() {
-    CameraModel camera = camera_with(320, 240, {430.0, 432.0, 157.2, 121.7}, {.k1 = -0.11});
-    camera.sensor =
-        Sensor{.pixel_pitch_um = 5.0, .black_dn = 9.0, .gain_e_per_dn = 40.0, .read_noise_e = 8.0};
-    camera.lens = Lens{.f_number = 1.6, .focus_distance_mm = 1100.0, .wavelength_nm = 550.0};
-    return camera;
+    return camera_with(
+        320, 240, {430.0, 432.0, 157.2, 121.7}, {.k1 = -0.11},
+        Sensor{.pixel_pitch_um = 5.0, .black_dn = 9.0, .gain_e_per_dn = 40.0, .read_noise_e = 8.0},
+        Lens{1.6, 1100.0, 550.0, {}});
 }
 
 inline const Marker& photographed_tag() {

@@ -2,15 +2,14 @@
 // levels, clipping and noise: the renderer and the model that are fitted have no part in them.
 #include "compare/photometric/photo_match.h"
 
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
 #include <opencv2/imgproc.hpp>
 
-#include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "tests/calib/cameras.h"
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -20,7 +19,7 @@ constexpr double variance_difference = sigma_x_px * sigma_x_px - sigma_y_px * si
 const double mean_width = std::sqrt(0.5 * (sigma_x_px * sigma_x_px + sigma_y_px * sigma_y_px));
 
 CameraModel camera_of(int scale) {
-    return test::camera_with(
+    return camera_with(
         160 * scale, 120 * scale,
         {203.0 * scale, 199.0 * scale, (77.0 + 0.5) * scale - 0.5, (61.0 + 0.5) * scale - 0.5},
         {.k1 = -0.2, .k2 = 0.05});
@@ -101,7 +100,7 @@ Truth clipped() {
 CodeImage photo_of(const Truth& truth, double noise_gray, std::uint64_t seed,
                    const cv::Mat& seen = reference()) {
     RandomStream random(seed, 11);
-    const cv::Mat gray = test::image_of(seen.size(), [&](int x, int y) {
+    const cv::Mat gray = image_of(seen.size(), [&](int x, int y) {
         const Vector6d terms = level_terms(x, y, seen.size());
         const double black = truth.black.dot(terms), white = truth.white.dot(terms);
         const double lit =

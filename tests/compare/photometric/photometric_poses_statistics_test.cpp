@@ -1,10 +1,10 @@
 // The photometric pose's statistics, on photographs made by the reference integrator with shot,
 // read and quantisation noise, against the Cramer-Rao bound and AprilTag's corners. The full size,
 // 500 poses and 100 repeats, is tests/evidence/photometric_pose.cpp.
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
 #include "tests/evidence/photometric_study.h"
+#include "tests/test.h"
 
 namespace etalon::test {
 namespace {

@@ -1,8 +1,7 @@
 #include "compare/pose/pose_bias.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/compare/qualification/simulated_run.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

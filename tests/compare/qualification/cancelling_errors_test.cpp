@@ -1,15 +1,11 @@
 // A camera that is beyond its limits by itself gets no PASS, though other errors cancel its own in
 // the judged field and whatever the frames of single poses tell of the noise.
 #include "tests/compare/qualification/cancelling_errors.h"
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::Contains;
-using testing::HasSubstr;
 using State = AcceptanceCondition::State;
 
 SimulatedRun with_focal_length(double times) {

@@ -1,18 +1,13 @@
 #include "compare/qualification/qualification.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "compare/qualification/judged_quantities.h"
-#include "core/program/errors.h"
-#include "tests/compare/qualification/simulated_run.h"
+#include "core/config/strict_reader.h"
+#include "core/geometry/units.h"
+#include "tests/compare/qualification/injected_errors.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::Contains;
-using testing::HasSubstr;
-using testing::Not;
 
 Qualification qualified(const SimulatedRun& run, std::uint64_t seed = 1) {
     return qualify(input_of(run, seed));
@@ -25,7 +20,7 @@ TEST(Qualification, PassesAPerfectCamera) {
     EXPECT_EQ(result.detection.rate(), 1.0);
     ASSERT_EQ(result.quantities.size(), 2u);
     EXPECT_EQ(result.quantities[0].name, "b3_position_field_rms_mm");
-    EXPECT_THAT(result.reasons, testing::IsEmpty());
+    EXPECT_THAT(result.reasons, IsEmpty());
 }
 
 TEST(Qualification, FailsAWrongFocalLengthAndAWrongDistortion) {
@@ -231,6 +226,212 @@ TEST(Qualification, MeasuresNothingElseWhereOnlyVerdictsAreRead) {
         EXPECT_EQ(judged.quantities[i].outcome, all.quantities[i].outcome);
     }
     EXPECT_EQ(judged.verdict, all.verdict);
+}
+
+// ---- wide qualification
+
+// A run before a wide lens, at corner level: as declared it passes, an error fails it and is named.
+
+Qualification qualified_wide(SimulatedRun run, std::uint64_t seed = 1) {
+    run.look_for_causes = true;
+    return qualify(input_of(run, seed));
+}
+
+std::vector<std::string> best_names(const Qualification& result) {
+    const Cause* cause = result.causes ? result.causes->named() : nullptr;
+    return cause && cause->errors.size() == 1 ? cause->errors.front().names
+                                              : std::vector<std::string>{};
+}
+
+// Angles to the axis of the marker's places, deg: the least and the largest.
+std::pair<double, double> angles_deg(const std::vector<AnalysedPose>& poses) {
+    std::pair<double, double> ends{180.0, 0.0};
+    for (const AnalysedPose& pose : poses) {
+        const double angle =
+            std::acos(pose.bias.predicted.translation.normalized().z()) * deg_per_rad;
+        ends = {std::min(ends.first, angle), std::max(ends.second, angle)};
+    }
+    return ends;
+}
+
+TEST(WideQualification, PassesALensThatIsAsDeclaredBeyondNinetyDegreesToo) {
+    for (const double aside : {0.67, 1.35}) {
+        const SimulatedRun run = wide_run(aside);
+        const Qualification result = qualify(input_of(run, 1));
+        EXPECT_EQ(result.verdict, Outcome::pass);
+        EXPECT_THAT(result.reasons, IsEmpty());
+        const auto [least, largest] = angles_deg(result.poses);
+        EXPECT_LT(least, aside < 1.0 ? 25.0 : 62.0);
+        EXPECT_GT(largest, aside < 1.0 ? 60.0 : 90.0);
+    }
+}
+
+// Far aside the image is stretched unlike in two directions, and no field of positions follows the
+// error: no PASS. Elsewhere it is a FAIL.
+TEST(WideQualification, FailsAWrongLensAndNamesIt) {
+    for (const bool is_far_aside : {true, false}) {
+        SimulatedRun run = wide_run(is_far_aside ? 1.35 : 0.67);
+        run.true_camera.intrinsics.zoom(1.005);
+        const Qualification result = qualified_wide(run);
+        EXPECT_NE(result.verdict, Outcome::pass);
+        EXPECT_TRUE(is_far_aside || result.verdict == Outcome::fail);
+        EXPECT_THAT(best_names(result), Contains("focal length"));
+    }
+    SimulatedRun run = wide_run();
+    run.true_camera.distortion.k1 *= 1.1;
+    const Qualification result = qualified_wide(run);
+    EXPECT_EQ(result.verdict, Outcome::fail);
+    EXPECT_THAT(best_names(result), Contains("k1"));
+}
+
+TEST(WideQualification, FindsTheParametersOfItsProjection) {
+    SimulatedRun run = wide_run();
+    run.camera.projection = {Projection::double_sphere, -0.17, 0.59};
+    run.camera.intrinsics.fx = run.camera.intrinsics.fy = 195.0;
+    run.camera.distortion = {};
+    run.true_camera = run.camera;
+    EXPECT_EQ(qualified_wide(run).verdict, Outcome::pass);
+    run.true_camera.projection.b += 0.004;
+    const Qualification result = qualified_wide(run);
+    EXPECT_EQ(result.verdict, Outcome::fail);
+    EXPECT_THAT(best_names(result), Contains("alpha"));
+}
+
+std::vector<std::string> names(const std::vector<CameraError>& errors) {
+    std::vector<std::string> all;
+    for (const CameraError& error : errors)
+        all.push_back(error.name);
+    return all;
+}
+
+TEST(WideQualification, LooksForErrorsThatTheLensCanHave) {
+    CameraModel camera = demo_run().camera;
+    EXPECT_THAT(names(named_camera_errors(camera)), Not(Contains("k7")));
+    EXPECT_THAT(names(further_camera_errors(camera)), Contains("sensor tilt tau_x"));
+    camera.projection = {Projection::unified, 1.31};
+    EXPECT_THAT(names(named_camera_errors(camera)), testing::IsSupersetOf({"k7", "xi"}));
+    EXPECT_THAT(names(further_camera_errors(camera)), Each(Not(HasSubstr("tilt"))));
+    // At the end of its range it can be off one way only.
+    camera.projection = {Projection::double_sphere, 0.1, 1.0};
+    EXPECT_THAT(names(named_camera_errors(camera)), Not(Contains("alpha")));
+}
+
+// At 100 degrees r^9 is 170 times what it is at 1 radian: the size must not fold the image.
+TEST(WideQualification, TakesErrorsThatAreSmallAllOverTheImage) {
+    const SimulatedRun run = wide_run();
+    for (const CameraError& error : named_camera_errors(run.camera))
+        for (const double side : {-1.0, 1.0}) {
+            CameraModel off = run.camera;
+            error.change(off, side * error.size);
+            const Eigen::Vector3d aside(std::sin(1.75), 0.0, std::cos(1.75));
+            const auto moved = Projector(off).project(aside);
+            ASSERT_TRUE(moved) << error.name;
+            EXPECT_LT((*moved - *Projector(run.camera).project(aside)).norm(), 1.0) << error.name;
+        }
+}
+
+// ---- limits file
+
+const std::string good =
+    "etalon: limits/1\n"
+    "id: demo-7\n"
+    "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n"
+    "b3_position_field_max_mm: {limit: 0.25, unit: mm}\n";
+
+std::filesystem::path file_with(const std::string& text) {
+    static const TemporaryFolder folder;
+    const std::filesystem::path path = folder / "limits.yaml";
+    write_text(path, text);
+    return path;
+}
+
+std::string refusal(const std::string& text) {
+    return config_error_of([&] { read_limits(file_with(text)); });
+}
+
+TEST(LimitsFile, ReadsWhatIsRequired) {
+    const Limits limits = read_limits(file_with(good));
+    EXPECT_EQ(limits.id, "demo-7");
+    EXPECT_EQ(limits.by_quantity.at(quantity::position_rms), 0.07);
+    EXPECT_EQ(limits.by_quantity.at(quantity::position_max), 0.25);
+    EXPECT_FALSE(limits.pixels_must_match);
+}
+
+TEST(LimitsFile, ReadsEveryOtherLimitWhenItIsThere) {
+    std::string text = good;
+    double limit = 0.11;
+    for (const QuantityKind& kind : quantity_kinds().subspan(2)) {
+        EXPECT_FALSE(read_limits(file_with(text)).by_quantity.contains(kind.name)) << kind.name;
+        text +=
+            fmt::format("{}: {{limit: {}, unit: \"{}\"}}\n", kind.name, limit += 0.25, kind.unit);
+        EXPECT_EQ(read_limits(file_with(text)).by_quantity.at(kind.name), limit) << kind.name;
+    }
+    EXPECT_EQ(read_limits(file_with(text)).by_quantity.at(quantity::rotation_rms), 0.36);
+}
+
+TEST(LimitsFile, SaysWhereAndWhatIsWrong) {
+    const std::string head = "etalon: limits/1\nid: a\n";
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n"),
+                HasSubstr("b3_position_field_max_mm"));
+    EXPECT_THAT(refusal(good + "b3_positoin: {limit: 1, unit: mm}\n"),
+                AllOf(HasSubstr(":5:"), HasSubstr("b3_positoin")));
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: um}\n"),
+                AllOf(HasSubstr(":3:"), HasSubstr("unit")));
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0, unit: mm}\n"),
+                AllOf(HasSubstr(":3:"), HasSubstr("limit")));
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: .nan, unit: mm}\n"),
+                HasSubstr(":3:"));
+}
+
+TEST(LimitsFile, ReadsWhetherPixelsMustMatch) {
+    EXPECT_TRUE(read_limits(file_with(good + "pixels: must_match\n")).pixels_must_match);
+    EXPECT_THAT(refusal(good + "pixels: maybe\n"), HasSubstr("limits.yaml:5"));
+}
+
+TEST(LimitsFile, KnowsTheRangeOfEveryQuantity) {
+    for (const QuantityKind& kind : quantity_kinds())
+        EXPECT_TRUE(std::ranges::any_of(units::all, [&](const Unit& unit) {
+            return std::string(unit.name) == kind.unit;
+        })) << kind.name;
+}
+
+TEST(LimitsFile, ReadsTheDecisionRule) {
+    const auto factor = [](const std::string& rule) {
+        return read_limits(file_with(good + rule)).rule.guard_factor;
+    };
+    EXPECT_EQ(factor(""), 1.0);
+    EXPECT_EQ(factor("decision_rule: guarded\n"), 1.0);
+    EXPECT_EQ(factor("decision_rule: simple\n"), 0.0);
+    EXPECT_EQ(factor("decision_rule: {guard_band: 0.83}\n"), 0.83);
+    EXPECT_THAT(refusal(good + "decision_rule: lenient\n"), HasSubstr("decision_rule"));
+    EXPECT_THAT(refusal(good + "decision_rule: {guard_band: 3.1}\n"),
+                HasSubstr("decision_rule.guard_band"));
+    EXPECT_THAT(refusal(good + "decision_rule: {guard_band: 1, factor: 2}\n"),
+                HasSubstr("decision_rule.factor"));
+}
+
+TEST(LimitsFile, ReadsWhatMayBeUnchecked) {
+    EXPECT_FALSE(read_limits(file_with(good)).lets_pass_unchecked("repeatability"));
+    const Limits limits = read_limits(
+        file_with(good + "may_be_unchecked: [repeatability, residuals against noise]\n"));
+    EXPECT_TRUE(limits.lets_pass_unchecked("repeatability"));
+    EXPECT_TRUE(limits.lets_pass_unchecked("residuals against noise"));
+    EXPECT_FALSE(limits.lets_pass_unchecked("drift over the run"));
+    EXPECT_THAT(refusal(good + "may_be_unchecked: [declared inputs]\n"),
+                AllOf(HasSubstr(":5:"), HasSubstr("may_be_unchecked")));
+}
+
+TEST(LimitsFile, ReadsWhenACameraIsDueAndHowItsFleetScatters) {
+    const std::string prior = "unit: mm, prior: {mean: 0.03, deviation: 0.01}}";
+    std::string text = good + "due_after_days: 180\n";
+    text.replace(text.find("unit: mm}"), 9, prior);
+    const Limits limits = read_limits(file_with(text));
+    EXPECT_EQ(limits.due_after_days, 180);
+    ASSERT_EQ(limits.priors.size(), 1u);
+    EXPECT_EQ(limits.priors.at("b3_position_field_rms_mm").mean, 0.03);
+    EXPECT_EQ(limits.priors.at("b3_position_field_rms_mm").deviation, 0.01);
+    EXPECT_FALSE(read_limits(file_with(good)).due_after_days);
+    EXPECT_THAT(refusal(good + "due_after_days: 0\n"), HasSubstr("due_after_days"));
 }
 
 }  // namespace

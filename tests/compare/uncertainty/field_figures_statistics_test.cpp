@@ -1,14 +1,13 @@
 // A field's noise power and uncertainties, the rest that it leaves, length errors and the Monte
 // Carlo propagation, against analysis.
-#include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
 
 #include "compare/uncertainty/budget_monte_carlo.h"
 #include "compare/uncertainty/lack_of_fit.h"
 #include "compare/uncertainty/length_error.h"
-#include "core/program/errors.h"
 #include "tests/compare/uncertainty/field_samples.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

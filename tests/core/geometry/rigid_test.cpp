@@ -1,11 +1,7 @@
 #include "core/geometry/rigid.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-
 #include "core/statistics/random.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,9 +1,6 @@
 #include "core/optimize/least_squares.h"
 
-#include <gtest/gtest.h>
-
-#include <array>
-#include <cmath>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,18 +1,11 @@
 #include "core/process/subprocess.h"
 
-#include <gmock/gmock.h>
 #include <sys/wait.h>
 
-#include <array>
-#include <csignal>
-
-#include "core/file/text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
-using testing::HasSubstr;
 
 std::vector<std::string> shell(const std::string& script) {
     return {"sh", "-c", script};

@@ -1,6 +1,5 @@
 // Command lines of `etalon`, an argument a line: all commands with all their options, of which none
 // is run. Then the arguments that commands take apart themselves.
-#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 #include "sim/scene/pose_file.h"
 #include "station/commands.h"

@@ -12,10 +12,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
-#include <filesystem>
 #include <fstream>
 #include <span>
-#include <string>
 #include <string_view>
 
 #include "core/program/errors.h"

@@ -5,8 +5,8 @@
 #include <map>
 
 #include "stage/motion/modbus_stage.h"
+#include "tests/fakes/test_axes.h"
 #include "tests/fuzz/coverage/fuzz_input.h"
-#include "tests/stage/motion/two_axes.h"
 
 namespace etalon::test {
 namespace {

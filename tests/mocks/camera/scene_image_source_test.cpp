@@ -1,9 +1,9 @@
 #include "mocks/camera/scene_image_source.h"
 
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <future>
+
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

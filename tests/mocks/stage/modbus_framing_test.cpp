@@ -1,9 +1,14 @@
 #include "mocks/stage/modbus_framing.h"
 
-#include <gtest/gtest.h>
+#include "mocks/stage/modbus_fault.h"
+#include "mocks/stage/serial_pair.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
+
+using LinkFault = ModbusFault::Kind;
+using When = FaultTrigger::When;
 
 // "MODBUS over Serial Line V1.02", 6.2.2 and any other implementation: the frame 02 07 ends in
 // 41 12 on the wire.
@@ -82,6 +87,91 @@ TEST(ModbusFraming, TakesTcpRequestsByTheirLength) {
     received = {'G', 'E', 'T', ' ', '/', ' ', 'H'};
     EXPECT_FALSE(take_request(ModbusFraming::tcp, received, out_of_step));
     EXPECT_TRUE(out_of_step);
+}
+
+// ---- modbus fault
+
+struct FaultyLinkRig {
+    VirtualClock clock;
+    SimulatedStage stage{{{.name = "x", .low = -7.0, .high = 700.0, .speed = 50.0}}, {}, clock};
+    const ModbusRequest reading{1, 3, 0, 5, {}};
+    const ModbusRequest writing{1, 16, 100, 3, {1, 2, 3}};
+};
+
+TEST(ScriptedFaults, HappenWithTheCountedRequestAndAsManyInARow) {
+    FaultyLinkRig rig;
+    const auto script = scripted_faults(
+        {{.kind = LinkFault::silence, .at = {When::request, 3}, .requests = 2}}, rig.stage);
+    std::vector<bool> replies;
+    for (int i = 0; i < 6; ++i)
+        replies.push_back(script(rig.reading).reply);
+    EXPECT_EQ(replies, (std::vector<bool>{true, true, false, false, true, true}));
+}
+
+TEST(ScriptedFaults, HappenWithTheFirstWriteToARegister) {
+    FaultyLinkRig rig;
+    const auto script = scripted_faults(
+        {{.kind = LinkFault::exception, .at = {When::write_to, 102}, .code = 4}}, rig.stage);
+    EXPECT_EQ(script({1, 3, 102, 1, {}}).exception, 0) << "only reads";
+    EXPECT_EQ(script({1, 6, 103, 1, {7}}).exception, 0) << "beside it";
+    EXPECT_EQ(script(rig.writing).exception, 4);
+    EXPECT_EQ(script(rig.writing).exception, 0);
+}
+
+TEST(ScriptedFaults, HappenAfterATimeAndAfterAMove) {
+    FaultyLinkRig rig;
+    const auto script =
+        scripted_faults({{.kind = LinkFault::slow_bytes, .at = {When::time_ms, 250}, .delay = 5ms},
+                         {.kind = LinkFault::reset, .at = {When::move, 1}, .carried_out = false}},
+                        rig.stage);
+    EXPECT_EQ(script(rig.reading).between_bytes, 0ms);
+    rig.clock.advance(251ms);
+    EXPECT_EQ(script(rig.reading).between_bytes, 5ms);
+    EXPECT_FALSE(script(rig.reading).close);
+    rig.stage.enable(true);
+    rig.stage.home();
+    rig.clock.advance(30s);
+    rig.stage.start({7.0}, {50.0});
+    const ModbusReaction reaction = script(rig.reading);
+    EXPECT_TRUE(reaction.close);
+    EXPECT_FALSE(reaction.carry_out);
+    EXPECT_FALSE(script(rig.reading).close);
+}
+
+// ---- serial link
+
+namespace fs = std::filesystem;
+
+TEST(SerialLink, IsThereAsLongAsTheLine) {
+    const TemporaryFolder folder;
+    const fs::path path = folder / "stage";
+    {
+        const SerialLink link(path);
+        EXPECT_EQ(fs::read_symlink(path), link.pair().device());
+    }
+    EXPECT_FALSE(fs::exists(fs::symlink_status(path)));
+}
+
+TEST(SerialLink, ReplacesOneThatIsLeftAndLeavesALaterOneAlone) {
+    const TemporaryFolder folder;
+    const fs::path path = folder / "stage";
+    fs::create_symlink("/dev/pts/gone", path);
+    {
+        const SerialLink link(path);
+        EXPECT_EQ(fs::read_symlink(path), link.pair().device());
+        fs::remove(path);
+        fs::create_symlink("/dev/pts/other", path);
+    }
+    EXPECT_EQ(fs::read_symlink(path), "/dev/pts/other");
+}
+
+TEST(SerialLink, ReplacesNothingElse) {
+    const TemporaryFolder folder;
+    const fs::path path = folder / "stage";
+    write_text(path, "notes");
+    EXPECT_THROW(SerialLink{path}, DeviceError);
+    EXPECT_EQ(read_text(path), "notes");
+    EXPECT_THROW(SerialLink{folder / "missing/stage"}, DeviceError);
 }
 
 }  // namespace

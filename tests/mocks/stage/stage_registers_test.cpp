@@ -1,11 +1,9 @@
 #include "mocks/stage/stage_registers.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace std::chrono_literals;
 
 // Of the generic profile, as docs/stage.md says them: written out here, not taken from the struct.
 constexpr auto holding = RegisterSpace::holding_registers, coils = RegisterSpace::coils;

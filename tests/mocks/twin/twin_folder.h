@@ -1,11 +1,7 @@
 // A twin's files in a folder of their own: a small camera before a marker on a two-axis stage.
 #pragma once
 
-#include <gmock/gmock.h>
-
-#include <fstream>
-
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 

@@ -1,10 +1,8 @@
 #include "mocks/twin/twin_file.h"
-
-#include <gmock/gmock.h>
-
-#include "core/file/text.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "sim/marker/marker.h"
+#include "sim/twin/twin_physics.h"
+#include "tests/calib/cameras.h"
+#include "tests/mocks/twin/twin_folder.h"
 
 namespace etalon {
 namespace {
@@ -213,8 +211,172 @@ TEST(TwinStageFile, NamesTheKeyOfEveryMistake) {
          "faults[0].carried_out"},
         {"faults: [{fault: exception, at: {move: 7}, code: 256}]", "faults[0].code"}};
     for (const auto& [rest, key] : cases) {
-        EXPECT_THAT(config_error_of([&] { read(rest + "\n"); }), testing::HasSubstr(key)) << rest;
+        EXPECT_THAT(config_error_of([&] { read(rest + "\n"); }), HasSubstr(key)) << rest;
     }
+}
+
+// ---- twin file
+
+TEST(TwinFile, IsReadWithItsUnitsConverted) {
+    const TwinFolder folder;
+    folder.write("twin.yaml", TwinFolder::twin_yaml());
+    const TwinFile twin = read_twin_file(folder.file("twin.yaml"));
+    EXPECT_EQ(twin.seed, 7u);
+    EXPECT_EQ(twin.stage.port, 0);
+    ASSERT_EQ(twin.stage.options.errors.size(), 2u);
+    EXPECT_NEAR(twin.stage.options.errors[0].scale, 0.002, 1e-15);
+    EXPECT_NEAR(twin.stage.options.errors[0].backlash, 0.05, 1e-15);
+    EXPECT_EQ(twin.nominal_exposure, std::chrono::microseconds(5000));
+    EXPECT_EQ(twin.method, RenderMethod::automatic);
+    EXPECT_EQ(twin.packet_loss, 0.0);
+    EXPECT_NEAR(twin.true_camera.intrinsics.fx, 190 * 1.005, 1e-12);
+    EXPECT_EQ(twin.true_camera.serial, "TWIN-7");
+    EXPECT_EQ(twin.scene.background, 0.6);
+    EXPECT_EQ(twin.scene.camera_from_base.translation, Eigen::Vector3d(2, -3, 300));
+    const Eigen::Vector3d turn =
+        rotation_vector(twin.scene.carriage_from_marker.rotation) / rad_per_deg;
+    EXPECT_LT((turn - Eigen::Vector3d(9, -14, 1.5)).norm(), 1e-12);
+}
+
+TEST(TwinFile, TakesTheReferenceIntegratorWhenAsked) {
+    const TwinFolder folder;
+    folder.write("twin.yaml", twin_yaml_with("nominal_exposure_us: 5000",
+                                             "nominal_exposure_us: 5000\n  method: reference\n"
+                                             "  packet_loss: 0.25"));
+    const TwinFile twin = read_twin_file(folder.file("twin.yaml"));
+    EXPECT_EQ(twin.method, RenderMethod::reference);
+    EXPECT_EQ(twin.packet_loss, 0.25);
+}
+
+TEST(TwinFile, TakesAWideLens) {
+    const TwinFolder folder;
+    folder.write("camera.yml", R"(etalon: camera/1
+image: {width: 160, height: 120}
+projection: equidistant
+intrinsics: {fx: 46, fy: 45, cx: 81.5, cy: 57.25}
+distortion: {k1: 0.03, k7: -0.0002}
+)");
+    folder.write("twin.yaml", twin_yaml_with("focal_length_percent: 0.5", "k1_percent: 10"));
+    const CameraModel camera = read_twin_file(folder.file("twin.yaml")).true_camera;
+    EXPECT_EQ(camera.projection.kind, Projection::equidistant);
+    EXPECT_NEAR(camera.distortion.k1, 0.033, 1e-15);
+    EXPECT_EQ(camera.distortion.k7, -0.0002);
+}
+
+// Each case: a part of the file, what stands there instead, and the key that the error must name.
+TEST(TwinFile, NamesTheKeyOfEveryMistake) {
+    struct Case {
+        std::string part, instead, key;
+    };
+    const std::vector<Case> cases{
+        {"etalon: twin/1", "etalon: station/1", "etalon"},
+        {"seed: 7", "seed: -7", "seed"},
+        {"seed: 7", "", "seed"},
+        {"port: 0", "port: 70000", "stage.port"},
+        {"x: {scale_ppm: 2000", "y: {scale_ppm: 2000", "stage.errors.y"},
+        {"backlash_um: 50", "backlash_deg: 50", "stage.errors.x.backlash_deg"},
+        {"backlash_um: 50", "repeatability_um: -1", "stage.errors.x.repeatability_um"},
+        {"calibration: camera.yml", "calibration: missing.yml", "missing.yml"},
+        {"focal_length_percent: 0.5", "focal_percent: 0.5", "camera.errors.focal_percent"},
+        {"focal_length_percent: 0.5", "focal_length_percent: .nan", "focal_length_percent"},
+        {"focal_length_percent: 0.5", "principal_point_px: [1]", "principal_point_px"},
+        {"nominal_exposure_us: 5000", "nominal_exposure_us: 0", "camera.nominal_exposure_us"},
+        {"nominal_exposure_us: 5000", "nominal_exposure_us: 5000\n  method: E", "camera.method"},
+        {"nominal_exposure_us: 5000", "nominal_exposure_us: 5000\n  packet_loss: 2",
+         "camera.packet_loss"},
+        {"36h11", "36h12", "scene.marker"},
+        {"background: 0.6", "background: 60", "scene.background"},
+        {"[2, -3, 300]", "[2, -3]", "scene.camera_from_base.translation_mm"},
+        {"background: 0.6", "background: 0.6\n  background: 0.6", "scene.background"}};
+    const TwinFolder folder;
+    for (const Case& wrong : cases) {
+        folder.write("twin.yaml", twin_yaml_with(wrong.part, wrong.instead));
+        EXPECT_THAT(config_error_of([&] { read_twin_file(folder.file("twin.yaml")); }),
+                    HasSubstr(wrong.key))
+            << wrong.instead;
+    }
+}
+
+TEST(TwinFile, RefusesAnErrorOfK1ThatWouldDoNothing) {
+    const TwinFolder folder;
+    folder.write("camera.yml",
+                 "etalon: camera/1\nimage: {width: 160, height: 120}\n"
+                 "intrinsics: {fx: 190, fy: 187, cx: 81.5, cy: 57.25}\n");
+    folder.write("twin.yaml", twin_yaml_with("focal_length_percent: 0.5", "k1_percent: 10"));
+    EXPECT_THROW(read_twin_file(folder.file("twin.yaml")), ConfigError);
+}
+
+// ---- twin physics
+
+CameraModel camera_with_noise() {
+    return camera_with(64, 48, {75.0, 73.0, 30.0, 25.0}, {.k1 = -0.2, .k2 = 0.05},
+                       Sensor{.pixel_pitch_um = 8.3, .gain_e_per_dn = 40.0, .read_noise_e = 20.0});
+}
+
+TwinScene scene() {
+    TwinScene scene;
+    scene.marker = parse_marker("apriltag:36h11:5@50mm", "test").grid;
+    scene.background = 0.6;
+    scene.camera_from_base.translation = {7.0, -5.0, 300.0};
+    return scene;
+}
+
+Rigid moved(double x, double y, double z) {
+    return {Eigen::Quaterniond::Identity(), {x, y, z}};
+}
+
+TEST(TwinPhysics, PutsErrorsIntoTheParametersTheyName) {
+    const CameraModel camera = with_errors(
+        camera_with_noise(),
+        {.focal_length_percent = 0.5, .k1_percent = 10.0, .principal_point_px = {0.7, -0.3}});
+    EXPECT_NEAR(camera.intrinsics.fx, 75.375, 1e-12);
+    EXPECT_NEAR(camera.intrinsics.fy, 73.365, 1e-12);
+    EXPECT_NEAR(camera.intrinsics.cx, 30.7, 1e-12);
+    EXPECT_NEAR(camera.intrinsics.cy, 24.7, 1e-12);
+    EXPECT_NEAR(camera.distortion.k1, -0.22, 1e-12);
+    EXPECT_EQ(camera.distortion.k2, 0.05);
+}
+
+TEST(TwinPhysics, ChainsCameraBaseCarriageAndMarker) {
+    const TwinPhysics physics(camera_with_noise(), scene(), RenderMethod::automatic, 7);
+    Scene expected{{{scene().marker, moved(7.0 - 12.0, -5.0 + 4.0, 330.0)}}, 0.6};
+    const Radiance rendered = Renderer(camera_with_noise()).render(expected).radiance;
+    const Radiance shown = physics.radiance(moved(-12.0, 4.0, 30.0));
+    EXPECT_LT(cv::norm(shown, rendered, cv::NORM_INF), 1e-6);
+    EXPECT_GT(cv::norm(shown, physics.radiance(moved(0, 0, 0)), cv::NORM_INF), 0.3);
+}
+
+TEST(TwinPhysics, ShowsBackgroundWhereTheMarkerCannotBeRenderedOrSeen) {
+    const TwinPhysics physics(camera_with_noise(), scene(), RenderMethod::automatic, 7);
+    for (const Rigid& away : {moved(0, 0, -300), moved(0, 0, -400), moved(5000, 0, 0)}) {
+        const Radiance shown = physics.radiance(away);
+        ASSERT_EQ(shown.size(), cv::Size(64, 48));
+        EXPECT_LT(cv::norm(shown, cv::Mat(48, 64, CV_32FC1, cv::Scalar(0.6f)), cv::NORM_INF), 1e-5);
+    }
+}
+
+TEST(TwinPhysics, MakesTheSameNoiseOfTheSameSeedAndFrameOnly) {
+    const TwinPhysics physics(camera_with_noise(), scene(), RenderMethod::automatic, 7);
+    const TwinPhysics other_seed(camera_with_noise(), scene(), RenderMethod::automatic, 8);
+    const Radiance light(48, 64, CV_32FC1, cv::Scalar(0.6f));
+    const auto differ = [](const CodeImage& a, const CodeImage& b) {
+        return cv::norm(a.pixels, b.pixels, cv::NORM_INF) > 0.0;
+    };
+    const CodeImage frame = physics.expose(light, 1.0, 3);
+    EXPECT_FALSE(differ(frame, physics.expose(light, 1.0, 3)));
+    EXPECT_TRUE(differ(frame, physics.expose(light, 1.0, 4)));
+    EXPECT_TRUE(differ(frame, other_seed.expose(light, 1.0, 3)));
+}
+
+TEST(TwinPhysics, ExposesInProportionAndSaturates) {
+    CameraModel camera = camera_with_noise();
+    camera.sensor->gain_e_per_dn = camera.sensor->read_noise_e = 0.0;
+    const TwinPhysics physics(camera, scene(), RenderMethod::automatic, 7);
+    const Radiance light(48, 64, CV_32FC1, cv::Scalar(0.4f));
+    EXPECT_EQ(physics.expose(light, 1.0, 0).pixels.at<std::uint8_t>(7, 5), 102);
+    EXPECT_EQ(physics.expose(light, 2.0, 0).pixels.at<std::uint8_t>(7, 5), 204);
+    EXPECT_EQ(physics.expose(light, 3.0, 0).pixels.at<std::uint8_t>(7, 5), 255);
+    EXPECT_EQ(physics.expose(light, 0.0, 0).pixels.at<std::uint8_t>(7, 5), 0);
 }
 
 }  // namespace

@@ -1,8 +1,6 @@
 // Truth: OpenCV's own drawing of a ChArUco board, Kalibr's published layout and codes, geometry.
 #include "sim/marker/board_pattern.h"
 
-#include <fmt/format.h>
-
 #include <opencv2/core/version.hpp>
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
 #include <opencv2/objdetect/aruco_board.hpp>
@@ -15,8 +13,6 @@
 
 namespace etalon {
 namespace {
-
-using test::radiance_at;
 
 Marker board(const std::string& spec) {
     return parse_marker(spec, "--target");
@@ -163,7 +159,7 @@ TEST(Boards, ThatCannotBeAreRefusedWithTheReason) {
         {"circels:7x6@20mm/12mm", "did you mean 'circles'"},
     };
     for (const auto& [spec, reason] : wrong)
-        test::expect_refused(spec, reason);
+        expect_refused(spec, reason);
 }
 
 }  // namespace

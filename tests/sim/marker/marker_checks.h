@@ -3,15 +3,11 @@
 #pragma once
 
 #include <apriltag/apriltag.h>
-#include <gmock/gmock.h>
 
-#include <cmath>
 #include <opencv2/core.hpp>
-#include <string>
-#include <vector>
 
-#include "core/program/errors.h"
 #include "sim/marker/marker.h"
+#include "tests/test.h"
 
 namespace etalon::test {
 
@@ -22,7 +18,7 @@ inline void expect_refused(const std::string& spec, const std::string& reason) {
         ADD_FAILURE() << spec;
     } catch (const ConfigError& error) {
         EXPECT_EQ(error.place().file, "--marker") << spec;
-        EXPECT_THAT(error.what(), testing::HasSubstr(reason)) << spec;
+        EXPECT_THAT(error.what(), HasSubstr(reason)) << spec;
     }
 }
 

@@ -1,21 +1,13 @@
 #include "sim/marker/marker_print.h"
 
 #include <apriltag/tag36h11.h>
-#include <fmt/format.h>
 
-#include <cstdlib>
 #include <opencv2/imgcodecs.hpp>
-#include <regex>
 
-#include "core/file/text.h"
 #include "tests/sim/marker/marker_checks.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 const char* const tag_name = "apriltag:36h11:7@50mm";
 
@@ -27,7 +19,7 @@ std::filesystem::path temporary(const std::string& name) {
 // The tag's black square must lie where the page says, at this many pixels a mm.
 void expect_tag_on_page(const cv::Mat& image, const PrintPage& page, double px_per_mm) {
     apriltag_family_t* family = tag36h11_create();
-    const auto found = test::seen_apriltags(family, image);
+    const auto found = seen_apriltags(family, image);
     tag36h11_destroy(family);
     ASSERT_EQ(found.size(), 1u);
     EXPECT_EQ(found[0].id, 7);
@@ -256,7 +248,7 @@ TEST(PrintMarker, WritesByExtensionAndLeavesNothingBehindWhenItCannot) {
     EXPECT_THROW(print_marker(marker, temporary("x.png"), 0.1), ConfigError);
     EXPECT_FALSE(std::filesystem::exists(temporary("x.png")));
     print_marker(marker, temporary("x.svg"), 40.0);
-    EXPECT_THAT(read_text(temporary("x.svg")), testing::StartsWith("<?xml"));
+    EXPECT_THAT(read_text(temporary("x.svg")), StartsWith("<?xml"));
 }
 
 }  // namespace

@@ -9,9 +9,7 @@
 #include <apriltag/tagCustom48h12.h>
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
-#include <fmt/format.h>
 
-#include <cstdlib>
 #include <opencv2/core/version.hpp>
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
 #include <opencv2/objdetect/aruco_detector.hpp>
@@ -24,12 +22,9 @@
 #include "core/image/image.h"
 #include "sim/marker/tag_pattern.h"
 #include "tests/sim/marker/marker_checks.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-using test::expect_refused;
 
 constexpr int px_per_cell = 20;
 constexpr int surround_px = 60;
@@ -79,7 +74,7 @@ template <class Detect>
 void expect_seen(const Marker& marker, Detect detect, double tolerance_px) {
     const Enlarged upright = enlarge(marker);
     for (const Enlarged& page : {upright, quarter_turned(upright)}) {
-        const std::vector<test::SeenTag> found = detect(page.image);
+        const std::vector<SeenTag> found = detect(page.image);
         ASSERT_EQ(found.size(), 1u) << marker.spec;
         EXPECT_EQ(found[0].id, marker.id) << marker.spec;
         expect_points(found[0].corners, page.points, tolerance_px);
@@ -105,7 +100,7 @@ TEST_P(AprilTagFamily, IsFoundByItsLibraryWithTheCornersWhereItsPointsAre) {
         const Marker marker =
             parse_marker(fmt::format("apriltag:{}:{}@52.5mm", GetParam().name, id), "--marker");
         expect_seen(
-            marker, [&](const cv::Mat& image) { return test::seen_apriltags(family, image); }, 0.5);
+            marker, [&](const cv::Mat& image) { return seen_apriltags(family, image); }, 0.5);
     }
     GetParam().destroy(family);
 }
@@ -144,7 +139,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Family{"Standard52h13", tagStandard52h13_create, tagStandard52h13_destroy}),
     [](const auto& chosen) { return std::string(chosen.param.name); });
 
-std::vector<test::SeenTag> detect_aruco(int dictionary_number, const cv::Mat& image) {
+std::vector<SeenTag> detect_aruco(int dictionary_number, const cv::Mat& image) {
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
@@ -159,7 +154,7 @@ std::vector<test::SeenTag> detect_aruco(int dictionary_number, const cv::Mat& im
     cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(dictionary_number), corners,
                              ids, parameters);
 #endif
-    std::vector<test::SeenTag> detections;
+    std::vector<SeenTag> detections;
     for (std::size_t i = 0; i < ids.size(); ++i)
         detections.push_back({ids[i], {corners[i].begin(), corners[i].end()}});
     return detections;

@@ -1,37 +1,25 @@
 #include "sim/render/renderer.h"
 
-#include <gmock/gmock.h>
-
 #include "bench/benchmark_scenes.h"
-#include "calib/camera/projector.h"
-#include "core/program/errors.h"
-#include "core/statistics/random.h"
 #include "sim/marker/marker.h"
-#include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {
 
-using test::edge_profile;
-using test::gray;
-using test::half_plane;
-using test::largest_difference;
-
 CameraModel pinhole() {
-    return test::camera_with(96, 72, {400.0, 400.0, 47.0, 35.0}, {});
+    return camera_with(96, 72, {400.0, 400.0, 47.0, 35.0}, {});
 }
 
 // Blur radius at z: 400 * d/2 * |1/z - 1/z_f|, with v = 2.4 mm and d = f/N.
 CameraModel with_lens(PointSpread spread = {PointSpread::Kind::gaussian, 0.7}) {
-    return test::small_camera(spread);
+    return small_camera(spread);
 }
 
 // A rectangle of 4 x 3 cells in front of the camera, tilted.
 Scene small_marker() {
-    return {{test::twelve_cells({7.0, 5.0}, {-14.0, -7.5},
-                                {rotation_from_vector({0.3, -0.4, 0.2}), {3.0, -2.0, 250.0}})}};
+    return {{twelve_cells({7.0, 5.0}, {-14.0, -7.5},
+                          {rotation_from_vector({0.3, -0.4, 0.2}), {3.0, -2.0, 250.0}})}};
 }
 
 TEST(Renderer, OfAPinholeAveragesThePixelsAreaExactly) {
@@ -339,13 +327,13 @@ double error_gray(const Renderer& renderer, const Scene& scene) {
                                                         .samples_per_side = 24,
                                                         .region = middle,
                                                         .keep = keep});
-    return test::largest_difference(planned.radiance, exact.radiance) / gray;
+    return largest_difference(planned.radiance, exact.radiance) / gray;
 }
 
 TEST(SmallCells, AreWithinTheToleranceWhereverTheirEdgesLie) {
     for (const PointSpread& spread : {PointSpread{PointSpread::Kind::gaussian, 0.11},
                                       PointSpread{PointSpread::Kind::ideal, 0.0}}) {
-        CameraModel camera = test::small_camera(spread);
+        CameraModel camera = small_camera(spread);
         camera.lens->focus_distance_mm = 197.0;  // blurred by some 0.3 px
         const Renderer renderer(camera);
         for (const double cell_px : {0.21, 0.61})
@@ -357,8 +345,9 @@ TEST(SmallCells, AreWithinTheToleranceWhereverTheirEdgesLie) {
 
 // Disks of confusion of up to 2 px on both sides of the focus, the largest skew that a lens takes.
 CameraModel skewed_camera(double f_number) {
-    CameraModel camera = test::camera_with_lens(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2},
-                                                17.0, {f_number, 300.0, 550.0, {}});
+    CameraModel camera =
+        camera_with(120, 100, {905.0, 880.0, 57.0, 51.0}, {.k1 = -0.2},
+                    Sensor{.pixel_pitch_um = 17.0}, Lens{f_number, 300.0, 550.0, {}});
     camera.intrinsics.skew = -max_skew_of_a_lens * camera.intrinsics.fx;
     return camera;
 }
@@ -395,7 +384,7 @@ const double fold = 1.0 / std::sqrt(-3.0 * k1), fold_px = focal_px * 2.0 / 3.0 *
 // direction turned by `angle` from x.
 CameraModel camera_with_fold(const Eigen::Vector2d& at, double angle) {
     const Eigen::Vector2d centre = at - fold_px * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-    return test::camera_with(24, 16, {focal_px, focal_px, centre.x(), centre.y()}, {.k1 = k1});
+    return camera_with(24, 16, {focal_px, focal_px, centre.x(), centre.y()}, {.k1 = k1});
 }
 
 // Black wherever the camera sees anything, before a white background.
@@ -435,8 +424,9 @@ TEST(FoldBorder, CutsAPixelToTheToleranceWhicheverWayItRuns) {
 
 // Blurred, a pixel beside the border is off by what the plan states: 0.45 gray.
 TEST(FoldBorder, IsWithinWhatThePlanStatesUnderALens) {
-    const CameraModel camera = test::camera_with_lens(640, 480, {616.6, 616.6, 319.5, 239.5},
-                                                      {.k1 = -0.38}, 4.8, {2.8, 150.0, 600.0, {}});
+    const CameraModel camera =
+        camera_with(640, 480, {616.6, 616.6, 319.5, 239.5}, {.k1 = -0.38},
+                    Sensor{.pixel_pitch_um = 4.8}, Lens{2.8, 150.0, 600.0, {}});
     const Marker marker = parse_marker("apriltag:36h11:5@60mm", "marker");
     const Rigid pose{rotation_from_vector({0.26494, 0.01620, 0.57263}), {272.0, 204.0, 400.0}};
     const Scene scene{{{marker.grid, pose}}, 1.0};

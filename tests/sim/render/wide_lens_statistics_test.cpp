@@ -1,12 +1,8 @@
 // Lenses that see more than a plane, sharp and blurred, to the side and behind the camera's plane:
 // against the reference integrator, and against rays traced to the marker in space.
-#include <fmt/format.h>
 
-#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
-#include "tests/gray.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {
@@ -15,7 +11,7 @@ namespace {
 PlacedMarker marker_beside(double angle, double azimuth, const Eigen::Vector3d& tilt) {
     const Eigen::Vector3d sight(std::sin(angle) * std::cos(azimuth),
                                 std::sin(angle) * std::sin(azimuth), std::cos(angle));
-    return test::twelve_cells(
+    return twelve_cells(
         {21.0, 17.0}, {-42.0, -25.5},
         {rotation_between(Eigen::Vector3d::UnitZ(), sight) * rotation_from_vector(tilt),
          150.0 * sight});
@@ -91,7 +87,7 @@ void expect_reference(const std::string& what, const CameraModel& camera, const 
 
 TEST(WideLens, IsRenderedAsRaysMeetTheMarker) {
     int compared = 0;
-    for (const auto& [name, camera] : test::wide_models()) {
+    for (const auto& [name, camera] : wide_models()) {
         const Projector projector(camera);
         Renderer renderer(camera);
         for (const PlacedMarker& marker : markers()) {
@@ -112,7 +108,7 @@ TEST(WideLens, IsRenderedAsRaysMeetTheMarker) {
 // The reference sends its rays from a disc that faces each of them through a point of the focus
 // sphere, in space.
 TEST(WideLens, IsBlurredAsRaysFromItsPupilMeetTheMarker) {
-    for (const test::WideModel& model : test::wide_models()) {
+    for (const WideModel& model : wide_models()) {
         const Projector projector(model.truth);
         for (const auto& [f_number, focus_mm] : {std::pair{0.6, 210.0}, {1.2, 150.0}})
             for (const PlacedMarker& marker : {markers()[2], markers()[4]})
@@ -128,9 +124,8 @@ TEST(WideLens, SeesAMarkerThatSpansMoreThan90Degrees) {
     marker.grid.cell_mm = {70.0, 65.0};
     marker.grid.corner_mm = {-140.0, -97.5};
     marker.camera_from_marker.translation *= 0.4;
-    const CameraModel camera =
-        with_lens(test::wide_truth({Projection::equidistant}, 150.0, {.k1 = 0.012, .k2 = -0.003}),
-                  1.1, 300.0);
+    const CameraModel camera = with_lens(
+        wide_truth({Projection::equidistant}, 150.0, {.k1 = 0.012, .k2 = -0.003}), 1.1, 300.0);
     const Projector projector(camera);
     const std::vector<cv::Point> pixels = pixels_of(projector, marker);
     ASSERT_GT(pixels.size(), 25u);
@@ -139,7 +134,7 @@ TEST(WideLens, SeesAMarkerThatSpansMoreThan90Degrees) {
 
 // Around the direction from which a lens of 280 degrees sees nothing, a marker behind it is a ring.
 TEST(WideLens, SeesAMarkerAllAroundWhereItIsBlind) {
-    const CameraModel camera = test::wide_truth({Projection::double_sphere, -0.2, 0.58}, 110.0);
+    const CameraModel camera = wide_truth({Projection::double_sphere, -0.2, 0.58}, 110.0);
     const Projector projector(camera);
     PlacedMarker marker = marker_beside(3.05, 0.4, {0.05, -0.1, 0.2});
     marker.grid.cell_mm = {150.0, 170.0};
@@ -151,7 +146,7 @@ TEST(WideLens, SeesAMarkerAllAroundWhereItIsBlind) {
 }
 
 TEST(WideLens, RefusesAMarkerThatReaches80DegreesFromItsOwnMiddle) {
-    const CameraModel camera = test::wide_truth({Projection::equidistant}, 181.0);
+    const CameraModel camera = wide_truth({Projection::equidistant}, 181.0);
     PlacedMarker marker = marker_beside(0.3, 0.0, {0, 0, 0});
     marker.camera_from_marker.translation *= 0.05;
     EXPECT_THROW(Renderer(camera).render({{marker}, 0.35}), NumericalError);
@@ -159,8 +154,7 @@ TEST(WideLens, RefusesAMarkerThatReaches80DegreesFromItsOwnMiddle) {
 
 // Two markers side by side in the picture, and one behind the other, far from the axis.
 TEST(WideLens, TellsMarkersThatHideEachOther) {
-    const CameraModel camera =
-        with_lens(test::wide_truth({Projection::equidistant}, 181.0), 1.2, 200.0);
+    const CameraModel camera = with_lens(wide_truth({Projection::equidistant}, 181.0), 1.2, 200.0);
     const PlacedMarker near = marker_beside(1.7, 0.3, {0, 0, 0});
     PlacedMarker behind = near;
     behind.camera_from_marker.translation *= 1.5;

@@ -1,19 +1,14 @@
 #include "sim/scene/marker_view.h"
 
-#include <limits>
 #include <random>
 
 #include "bench/benchmark_scenes.h"
 #include "core/geometry/units.h"
-#include "core/program/errors.h"
 #include "sim/tiles/lens_average.h"
 #include "tests/sim/edge_scenes.h"
-#include "tests/sim/image_checks.h"
 
 namespace etalon {
 namespace {
-
-using test::gray;
 
 constexpr double background = 0.4;
 
@@ -247,7 +242,7 @@ TEST(MarkerView, AMarkerWhosePlaneAlmostCutsTheLensIsSeenCloseToItsImageOnly) {
 // An edge that runs at 45 degrees passes through the corners of the square around a blur disk
 // before it reaches the disk.
 TEST(MarkerView, AFootprintKnowsThatTheLensIsRound) {
-    PlacedMarker marker = test::half_plane(0.0, 500.0).markers[0];
+    PlacedMarker marker = half_plane(0.0, 500.0).markers[0];
     marker.camera_from_marker.rotation =
         Eigen::AngleAxisd(45.0 * rad_per_deg, Eigen::Vector3d::UnitZ());
     const Aperture aperture{.radius_mm = 5.0, .focus_on_axis = 1.0 / 1000.0};
@@ -347,11 +342,11 @@ void expect_reference(const Renderer& renderer, const Scene& scene, int step) {
 }
 
 TEST(MarkerView, AFloorUpToItsHorizonIsRendered) {
-    expect_reference(Renderer(test::small_camera({})), {{long_floor()}, background}, 9);
+    expect_reference(Renderer(small_camera({})), {{long_floor()}, background}, 9);
 }
 
 TEST(MarkerView, SteepMarkersAreRenderedBesideTheirHorizon) {
-    const Renderer renderer(test::small_camera({}));
+    const Renderer renderer(small_camera({}));
     for (const double tilt : {80.0, 85.0, 89.0}) {
         const Eigen::Quaterniond rotation(
             Eigen::AngleAxisd(tilt * rad_per_deg, Eigen::Vector3d(0.96, 0.28, 0.0)) *

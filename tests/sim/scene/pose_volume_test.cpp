@@ -1,18 +1,13 @@
 #include "sim/scene/pose_volume.h"
 
-#include <gmock/gmock.h>
-
-#include <cmath>
 #include <opencv2/calib3d.hpp>
 
 #include "core/geometry/units.h"
 #include "tests/calib/cameras.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 CameraModel webcam() {
     return test::camera_with(640, 480, {822.3, 818.7, 319.5, 242.5},

@@ -1,19 +1,14 @@
 #include "sim/scene/scene.h"
 
-#include <gmock/gmock.h>
-
-#include <numbers>
-
 #include "core/statistics/random.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
 #include "tests/calib/cameras.h"
-#include "tests/error_text.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using testing::HasSubstr;
 using testing::ThrowsMessage;
 
 // One pixel per mm at 100 mm.
@@ -23,8 +18,9 @@ CameraModel pinhole() {
 
 // The same with an aperture of 5 mm (f = 9.09 mm), focused at 100 mm.
 CameraModel with_lens() {
-    return test::camera_with_lens(120, 90, {100.0, 100.0, 59.5, 44.5}, {}, 100.0,
-                                  {2.0 * 100.0 / 110.0, 100.0, 550.0, {}});
+    return test::camera_with(120, 90, {100.0, 100.0, 59.5, 44.5}, {},
+                             Sensor{.pixel_pitch_um = 100.0},
+                             Lens{2.0 * 100.0 / 110.0, 100.0, 550.0, {}});
 }
 
 CellGrid grid(int columns, int rows, double cell_mm, double radiance = 0.0) {

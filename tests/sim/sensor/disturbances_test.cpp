@@ -1,29 +1,20 @@
 #include "sim/sensor/disturbances.h"
 
-#include <gmock/gmock.h>
 #include <opencv2/imgproc.hpp>
 
-#include <limits>
-#include <thread>
-
 #include "sim/render/motion_blur.h"
-#include "tests/error_text.h"
 #include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
-
-using test::swept_normal;
-using testing::HasSubstr;
 
 CameraModel small_camera() {
     return test::camera_with(96, 72, {110.0, 118.0, 46.0, 37.0}, {});
 }
 
 CameraModel distorted_camera() {
-    CameraModel camera = small_camera();
-    camera.distortion = {.k1 = -0.21, .k2 = 0.06, .p1 = 0.012};
-    return camera;
+    return test::camera_with(96, 72, {110.0, 118.0, 46.0, 37.0},
+                             {.k1 = -0.21, .k2 = 0.06, .p1 = 0.012});
 }
 
 // 45 x 33 mm with its origin away from the centre, 80 mm away: 62 x 49 px.
@@ -323,12 +314,9 @@ TEST(MotionBlur, HasTheLengthAskedForInTheDirectionOfItsKey) {
 
 // 16 bits, black 500 DN, response down to 0.58 at the corners.
 CameraModel noisy_camera() {
-    CameraModel camera = small_camera();
-    camera.width = 320;
-    camera.height = 200;
-    camera.intrinsics = {300.0, 300.0, 150.0, 110.0};
-    camera.sensor = Sensor{.bits = 16, .black_dn = 500.0};
-    camera.sensor->gain_e_per_dn = 4.0;
+    CameraModel camera =
+        test::camera_with(320, 200, {300.0, 300.0, 150.0, 110.0}, {},
+                          Sensor{.bits = 16, .black_dn = 500.0, .gain_e_per_dn = 4.0});
     camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.4, 0.0, 0.0}};
     return camera;
 }
@@ -481,11 +469,10 @@ TEST(DisturbanceAxes, ReachEveryMemberByItsName) {
         EXPECT_TRUE(axis.is_valid(axis.least) && axis.is_valid(axis.most));
         EXPECT_FALSE(axis.is_valid(std::nan("")));
     }
-    EXPECT_THAT(found,
-                testing::ElementsAre(testing::Pair("exposure", 2.0), testing::Pair("contrast", 3.0),
-                                     testing::Pair("uneven", 5.0), testing::Pair("occlusion", 7.0),
-                                     testing::Pair("motion-px", 11.0),
-                                     testing::Pair("noise-dn", 13.0), testing::Pair("jpeg", 17.0)));
+    EXPECT_THAT(found, ElementsAre(testing::Pair("exposure", 2.0), testing::Pair("contrast", 3.0),
+                                   testing::Pair("uneven", 5.0), testing::Pair("occlusion", 7.0),
+                                   testing::Pair("motion-px", 11.0),
+                                   testing::Pair("noise-dn", 13.0), testing::Pair("jpeg", 17.0)));
     static_assert(sizeof(Disturbances) == disturbance_axes.size() * sizeof(double));
 }
 
@@ -555,14 +542,15 @@ TEST(LineBlur, MakesARampOfItsLengthOfAnEdge) {
 
 CameraModel camera_of(bool with_lens) {
     const Intrinsics intrinsics{400.0, 400.0, 31.0, 22.0};
-    return with_lens ? test::camera_with_lens(64, 48, intrinsics, {}, 2.8, {8.0, 250.0, 600.0, {}})
+    return with_lens ? test::camera_with(64, 48, intrinsics, {}, Sensor{.pixel_pitch_um = 2.8},
+                                         Lens{8.0, 250.0, 600.0, {}})
                      : test::camera_with(64, 48, intrinsics, {});
 }
 
 // 4 x 3 cells of 5 px and more.
 Scene frontal_scene() {
-    return {{test::twelve_cells({4.0, 3.5}, {-8.0, -5.0},
-                                {rotation_from_vector({0.0, 0.0, 0.2}), {0.4, -0.3, 250.0}})}};
+    return {{twelve_cells({4.0, 3.5}, {-8.0, -5.0},
+                          {rotation_from_vector({0.0, 0.0, 0.2}), {0.4, -0.3, 250.0}})}};
 }
 
 // Against renders along the way, to which nothing between the pixels is unknown. Largest and RMS

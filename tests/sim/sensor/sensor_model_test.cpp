@@ -1,12 +1,7 @@
 #include "sim/sensor/sensor_model.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
-#include <cmath>
 #include <random>
 
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "sim/sensor/sensor_simd.h"
 #include "tests/calib/cameras.h"
@@ -341,7 +336,7 @@ TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
                                 model.expose(radiance, NoiseKey{1, 2});
                             },
                             testing::ThrowsMessage<NumericalError>(
-                                testing::HasSubstr(fmt::format("pixel ({}, 1)", x))));
+                                HasSubstr(fmt::format("pixel ({}, 1)", x))));
                     }
             });
         }
@@ -445,10 +440,8 @@ TEST(SensorModel, KnowsTheColourOfEveryPixelOfAMosaic) {
 }
 
 TEST(SensorModel, GivesEachChannelItsSignalAndItsNoise) {
-    CameraModel camera;
-    camera.width = 200;
-    camera.height = 200;
-    camera.sensor = Sensor{.bits = 12, .black_dn = 64.0, .gain_e_per_dn = 2.0};
+    CameraModel camera =
+        camera_with(Sensor{.bits = 12, .black_dn = 64.0, .gain_e_per_dn = 2.0}, 200, 200);
     camera.sensor->mosaic = Mosaic::gbrg;
     camera.sensor->channel_response = {0.5, 1.0, 0.25};
     const SensorModel model(camera);

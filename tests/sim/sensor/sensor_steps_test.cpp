@@ -1,11 +1,9 @@
 #include "sim/sensor/sensor_steps.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <bit>
 
 #include "core/statistics/random.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,10 +1,7 @@
 #include "sim/tiles/lens_average.h"
 
-#include <gtest/gtest.h>
-
-#include <numbers>
-
 #include "core/statistics/random.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,17 +1,11 @@
 // What a render leaves out: turning an omission off changes no pixel by more than the tolerance.
 #include "sim/tiles/render_plan.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "bench/benchmark_scenes.h"
-#include "core/program/errors.h"
 #include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
-
-using test::gray;
 
 bool leaves_out(const RenderPlan& plan, NeglectedEffect what) {
     return std::any_of(plan.left_out.begin(), plan.left_out.end(),
@@ -36,7 +30,7 @@ double change_without(const CameraModel& camera, const Scene& scene, NeglectedEf
 }
 
 TEST(Omissions, LensThatHardlyBlurs) {
-    const CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
+    const CameraModel camera = small_camera({PointSpread::Kind::ideal, 0.0});
     const Scene scene = test::half_plane(0.13, 150.0 + 0.4);  // blur radius 0.0061 px
     const double change = change_without(camera, scene, NeglectedEffect::lens);
     // With the lens another method samples it, with an error of its own.
@@ -50,7 +44,7 @@ TEST(Omissions, LensThatHardlyBlurs) {
 }
 
 TEST(Omissions, DiffractionOfAVeryShortWavelength) {
-    CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
+    CameraModel camera = small_camera({PointSpread::Kind::ideal, 0.0});
     camera.lens->wavelength_nm = 0.05;
     const double change =
         change_without(camera, test::half_plane(0.13, 190.0), NeglectedEffect::diffraction);
@@ -98,7 +92,7 @@ TEST(RenderPlan, CountsEveryTileAndNamesItsBounds) {
     EXPECT_GT(plan.used[0].tiles, 150);
     EXPECT_LT(plan.used[0].tiles, 500);
     EXPECT_GT(plan.uniform_tiles, 640 * 480 / 16 - 500);
-    EXPECT_THAT(plan.describe(), testing::HasSubstr("exact lens averages, "));
+    EXPECT_THAT(plan.describe(), HasSubstr("exact lens averages, "));
 }
 
 TEST(RenderPlan, TakesMoreSamplesForATighterToleranceAndRefusesTheImpossible) {

@@ -1,17 +1,12 @@
 #include "sim/tiles/tile_evaluator.h"
 
-#include <gtest/gtest.h>
-
 #include "bench/benchmark_scenes.h"
-#include "sim/render/reference_integrator.h"
 #include "sim/render/sampling_bound.h"
 #include "sim/tiles/tile_samples.h"
 #include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {
-
-using test::gray;
 
 // The integral of x^n from a to b, by b - a.
 double mean_power(int n, double a, double b) {
@@ -100,13 +95,13 @@ struct StripedView {
           view(marker(blur_px), 0.0, aperture_of(camera)) {}
 
     static CameraModel distorted_camera(const Distortion& distortion) {
-        CameraModel camera = test::small_camera({});
+        CameraModel camera = small_camera({});
         camera.distortion = distortion;
         return camera;
     }
 
     PlacedMarker marker(double blur_px) const {
-        const double z = test::depth_of_blur(camera, blur_px);
+        const double z = depth_of_blur(camera, blur_px);
         PlacedMarker plane = test::half_plane(0.0, z).markers[0];
         plane.grid.cells = cv::Mat_<float>::zeros(1, 60);
         for (int i = 0; i < 60; i += 2)
@@ -195,9 +190,9 @@ TEST(TileEvaluator, EachTileTakesTheCoarsestGridThatItsOwnBlurAllows) {
 
 TEST(TileEvaluator, TilesThatBendTooMuchForAPolynomialTakeCoarserGridsToo) {
     // Even cubics through points within a tile err by more than 1e-4 px.
-    const CameraModel camera = test::camera_with_lens(32, 24, {311.0, 311.0, 17.0, 11.0},
-                                                      {.k1 = 0.16, .k2 = -0.08, .s4 = -320.0}, 4.2,
-                                                      {1.4, 40.0, 550.0, {}});
+    const CameraModel camera =
+        camera_with(32, 24, {311.0, 311.0, 17.0, 11.0}, {.k1 = 0.16, .k2 = -0.08, .s4 = -320.0},
+                    Sensor{.pixel_pitch_um = 4.2}, Lens{1.4, 40.0, 550.0, {}});
     const UndistortionMap map(Projector(camera), 16);
     const cv::Rect tiles(0, 0, 8, 6);
     int bent = 0;

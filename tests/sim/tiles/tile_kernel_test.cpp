@@ -3,15 +3,11 @@
 #include "sim/tiles/tile_kernel.h"
 
 #include <Eigen/Core>
-#include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <numeric>
 #include <random>
 
-#include "core/program/errors.h"
 #include "sim/tiles/lens_average.h"
-#include "tests/gray.h"
+#include "tests/image_of.h"
 #include "tests/sim/every_target.h"
 
 namespace etalon {

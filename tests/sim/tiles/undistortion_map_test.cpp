@@ -1,12 +1,11 @@
 #include "sim/tiles/undistortion_map.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
 #include "bench/benchmark_scenes.h"
 #include "tests/calib/cameras.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
@@ -146,8 +145,7 @@ TEST(UndistortionMap, PolynomialIsWhatIsSampled) {
 // Of a strong barrel distortion, whose inverse is differentiated numerically.
 TEST(UndistortionMap, KnowsHowMuchItBends) {
     const UndistortionMap map(
-        Projector(test::camera_with(80, 64, {50.0, 70.0, 39.5, 31.5}, {.k1 = -0.15, .k2 = 0.02})),
-        8);
+        Projector(camera_with(80, 64, {50.0, 70.0, 39.5, 31.5}, {.k1 = -0.15, .k2 = 0.02})), 8);
     const Eigen::Vector2d at(61.5, 21.5);  // the middle of tile (15, 5)
     const auto x = [&](double dx, double dy) {
         return *map.projector().unproject(at + Eigen::Vector2d(dx, dy));

@@ -1,11 +1,6 @@
 #include "sim/twin/servo.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-
-#include "core/program/errors.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,13 +1,15 @@
 #include "stage/link/modbus_link.h"
 
-#include <gtest/gtest.h>
-
-#include "tests/error_text.h"
+#include "stage/link/register_numbers.h"
+#include "stage/link/stage_link.h"
+#include "tests/fakes/memory_transport.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
+using Registers = std::vector<std::uint16_t>;
+
 constexpr auto holding = RegisterSpace::holding_registers;
 const std::vector<std::uint16_t> one = {1};
 
@@ -275,6 +277,235 @@ TEST(ModbusLink, TellsEveryExchangeToItsTrace) {
     EXPECT_EQ(lines[0],
               "+0.0 ms, took 0.0 ms: unit 3: read registers 5..6: no answer within 300 ms");
     EXPECT_EQ(lines[1], "+20.0 ms, took 0.0 ms: unit 3: read registers 5..6 = 0007 0007");
+}
+
+// ---- memory transport
+
+// The link's guards against what a wire can do, on virtual time: thousands of faults in a moment.
+
+// Registers 100 to 131 of the generic profile keep what is written to them.
+constexpr int first_register = 100, register_count = 32;
+
+std::uint16_t content_of(int address) {
+    return static_cast<std::uint16_t>(address * 7 + 5);
+}
+
+struct Rig {
+    explicit Rig(bool serial)
+        : link(memory_link(serial), clock,
+               std::make_unique<MemoryTransport>(controller, clock, serial)) {
+        std::vector<std::uint16_t> values;
+        for (int i = 0; i < register_count; ++i)
+            values.push_back(content_of(first_register + i));
+        link.write(1, RegisterSpace::holding_registers, first_register, values);
+    }
+
+    VirtualClock clock;
+    StageProfile profile = builtin_stage_profile("generic");
+    SimulatedStage stage{{{.name = "x", .low = -7.0, .high = 700.0, .speed = 50.0}}, {}, clock};
+    ModbusController controller{stage, profile, 1};
+    ModbusLink link;
+};
+
+// What the guards are for: without them the next request takes the old reply for its own.
+TEST(MemoryTransport, GivesALateSerialReplyToTheNextRequest) {
+    Rig rig(true);
+    MemoryTransport bare(rig.controller, rig.clock, true);
+    ASSERT_EQ(bare.connect(100ms), "");
+    rig.controller.set_script([&](const ModbusRequest& request) {
+        return ModbusReaction{.delay = request.address == 103 ? 150ms : 0ms};
+    });
+    EXPECT_EQ(bare.exchange({1, 3, 103, 2, {}}, 100ms).outcome, ModbusReply::Outcome::unknown);
+    rig.clock.advance(45ms);
+    bare.close();
+    ASSERT_EQ(bare.connect(100ms), "");
+    rig.controller.set_script([](const ModbusRequest&) { return ModbusReaction{.delay = 20ms}; });
+    const ModbusReply reply = bare.exchange({1, 3, 107, 2, {}}, 100ms);
+    EXPECT_EQ(reply.outcome, ModbusReply::Outcome::answered);
+    EXPECT_EQ(reply.values.front(), content_of(103)) << "of another register";
+}
+
+// Every fault at random, one request in five, on a socket and on a serial line. A wrong value or a
+// write that is carried out twice would show.
+TEST(MemoryTransport, NoFaultMakesAWrongValue) {
+    for (const bool serial : {false, true}) {
+        Rig rig(serial);
+        RandomStream random(7, 5, serial ? 1 : 0);
+        const auto draw = [&](int count) { return static_cast<int>(random.uniform() * count); };
+        int faults = 0;
+        rig.controller.set_script([&](const ModbusRequest&) {
+            if (draw(5) != 0)
+                return ModbusReaction{};
+            ++faults;
+            ModbusFault fault{.kind = static_cast<ModbusFault::Kind>(draw(8)),
+                              .delay = std::chrono::milliseconds(draw(240)),
+                              .code = 6,
+                              .carried_out = draw(2) == 0};
+            if (fault.kind == ModbusFault::Kind::slow_bytes)
+                fault.delay /= 10;
+            return reaction_to(fault);
+        });
+        int failed = 0, wrong = 0;
+        for (int i = 0; i < 10'000; ++i) {
+            const int address = first_register + draw(register_count - 1);
+            try {
+                const auto values = rig.link.read(1, RegisterSpace::holding_registers, address, 2);
+                wrong += values != std::vector{content_of(address), content_of(address + 1)};
+            } catch (const DeviceError&) {
+                ++failed;
+            }
+        }
+        EXPECT_EQ(wrong, 0);
+        EXPECT_GT(faults, 2000);
+        EXPECT_LT(failed, 300) << "three attempts each: 1 in 125, more where faults last";
+        EXPECT_EQ(rig.controller.writes().size(), 1U);
+    }
+}
+
+TEST(MemoryTransport, TheWatchdogRunsWhileTheStationWaits) {
+    Rig rig(false);
+    const std::vector<std::uint16_t> watchdog = {70};
+    for (const std::uint16_t command : {1, 3, 1}) {  // enable, home
+        rig.link.write(1, RegisterSpace::holding_registers, 200, std::span(&command, 1));
+        rig.clock.advance(30s);
+    }
+    rig.link.write(1, RegisterSpace::holding_registers, 201, watchdog);
+    rig.stage.start({690.0}, {50.0});
+    rig.controller.set_script([](const ModbusRequest&) { return ModbusReaction{.reply = false}; });
+    EXPECT_THROW(rig.link.read(1, RegisterSpace::holding_registers, 100, 1, 1), DeviceError);
+    EXPECT_EQ(rig.stage.status()[0].alarm, StageAlarm::watchdog);
+    // 70 ms after the write, looked at every 10 ms; 50 mm/s.
+    EXPECT_LT(rig.stage.true_positions()[0], 50.0 * 0.1);
+}
+
+// ---- stage link
+
+StrictFile file_with(const std::string& link) {
+    return StrictFile::from_text("etalon: station/1\nlink: " + link + "\n", "s.yaml", "station/1");
+}
+
+StageLink read(const std::string& text, const LinkDefaults& defaults = {}) {
+    const StrictFile file = file_with(text);
+    const StageLink link = read_stage_link(file.root().at("link"), defaults);
+    file.finish();
+    require_usable(link);
+    return link;
+}
+
+std::string fault(const std::string& text) {
+    return config_error_of([&] { read(text); });
+}
+
+TEST(StageLink, ReadsATcpAddress) {
+    const StageLink link = read("{host: 10.0.7.5, port: 1502, unit: 3, response_timeout_ms: 700}");
+    EXPECT_EQ(describe(link), "10.0.7.5:1502");
+    EXPECT_FALSE(link.is_serial());
+    EXPECT_EQ(link.unit, 3);
+    EXPECT_EQ(link.response_timeout, 700ms);
+}
+
+TEST(StageLink, ReadsASerialLine) {
+    const StageLink link = read(
+        "{device: /dev/ttyUSB5, baud: 115200, parity: even, data_bits: 7, stop_bits: 2, unit: 9, "
+        "response_timeout_ms: 150, quiet_ms: 190}");
+    const SerialPort& port = std::get<SerialPort>(link.address);
+    EXPECT_EQ(describe(link), "/dev/ttyUSB5");
+    EXPECT_EQ(port.baud, 115200);
+    EXPECT_EQ(port.parity, 'E');
+    EXPECT_EQ(port.data_bits, 7);
+    EXPECT_EQ(port.stop_bits, 2);
+    EXPECT_EQ(link.unit, 9);
+    EXPECT_EQ(link.quiet, 190ms);
+}
+
+TEST(StageLink, TakesFromTheProfileWhatTheStationLeavesOut) {
+    const StrictFile file = file_with("{transport: rtu, baud: 9600, parity: odd, quiet_ms: 330}");
+    const LinkDefaults defaults = read_link_defaults(file.root().at("link"));
+    EXPECT_EQ(defaults.transport, LinkDefaults::Transport::rtu);
+    const StageLink link = read("{device: /dev/ttyS3, baud: 19200}", defaults);
+    const SerialPort& port = std::get<SerialPort>(link.address);
+    EXPECT_EQ(port.baud, 19200);
+    EXPECT_EQ(port.parity, 'O');
+    EXPECT_EQ(port.data_bits, 8);
+    EXPECT_EQ(link.quiet, 330ms);
+    EXPECT_EQ(link.response_timeout, 300ms);
+}
+
+std::string fault_of_defaults(const std::string& text) {
+    return config_error_of([&] { read_link_defaults(file_with(text).root().at("link")); });
+}
+
+// A reply may take as long as the response time-out: a line that was quiet for less can bring one.
+TEST(StageLink, RefusesALineThatIsTakenForQuietBeforeAReplyIsLate) {
+    EXPECT_EQ(fault("{device: /dev/ttyS3, response_timeout_ms: 190, quiet_ms: 189}"),
+              "s.yaml:2: link.quiet_ms: quiet_ms (189) may not be shorter than response_timeout_ms "
+              "(190): a late reply would be taken for the next one's");
+    EXPECT_EQ(fault("{device: /dev/ttyS3, response_timeout_ms: 190, quiet_ms: 190}"), "no error");
+    EXPECT_THAT(fault("{device: /dev/ttyS3, response_timeout_ms: 301}"),
+                HasSubstr("s.yaml:2: link.response_timeout_ms: quiet_ms (300) may not"));
+    EXPECT_EQ(fault("{host: a, port: 7, response_timeout_ms: 700}"), "no error") << "no draining";
+    EXPECT_THAT(fault_of_defaults("{transport: rtu, response_timeout_ms: 170, quiet_ms: 110}"),
+                HasSubstr("s.yaml:2: link.quiet_ms: quiet_ms (110) may not"));
+    EXPECT_THAT(fault_of_defaults("{transport: rtu, response_timeout_ms: 700}"),
+                HasSubstr("link.response_timeout_ms: quiet_ms (300) may not"));
+    EXPECT_EQ(fault_of_defaults("{transport: tcp, response_timeout_ms: 700}"), "no error");
+}
+
+TEST(StageLink, RefusesWhatNoLinkCanBe) {
+    EXPECT_THAT(fault("{host: a, port: 0}"), HasSubstr("s.yaml:2: link.port: must be"));
+    EXPECT_THAT(fault("{host: a}"), HasSubstr("link.port"));
+    EXPECT_THAT(fault("{host: a, port: 7, device: /dev/ttyS3}"), HasSubstr("link.host"));
+    EXPECT_THAT(fault("{host: a, port: 7, baud: 9600}"), HasSubstr("link.baud"));
+    EXPECT_THAT(fault("{device: /dev/ttyS3, baud: 9601}"), HasSubstr("9601 is not a baud rate"));
+    EXPECT_THAT(fault("{device: /dev/ttyS3, parity: N}"), HasSubstr("link.parity"));
+    EXPECT_THAT(fault("{device: \"\"}"), HasSubstr("must not be empty"));
+    EXPECT_THAT(fault("{device: /dev/ttyS3, unit: 0}"), HasSubstr("link.unit"));
+    EXPECT_THAT(fault("{host: a, port: 7, unit: 250}"), HasSubstr("unit: must be"));
+    EXPECT_THAT(fault("{host: a, port: 7, response_timeout_ms: 9}"),
+                HasSubstr("response_timeout_ms"));
+}
+
+// ---- register numbers
+
+Registers registers(double number, NumberType type, WordOrder order = WordOrder::high_first) {
+    Registers written;
+    append_number(written, number, type, order);
+    return written;
+}
+
+TEST(RegisterNumbers, PutTheWordsInTheOrderAsked) {
+    constexpr double number = 7 * 65536 + 5;
+    EXPECT_EQ(registers(number, NumberType::int32), (Registers{7, 5}));
+    EXPECT_EQ(registers(number, NumberType::int32, WordOrder::low_first), (Registers{5, 7}));
+    EXPECT_EQ(number_from_registers(Registers{7, 5}, NumberType::int32, WordOrder::high_first),
+              number);
+    EXPECT_EQ(number_from_registers(Registers{5, 7}, NumberType::int32, WordOrder::low_first),
+              number);
+    // IEEE 754: -6.25 = -1.5625 * 2^2.
+    EXPECT_EQ(registers(-6.25, NumberType::float32), (Registers{0xC0C8, 0}));
+    EXPECT_EQ(registers(-6.25, NumberType::float32, WordOrder::low_first), (Registers{0, 0xC0C8}));
+    EXPECT_EQ(registers(-7, NumberType::int16), Registers{0xFFF9});
+    EXPECT_EQ(number_from_registers(Registers{0xFFF9}, NumberType::uint16, WordOrder::high_first),
+              65529);
+}
+
+TEST(RegisterNumbers, RoundTripWhereSignedMacrosFail) {
+    constexpr std::int32_t least = std::numeric_limits<std::int32_t>::min();
+    constexpr std::int32_t most = std::numeric_limits<std::int32_t>::max();
+    for (const std::int32_t value :
+         {0, 1, -1, 32767, 32768, -32768, -32769, 65535, 65536, -65536, 40000, -40000, least, most})
+        for (const WordOrder order : {WordOrder::high_first, WordOrder::low_first})
+            EXPECT_EQ(number_from_registers(registers(value, NumberType::int32, order),
+                                            NumberType::int32, order),
+                      value);
+}
+
+TEST(RegisterNumbers, RefuseWhatTheTypeCannotHold) {
+    EXPECT_THROW(registers(32768, NumberType::int16), std::out_of_range);
+    EXPECT_THROW(registers(-1, NumberType::uint16), std::out_of_range);
+    EXPECT_THROW(registers(2147483648.0, NumberType::int32), std::out_of_range);
+    EXPECT_THROW(registers(std::nan(""), NumberType::int32), std::out_of_range);
+    EXPECT_THROW(registers(1e39, NumberType::float32), std::out_of_range);
 }
 
 }  // namespace

@@ -1,11 +1,10 @@
 // A stage's client and its controller on virtual time, for tests of what the client does.
 #pragma once
 
-#include "mocks/stage/modbus_controller.h"
 #include "stage/motion/modbus_stage.h"
-#include "tests/error_text.h"
-#include "tests/fakes/fast_axes.h"
 #include "tests/fakes/memory_transport.h"
+#include "tests/fakes/test_axes.h"
+#include "tests/test.h"
 
 namespace etalon::test {
 

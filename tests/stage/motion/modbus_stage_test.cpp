@@ -2,18 +2,10 @@
 // units on one bus, and what ends a motion. Over real sockets: tests/loopback/stage_test.cpp.
 #include "stage/motion/modbus_stage.h"
 
-#include <gmock/gmock.h>
-
-#include <set>
-
 #include "tests/stage/motion/modbus_rig.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
-using namespace std::chrono_literals;
-using namespace test;
 
 // Writing the target starts the motion; one axis a unit.
 const char* const by_target = R"(etalon: stage-profile/1

@@ -2,18 +2,17 @@
 // with one request in 50 going wrong in every way the wire knows. What must never happen is counted
 // by those who know the truth: the simulated stage its motions and positions, the wire its
 // requests. Prints the figures.
-#include <gtest/gtest.h>
 
 #include "core/statistics/random.h"
 #include "stage/motion/modbus_stage.h"
 #include "stage/motion/motion_guard.h"
-#include "tests/fakes/fast_axes.h"
 #include "tests/fakes/memory_transport.h"
+#include "tests/fakes/test_axes.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
 using Kind = ModbusFault::Kind;
 
 constexpr int moves = 10'000;

@@ -1,14 +1,8 @@
 // The client of a stage whose machine was suspended, and one whose line somebody else chatters on.
-#include <gmock/gmock.h>
-
 #include "tests/stage/motion/modbus_rig.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
-using namespace std::chrono_literals;
-using namespace test;
 
 // ---- a machine that is suspended
 
@@ -120,6 +114,141 @@ TEST(ModbusStageLine, AStopIsToldInTimeOnALineThatChatters) {
     ASSERT_TRUE(told);
     EXPECT_LE(*told - begin, 1010ms);
     EXPECT_LE(rig.clock.now() - begin, 2050ms);
+}
+
+// ---- smallest steps
+
+// A controller counts in steps, of the way and of the speed, which may be larger than what it is
+// asked for.
+
+// Below one count nothing could be told to arrive: every move would end at its time limit.
+TEST(ModbusStageSteps, AnAxisThatCountsCoarserThanItsToleranceIsRefused) {
+    Rig rig;  // 1 um, 0.0002 degree
+    rig.profile.counts.per_mm = 990.0;
+    EXPECT_THAT(config_error_of([&] { rig.connect(); }),
+                HasSubstr("stage axes: x: one of its counts, 0.0010101 mm, is more than the "
+                          "profile's tolerance, 0.001 mm"));
+    rig.profile.counts = {.per_mm = -1000.0, .per_deg = 4900.0};
+    EXPECT_THAT(config_error_of([&] { rig.connect(); }),
+                HasSubstr("stage axes: rz: one of its counts"));
+    rig.profile.counts.per_deg = 5000.0;
+    EXPECT_NO_THROW(rig.connect());
+}
+
+TEST(ModbusStageSteps, AnApproachOfLessThanTwoCountsIsRefused) {
+    std::vector<Axis> axes = fast_axes();
+    axes[0].approach = -1;
+    axes[0].overrun = 0.0019;
+    Rig rig(builtin_stage_profile("generic"), axes);
+    rig.profile.counts.per_mm = 1000.0;
+    EXPECT_THAT(
+        config_error_of([&] { rig.connect(); }),
+        HasSubstr("stage axes: x: its overrun before the approach, 0.0019 mm, is less than two "
+                  "of its counts, 0.002 mm"));
+    rig.profile.counts.per_mm = 1100.0;
+    EXPECT_NO_THROW(rig.connect());
+}
+
+// 200 counts a mm: 5 um, and limits in mid count. Rounded to the nearest both would be beyond them.
+TEST(ModbusStageSteps, NoTargetIsRoundedToBeyondASoftLimit) {
+    std::vector<Axis> axes = fast_axes();
+    axes[0].low = -7.0029;
+    axes[0].high = 50.0029;
+    HomedRig rig(by_code, axes);
+    rig.stage->move(std::vector{50.0029, 0.5}, {});
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 50.0, 1e-6);
+    rig.stage->move(std::vector{-7.0029, 0.5}, {});
+    EXPECT_NEAR(rig.simulation.true_positions()[0], -7.0, 1e-6);
+    rig.stage->move(std::vector{7.0029, 0.5}, {});
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 7.005, 1e-6) << "elsewhere to the nearest";
+}
+
+// Speeds in whole steps of 5 counts a second, 25 um/s: 1.9 of them are 1, and less would be faster
+// than was asked for.
+TEST(ModbusStageSteps, ASpeedBelowTheSmallestStepIsRefusedAndNotMadeFaster) {
+    HomedRig rig(by_code);
+    rig.stage->limit_speed(1.9 * 0.025 / 200.0);
+    const Instant start = rig.clock.now();
+    rig.stage->move(std::vector{0.1, 0.0}, {});
+    EXPECT_NEAR(std::chrono::duration<double>(rig.clock.now() - start).count(), 4.0, 0.2);
+    EXPECT_THAT(config_error_of([&] { rig.stage->limit_speed(0.99 * 0.025 / 200.0); }),
+                HasSubstr("stage axes: x: 0.012375 % of its speed is not 1 to 65535 in the speed "
+                          "register"));
+}
+
+// ---- tacit controller
+
+// A controller that does not tell whether its axes are homed.
+
+class ATacitController : public testing::Test {
+protected:
+    static constexpr int inputs = 0x7D, home_bit = 0x10;  // of base/oriental
+
+    ATacitController() {
+        axes[0].counts_per_unit = 800.0;
+        rig = std::make_unique<Rig>(builtin_stage_profile("oriental-ar"), axes);
+    }
+    void ignore_homing() {
+        rig->controller.set_script([this](const ModbusRequest& request) {
+            const bool home = writes_to(request, inputs) && (request.values[0] & home_bit) != 0;
+            homings += home;
+            return ModbusReaction{.carry_out = !home};
+        });
+    }
+
+    std::vector<Axis> axes = {fast_axes()[0]};
+    std::unique_ptr<Rig> rig;
+    int homings = 0;
+};
+
+TEST_F(ATacitController, IsHomedWhenItsAxesWereSeenToMoveForIt) {
+    rig->connect_and_home()->move(std::vector{7.0}, {});
+    EXPECT_NEAR(rig->simulation.true_positions()[0], 7.0, 1e-6);
+}
+
+TEST_F(ATacitController, IsNotTakenForHomedBecauseItRests) {
+    ignore_homing();
+    auto stage = rig->connect();
+    stage->enable({});
+    const std::string error = device_error_of([&] { stage->home({}); });
+    EXPECT_THAT(
+        error,
+        HasSubstr("home: axis x did not move, and its controller does not tell whether it is "
+                  "homed"));
+    EXPECT_THAT(error, HasSubstr("--homed"));
+    EXPECT_EQ(homings, 1);
+    EXPECT_THROW(stage->move(std::vector{7.0}, {}), DeviceError);
+    EXPECT_EQ(rig->simulation.moves_started(), 0);
+}
+
+TEST_F(ATacitController, StandsAtItsZeroWhenTheOperatorSaysSo) {
+    ignore_homing();
+    auto stage = rig->connect();
+    stage->take_for_homed();
+    stage->enable({});
+    EXPECT_EQ(device_error_of([&] { stage->home({}); }), "no error");
+    EXPECT_EQ(homings, 1) << "homing is commanded all the same";
+}
+
+TEST_F(ATacitController, IsMovedByHandOnTheOperatorsWordAlone) {
+    rig->connect_and_home();
+    auto stage = rig->connect();
+    EXPECT_THAT(device_error_of([&] { stage->resume(); }),
+                HasSubstr("say that they are (--homed)"));
+    EXPECT_THROW(stage->move(std::vector{7.0}, {}), DeviceError);
+    stage->take_for_homed();
+    stage->resume();
+    stage->move(std::vector{7.0}, {});
+    EXPECT_NEAR(rig->simulation.true_positions()[0], 7.0, 1e-6);
+}
+
+// What a controller tells, nobody's word outweighs.
+TEST(ModbusStageMoves, AControllerThatSaysItIsNotHomedIsBelieved) {
+    Rig rig;
+    auto stage = rig.connect();
+    stage->enable({});
+    stage->take_for_homed();
+    EXPECT_THAT(device_error_of([&] { stage->resume(); }), HasSubstr("axis x is not homed"));
 }
 
 }  // namespace

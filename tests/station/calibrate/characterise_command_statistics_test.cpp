@@ -6,15 +6,12 @@
 #include "calib/files/camera_file.h"
 #include "sim/render/reference_integrator.h"
 #include "station/calibrate/commands.h"
-#include "tests/error_text.h"
 #include "tests/station/built_program.h"
 
 namespace etalon {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
-using testing::Not;
 
 constexpr const char* board = "chessboard:9x6@8mm";
 

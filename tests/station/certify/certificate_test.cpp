@@ -1,22 +1,11 @@
-#include <gmock/gmock.h>
 
-#include <cstdlib>
-#include <regex>
-
-#include "report/number_text.h"
 #include "station/certify/certificate.h"
-#include "tests/error_text.h"
+#include "report/number_text.h"
 #include "tests/paths.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {
 namespace {
-
-using testing::Contains;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
-using testing::Not;
 
 CertificateForm complete_form() {
     const PostalContact laboratory{"Optics <Lab>", "Main Road 1", "38116", "Braunschweig", "DE"};
@@ -273,8 +262,6 @@ TEST(CertificateForm, RefusesWhatCannotBePrinted) {
     EXPECT_THAT(refusal("number: \"a\\nb\"\n"), HasSubstr("must be a line of text"));
     EXPECT_THAT(refusal("customer: {country: Germany}\n"), HasSubstr("customer.country"));
 }
-
-using namespace std::chrono_literals;
 
 // In weasyprint's place other programs that are called with two files.
 class PdfFile : public testing::Test {

@@ -1,18 +1,14 @@
 // What `etalon devices`, `etalon stage` and `etalon init` print, write and are told.
 #include "station/devices/commands.h"
 
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "tests/error_text.h"
 #include "tests/station/built_program.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 FrameSizes size(int width, int height) {
     return {{width, height}, {width, height}};

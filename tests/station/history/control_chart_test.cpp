@@ -1,13 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <numeric>
 
-#include "core/program/errors.h"
 #include "core/statistics/random.h"
 #include "station/history/control_chart.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

@@ -1,12 +1,9 @@
 #include "station/planning/operating_characteristic.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <tbb/task_arena.h>
 
 #include <numeric>
 
-#include "tests/error_text.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
@@ -171,8 +168,8 @@ TEST_F(Characteristic, HasNoPointOfAnErrorThatCannotBeSeen) {
     const OperatingCharacteristic result = study({"constant pose offset"}, 1);
     ASSERT_EQ(result.errors.size(), 1u);
     EXPECT_FALSE(result.errors[0].observable);
-    EXPECT_THAT(result.errors[0].points, testing::IsEmpty());
-    EXPECT_THAT(result.errors[0].reason, testing::HasSubstr("absorbs"));
+    EXPECT_THAT(result.errors[0].points, IsEmpty());
+    EXPECT_THAT(result.errors[0].reason, HasSubstr("absorbs"));
 }
 
 TEST_F(Characteristic, RefusesAnErrorThatNobodyKnows) {
@@ -249,13 +246,12 @@ TEST_F(ShardedCharacteristic, MergedIsThatOfOneProcess) {
 TEST_F(ShardedCharacteristic, GoesOnWhereItWasKilled) {
     const std::string rows = read_text(one() / "results.csv");
     std::filesystem::resize_file(one() / "results.csv", rows.size() / 2);
-    EXPECT_THAT(refusal({one(), two()}), testing::HasSubstr("run 2 is missing: the shard is not"));
+    EXPECT_THAT(refusal({one(), two()}), HasSubstr("run 2 is missing: the shard is not"));
     simulate(one(), {1, 2}, planned_);
     EXPECT_EQ(read_text(one() / "results.csv"), rows);
 }
 
 TEST_F(ShardedCharacteristic, IsNotMergedFromShardsThatDoNotFit) {
-    using testing::HasSubstr;
     EXPECT_THAT(refusal({one()}), HasSubstr("oc merge: shard 2/2 is missing"));
     EXPECT_THAT(refusal({two(), two()}), HasSubstr("is the same shard as"));
     StationCharacteristic other = planned_;

@@ -1,18 +1,12 @@
 #include "station/qualify/runner.h"
 
-#include <gmock/gmock.h>
-
 #include "compare/photo_pose.h"
-#include "tests/error_text.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {
 namespace {
 
 using Json = nlohmann::json;
-using testing::Contains;
-using testing::HasSubstr;
-using testing::Not;
 
 class Runner : public testing::Test {
 protected:

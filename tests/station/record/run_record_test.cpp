@@ -1,8 +1,5 @@
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
-#include "core/file/text.h"
 #include "station/record/run_events.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
@@ -12,7 +9,6 @@ namespace etalon {
 namespace {
 
 using Json = nlohmann::json;
-using testing::HasSubstr;
 
 CodeImage image_of(int value) {
     return {cv::Mat(5, 7, CV_8UC1, cv::Scalar(value)), 8};

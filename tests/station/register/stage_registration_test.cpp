@@ -1,15 +1,10 @@
 #include "station/register/stage_registration.h"
 
-#include <gmock/gmock.h>
-
 #include "station/register/qualification_input.h"
-#include "tests/error_text.h"
 #include "tests/station/photographed_station.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 // Corners of 8-bit renders without noise are right to some hundredths of a pixel, or 0.05 mm in
 // depth, once the detector's bias is taken out; uncorrected the depth is off by a millimetre.
@@ -95,7 +90,7 @@ TEST_F(StageRegistrationTest, AQualificationOfDegenerateTrainingPosesIsRefused) 
     QualificationInput input = declared_input(station, poses);
     input.render_and_detect = [](const Rigid&) { return std::nullopt; };
     EXPECT_THAT(text_of_error<NumericalError>([&] { qualify(input); }),
-                testing::AllOf(HasSubstr("degenerate plan"), HasSubstr("one line, base z")));
+                AllOf(HasSubstr("degenerate plan"), HasSubstr("one line, base z")));
 }
 
 TEST_F(StageRegistrationTest, RefusesATableThatItCannotUse) {

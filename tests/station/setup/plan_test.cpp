@@ -1,7 +1,6 @@
 #include "station/setup/plan.h"
 
 #include "stage/axes/kinematics.h"
-#include "tests/error_text.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

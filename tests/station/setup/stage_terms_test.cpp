@@ -1,8 +1,7 @@
 #include "station/setup/stage_terms.h"
 
-#include <gtest/gtest.h>
-
 #include "stage/axes/kinematics.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {

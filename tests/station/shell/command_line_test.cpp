@@ -1,16 +1,17 @@
 // The built program as a user meets it: exit codes, one-line errors, nothing half-written.
+#include <unistd.h>
+
+#include <cerrno>
+#include <future>
 
 #include "core/file/file_writing.h"
 #include "core/image/image.h"
+#include "station/shell/signals.h"
 #include "tests/station/built_program.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
 namespace {
-
-using testing::EndsWith;
-using testing::HasSubstr;
-using testing::Not;
 
 TEST(CommandLine, HelpFits80ColumnsAndNamesEveryCommand) {
     const TemporaryFolder folder;
@@ -21,8 +22,7 @@ TEST(CommandLine, HelpFits80ColumnsAndNamesEveryCommand) {
         const Finished help = etalon_with(folder, std::string(command) + " --help");
         EXPECT_EQ(help.exit_code, 0);
         EXPECT_EQ(help.err, "");
-        for (const std::string& line : split(help.out, '\n'))
-            EXPECT_LE(line.size(), 80u) << line;
+        expect_80_columns(help.out);
     }
 }
 
@@ -145,6 +145,34 @@ TEST(CommandLine, ADeviceThatDoesNotAnswerIsExitCode4) {
     const Finished finished = etalon_with(folder, "qualify station.yaml --out record");
     EXPECT_EQ(finished.exit_code, 4) << finished.err;
     EXPECT_FALSE(std::filesystem::exists(folder / "record"));
+}
+
+// ---- signals
+
+bool requests_stop(int signal) {
+    std::stop_source source;
+    std::promise<void> requested;
+    const std::stop_callback callback(source.get_token(), [&] { requested.set_value(); });
+    const StopOnSignals signals(source);
+    kill(getpid(), signal);
+    return requested.get_future().wait_for(std::chrono::seconds(10)) == std::future_status::ready;
+}
+
+TEST(StopOnSignals, RequestsAStopForWhateverWouldEndTheProgram) {
+    EXPECT_TRUE(requests_stop(SIGINT));
+    EXPECT_TRUE(requests_stop(SIGTERM));
+    EXPECT_TRUE(requests_stop(SIGQUIT));
+    EXPECT_TRUE(requests_stop(SIGHUP));
+}
+
+TEST(StopOnSignals, OutlivesTheReaderOfItsOutput) {
+    const StopOnSignals signals({});
+    std::array<int, 2> ends{};
+    ASSERT_EQ(pipe(ends.data()), 0);
+    close(ends[0]);
+    EXPECT_EQ(write(ends[1], "x", 1), -1);
+    EXPECT_EQ(errno, EPIPE);
+    close(ends[1]);
 }
 
 }  // namespace

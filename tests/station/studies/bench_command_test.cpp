@@ -1,20 +1,15 @@
 // `etalon bench` at its smallest: what it writes and what it refuses. Its figures are for
 // docs/performance.md; only their plausibility is tested here.
-#include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 
 #include "bench/bench_report.h"
-#include "core/file/text.h"
 #include "sim/scene/pose_volume.h"
 #include "station/studies/commands.h"
-#include "tests/error_text.h"
-#include "tests/temporary_folder.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using testing::HasSubstr;
 
 TEST(BenchCommand, QuickWritesEveryMethodWithOneDefaultRowPerScene) {
     const TemporaryFolder folder;

@@ -2,22 +2,16 @@
 // table of docs/calibration.md, "Targets".
 #include "compare/detect/board/calibration_target.h"
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/program/errors.h"
 #include "sim/marker/marker_print.h"
-#include "tests/compare/rendered_targets.h"
+#include "tests/compare/rendered_tags.h"
 #include "tests/image_of.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using namespace test;
 
 struct Case {
     const char* spec;
@@ -146,8 +140,8 @@ TEST_P(EveryTarget, IsFoundUnderDistortion) {
 }
 
 // 2 code values of noise, 0.8 % of full scale. Of a crossing 0.01 px are left then (see
-// tests/compare/detect/board/saddle_point_test.cpp), in the smaller windows of a ChArUco board half
-// as much again.
+// tests/compare/detect/board/chessboard_corners_test.cpp), in the smaller windows of a ChArUco
+// board half as much again.
 TEST_P(EveryTarget, IsFoundInNoise) {
     const Measured measured = measure(GetParam(), blurred_camera(0.9), 2.0, 4);
     print("noisy", GetParam(), measured);
@@ -283,7 +277,7 @@ TEST(CalibrationTarget, WithTagsOfAnotherLayoutIsNotTakenForTheBoard) {
     const ObservedTarget other =
         seen("charuco:4X4_50:7x6@12mm/8.8mm", "charuco:4X4_50:9x6@12mm/8.8mm");
     EXPECT_FALSE(other.view);
-    EXPECT_THAT(other.reason, testing::HasSubstr("21 markers of 4X4_50 are seen, ids 0 to 20"));
+    EXPECT_THAT(other.reason, HasSubstr("21 markers of 4X4_50 are seen, ids 0 to 20"));
     EXPECT_EQ(
         seen("charuco-legacy:4X4_250:8x6:30@12mm/8.8mm", "charuco:4X4_250:8x6@12mm/8.8mm").reason,
         "the board that is seen is charuco-legacy:4X4_250:8x6:30@12mm/8.8mm");
@@ -379,8 +373,8 @@ TEST(CalibrationTarget, OfDotsNamesADiameterThatIsWrong) {
     EXPECT_THAT(
         reason("circles:8x5@14mm/11mm"),
         testing::ContainsRegex("the circles are about (7.9|8|8.0[0-9]|8.1) mm wide .*not 11"));
-    EXPECT_THAT(reason("circles:7x5@14mm/8mm"), testing::HasSubstr("has several places"));
-    EXPECT_THAT(reason("circles:10x9@14mm/8mm"), testing::HasSubstr("not the board's 90"));
+    EXPECT_THAT(reason("circles:7x5@14mm/8mm"), HasSubstr("has several places"));
+    EXPECT_THAT(reason("circles:10x9@14mm/8mm"), HasSubstr("not the board's 90"));
 }
 
 }  // namespace

@@ -1,14 +1,12 @@
 // Truth: markers rendered exactly at known poses, corners where the projector puts them; and images
 // made by OpenCV's warping, with and without markers.
-#include <gtest/gtest.h>
 
 #include "tests/compare/detect/stag/stag_images.h"
 #include "tests/compare/rendered_tags.h"
+#include "tests/test.h"
 
 namespace etalon {
 namespace {
-
-using test::sharp_camera;
 
 Marker marker(const std::string& spec) {
     return parse_marker(spec, "test");
@@ -23,22 +21,22 @@ TEST(StagDetector, FindsTheCornersFromTheTopLeftClockwiseHoweverTheMarkerIsTurne
                                            {"stag:HD21:5@50mm", -0.3, 5.1},
                                            {"stag:R16:101@50mm", -0.5, 2.0}}) {
         const Marker stag = marker(spec);
-        const auto photo = test::render_tag(sharp_camera(), stag, {0.2, tilt, turn, 10, -7, 290});
-        EXPECT_LT(test::detection_error_px(stag, photo.image, photo.corners), 0.1) << turn;
+        const auto photo = render_tag(sharp_camera(), stag, {0.2, tilt, turn, 10, -7, 290});
+        EXPECT_LT(detection_error_px(stag, photo.image, photo.corners), 0.1) << turn;
     }
 }
 
 // The fourth corner is where the two sides meet that go to it, and the circle helps to place it.
 TEST(StagDetector, PlacesACornerThatIsHidden) {
     const Marker stag = marker("stag:HD21:5@50mm");
-    const auto photo = test::render_tag(sharp_camera(), stag, {0.4, -0.3, 0.2, 0, 0, 250});
+    const auto photo = render_tag(sharp_camera(), stag, {0.4, -0.3, 0.2, 0, 0, 250});
     for (std::size_t hidden = 0; hidden < 4; ++hidden) {
         CodeImage covered{photo.image.pixels.clone(), 8};
         const Eigen::Vector2d corner = photo.corners[hidden];
         cv::circle(covered.pixels,
                    cv::Point(static_cast<int>(corner.x()), static_cast<int>(corner.y())), 14,
                    cv::Scalar(120), cv::FILLED);
-        EXPECT_LT(test::detection_error_px(stag, covered, photo.corners), 0.2) << hidden;
+        EXPECT_LT(detection_error_px(stag, covered, photo.corners), 0.2) << hidden;
     }
 }
 
@@ -48,8 +46,8 @@ struct Seen {
     Quad truth;
 
     Seen() {
-        const auto photo = test::render_tag(sharp_camera(), marker("stag:HD21:5@50mm"),
-                                            {0.4, -0.3, 0.2, 0, 0, 250});
+        const auto photo =
+            render_tag(sharp_camera(), marker("stag:HD21:5@50mm"), {0.4, -0.3, 0.2, 0, 0, 250});
         photo.image.pixels.convertTo(pixels, CV_32F);
         std::ranges::copy(photo.corners, truth.begin());
     }
@@ -93,10 +91,10 @@ TEST(StagDetector, SurvivesNoiseOfAnySize) {
 // images.
 TEST(StagFinder, TakesNothingElseForAMarker) {
     const std::vector<StagCode> words = stag_codes("R16");
-    const test::StagImages source(words, 77);
-    test::StagTally tally;
+    const StagImages source(words, 77);
+    StagTally tally;
     for (std::uint64_t number = 0; number < 160; ++number) {
-        const test::StagImage image = source.make(number);
+        const StagImage image = source.make(number);
         tally.add(image, find_stags({image.pixels, 8}, words, 4));
     }
     EXPECT_EQ(tally.false_ids, 0);

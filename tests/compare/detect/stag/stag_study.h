@@ -13,19 +13,14 @@
 
 namespace etalon::test {
 
-// f = 822.317 px, 2.8 um, N = 1.8, focused at 1 m. The sensor: 5100 electrons full scale, 10
-// electrons read noise; 1.3 % of noise at white.
-inline CameraModel study_webcam(double focus_mm) {
-    CameraModel camera = camera_with(640, 480, {822.317, 822.317, 319.495, 242.502},
-                                     {.k1 = -0.0449369, .k2 = 1.17277, .k3 = -3.63244});
-    camera.sensor = Sensor{.pixel_pitch_um = 2.8, .gain_e_per_dn = 20.0, .read_noise_e = 10.0};
-    camera.lens = Lens{1.8, focus_mm, 600.0, {}};
-    return camera;
+// The sensor: 5100 electrons full scale, 10 electrons read noise; 1.3 % of noise at white.
+inline CameraModel noisy_webcam(double focus_mm) {
+    return study_webcam(focus_mm, 20.0, 10.0);
 }
 
 // A webcam with strong barrel distortion.
 inline CameraModel barrel_webcam() {
-    CameraModel camera = study_webcam(1000.0);
+    CameraModel camera = noisy_webcam(1000.0);
     camera.intrinsics = {538.55, 536.2, 317.3, 241.8};
     camera.distortion = {.k1 = -0.286, .k2 = 0.057, .k3 = 0.112};
     camera.sensor->pixel_pitch_um = 8.3;

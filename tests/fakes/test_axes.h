@@ -1,11 +1,23 @@
-// Axes of a stage that tests move: fast, so that they need little time.
+// Axes of stages that tests move.
 #pragma once
 
 #include "stage/profile/profile.h"
 
 namespace etalon {
 
-// x: 200 mm/s over 700 mm; rz: 2 rad/s.
+// x: 100 mm/s, y: 30 mm/s; with the ramp of 50 ms, 2000 and 600 mm/s^2.
+inline std::vector<Axis> two_axes() {
+    return {{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0},
+            {.name = "y", .low = -50.0, .high = 70.0, .speed = 30.0}};
+}
+
+// x: 10 mm/s, z: 5 mm/s.
+inline std::vector<Axis> xz() {
+    return {{.name = "x", .low = -100.0, .high = 100.0, .speed = 10.0},
+            {.name = "z", .low = -50.0, .high = 200.0, .speed = 5.0}};
+}
+
+// Fast, so that they need little time. x: 200 mm/s over 700 mm; rz: 2 rad/s.
 inline std::vector<Axis> fast_axes() {
     return {{.name = "x", .low = -7.0, .high = 700.0, .speed = 200.0},
             {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 2.0}};

@@ -227,7 +227,8 @@ CalibrationCovariances covariances_of(std::span<const ViewEquations> equations,
     const Eigen::MatrixXd effects = view_effects(equations, root), moved = root * effects;
     Eigen::MatrixXd stated = Eigen::MatrixXd::Zero(root.rows(), root.rows());
     if (variance > 0.0)
-        stated = variance * root * excess_scatter(effects / std::sqrt(variance)) * root.transpose();
+        stated = variance * root * cluster_robust_factor(effects / std::sqrt(variance)) *
+                 root.transpose();
     return {variance * (root * root.transpose()), moved * moved.transpose(), stated};
 }
 

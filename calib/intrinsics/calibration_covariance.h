@@ -8,7 +8,7 @@
 //  bootstrap       the scatter of calibrations of views drawn from these with replacement (Efron,
 //                  1979); no linearisation.
 //  stated          where the formal covariance is the identity, the cluster-robust one drawn
-//                  towards a multiple of it (core/statistics/covariance.h: excess_scatter).
+//                  towards a multiple of it (core/statistics/covariance.h: cluster_robust_factor).
 //
 // Cluster-robust and bootstrap need many independent views: of n a standard deviation is uncertain
 // by about 1 / sqrt(2 (n - 1)); of fewer views than parameters some combinations only look certain.

@@ -155,8 +155,9 @@ Outcome combine(std::span<const JudgedQuantity> quantities) {
     return all_pass ? Outcome::pass : Outcome::inconclusive;
 }
 
-FamilyRisk family_risk(std::span<const JudgedQuantity> quantities, const DecisionRule& rule) {
-    FamilyRisk risk;
+FamilyWiseRisk family_wise_risk(std::span<const JudgedQuantity> quantities,
+                                const DecisionRule& rule) {
+    FamilyWiseRisk risk;
     risk.judged = static_cast<int>(quantities.size());
     if (rule.guard_factor == 1.0) {
         risk.each = 1.0 - coverage_probability;  // whatever the degrees of freedom; less for pixels

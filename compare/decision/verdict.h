@@ -83,7 +83,7 @@ double risk_at_limit(const DecisionRule& rule, double coverage_factor, double de
 Outcome combine(std::span<const JudgedQuantity> quantities);
 
 // What the verdict risks over all quantities together, each judged one-sided.
-struct FamilyRisk {
+struct FamilyWiseRisk {
     int judged = 0;
     double each = 0.0;  // that one exactly at its limit gets PASS, or FAIL: the largest of all
     // With any quantity at or above its limit: no more than that of one, as all must pass.
@@ -91,6 +91,7 @@ struct FamilyRisk {
     // With every quantity at or below its limit: Bonferroni's bound, the sum.
     double false_rejection = 0.0;
 };
-FamilyRisk family_risk(std::span<const JudgedQuantity> quantities, const DecisionRule& rule = {});
+FamilyWiseRisk family_wise_risk(std::span<const JudgedQuantity> quantities,
+                                const DecisionRule& rule = {});
 
 }  // namespace etalon

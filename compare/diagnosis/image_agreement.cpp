@@ -298,7 +298,7 @@ void add_findings(const PixelEstimate& shown, const CameraModel& camera, ImageAg
     add_lens_findings(shown, camera, match.findings);
     if (is_in(deviation::tone))
         add_tone();
-    if (is_in(deviation::growth))
+    if (is_in(deviation::print_gain))
         add(match.edge_px, "dark parts are wider at each edge",
             "dark parts are narrower at each edge", "px",
             ": look at print, exposure and tone curve");
@@ -338,7 +338,7 @@ PixelEvidence evidence_of(const PixelEstimate& estimate, const ImageAgreement& m
     constexpr const char* names[] = {"f-number", "focus distance", "blur", "tone curve",
                                      "edge shrink"};
     PixelDeviation sign = PixelDeviation::Ones();
-    sign[deviation::growth] = -1.0;  // dark parts shrink
+    sign[deviation::print_gain] = -1.0;  // dark parts shrink
     const PixelDeviation value = sign.cwiseProduct(estimate.value);
     const PixelInformation covariance = sign.asDiagonal() * estimate.covariance * sign.asDiagonal();
     PixelEvidence evidence;
@@ -377,7 +377,7 @@ ImageAgreement match_pixels(const RunEvidence& pixels, const CameraModel& camera
         match.blur_px = blur_of(pixels, estimate, camera);
     if (pixels.asked[deviation::tone])
         match.tone_gray = figure_of(estimate, deviation::tone, quarter * mean_contrast(photos));
-    match.edge_px = figure_of(estimate, deviation::growth);
+    match.edge_px = figure_of(estimate, deviation::print_gain);
     match.shading_percent = shading_of(photos);
     match.noise_ratio = mean_figure(photos, noise_floor, [](const PhotoEvidence& photo) {
         return photo.noise_ratio ? std::optional(*photo.noise_ratio - 1.0) : std::nullopt;

@@ -14,8 +14,8 @@ namespace deviation {
 inline constexpr int f_number = 0;       // log of the true f-number over the calibration's
 inline constexpr int inverse_focus = 1;  // 1/mm: of the focus distances, true less calibration's
 inline constexpr int blur = 2;           // px^2: variance of a Gaussian besides; below 0: sharper
-inline constexpr int tone = 3;    // t of C(s) = s + t s (1 - s), s between black (0) and white (1)
-inline constexpr int growth = 4;  // px by which edges lie farther out in the light
+inline constexpr int tone = 3;  // t of C(s) = s + t s (1 - s), s between black (0) and white (1)
+inline constexpr int print_gain = 4;  // px by which edges lie farther out in the light
 inline constexpr int count = 5;
 }  // namespace deviation
 using PixelDeviation = Eigen::Matrix<double, deviation::count, 1>;

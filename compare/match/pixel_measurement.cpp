@@ -58,7 +58,7 @@ PhotoState with_fitted_levels(const PhotoOfMarker& photo, const PhotometricCamer
 std::vector<int> changed_in_renders(const std::array<bool, deviation::count>& asked) {
     std::vector<int> all;
     for (const int i :
-         {deviation::f_number, deviation::inverse_focus, deviation::blur, deviation::growth})
+         {deviation::f_number, deviation::inverse_focus, deviation::blur, deviation::print_gain})
         if (asked[static_cast<std::size_t>(i)])
             all.push_back(i);
     return all;
@@ -338,14 +338,14 @@ DampedStep newton_step(const DeviationPlace& place, double damping, const Free& 
 // Into the range in which a rendering has a meaning.
 PixelDeviation limited(PixelDeviation deviating, const CameraModel& calibration) {
     constexpr double most_f_number = 2.1, most_tone = 0.95, most_blur = 4.0, least_blur = 0.0,
-                     most_growth = 0.5, nearest_lens = 0.2;  // of 1 / image distance
+                     most_print_gain = 0.5, nearest_lens = 0.2;  // of 1 / image distance
     const auto limit = [&](int i, double low, double high) {
         deviating[i] = std::clamp(deviating[i], low, high);
     };
     limit(deviation::f_number, -most_f_number, most_f_number);
     limit(deviation::tone, -most_tone, most_tone);
     limit(deviation::blur, least_blur, most_blur);
-    limit(deviation::growth, -most_growth, most_growth);
+    limit(deviation::print_gain, -most_print_gain, most_print_gain);
     if (has_aperture(calibration)) {
         const ThinLens lens = thin_lens(calibration);
         limit(deviation::inverse_focus, -lens.inverse_focus_per_mm,
@@ -357,7 +357,7 @@ PixelDeviation limited(PixelDeviation deviating, const CameraModel& calibration)
 // Whether first order is enough from one place to another.
 bool is_near(const PixelDeviation& step, const CameraModel& calibration) {
     PixelDeviation near = PixelDeviation::Constant(0.03);  // of f-number, blur and tone
-    near[deviation::growth] = 0.05;
+    near[deviation::print_gain] = 0.05;
     near[deviation::inverse_focus] = has_aperture(calibration) ? focus_step(calibration) : 1.0;
     return (step.array().abs() < near.array()).all();
 }
@@ -402,7 +402,7 @@ DeviationPlace best_of_all(const CameraModel& calibration, const DeviationPlace&
                            double noise_scale, const MeasurePhotos& measure) {
     Free light{}, lens = asked, both = asked;
     light[deviation::tone] = asked[deviation::tone];
-    lens[deviation::tone] = lens[deviation::growth] = both[deviation::growth] = false;
+    lens[deviation::tone] = lens[deviation::print_gain] = both[deviation::print_gain] = false;
     DeviationPlace best = descended(calibration, start, which, light, noise_scale, measure);
     DeviationPlace other = descended(calibration, start, which, lens, noise_scale, measure);
     if (other.loss() < best.loss())

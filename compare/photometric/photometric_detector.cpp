@@ -30,7 +30,7 @@ Matrix6d pose_covariance(const PhotoEquations& equations, double variance) {
     const Eigen::MatrixXd effects = root.triangularView<Eigen::Lower>().solve(
         Eigen::MatrixXd(inverse->topRows<6>() * equations.block_scores));
     const double left = blocks / (blocks - fitted);  // of what the fit itself took out
-    return variance * root * excess_scatter(effects * std::sqrt(left / variance)) *
+    return variance * root * cluster_robust_factor(effects * std::sqrt(left / variance)) *
            root.transpose();
 }
 

@@ -81,7 +81,7 @@ void list_quantities(const QualificationInput& input, Qualification& result) {
                         .limit = is_judged ? limit->second : 0.0,
                         .reason = is_judged ? "" : "the limits have none for it"});
     }
-    result.risk = family_risk(result.quantities, input.limits.rule);
+    result.risk = family_wise_risk(result.quantities, input.limits.rule);
 }
 
 Qualification skipped(Qualification result, const std::string& reason) {
@@ -498,7 +498,7 @@ void judge_all(const Limits& limits, Qualification& result) {
     for (JudgedQuantity& quantity : result.reported)
         measure(quantity, result);
     result.rule = limits.rule;
-    result.risk = family_risk(result.quantities, limits.rule);
+    result.risk = family_wise_risk(result.quantities, limits.rule);
     result.verdict = combine(result.quantities);
 }
 

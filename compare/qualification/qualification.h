@@ -134,7 +134,7 @@ struct Qualification {
     // with value and U where they were measured.
     std::vector<JudgedQuantity> quantities, reported;
     DecisionRule rule;                 // that they are judged by
-    FamilyRisk risk;                   // of the judged ones together
+    FamilyWiseRisk risk;               // of the judged ones together
     std::vector<std::string> reasons;  // why the verdict is not PASS, one sentence each
 
     DetectionCounts detection;

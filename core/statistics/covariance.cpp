@@ -20,7 +20,7 @@ std::optional<Eigen::MatrixXd> covariance_from_information(const Eigen::MatrixXd
 }
 
 // n x x^T scatters about S, and its mean square distance from it over n is how wrong S itself is.
-Eigen::MatrixXd excess_scatter(const Eigen::MatrixXd& effects) {
+Eigen::MatrixXd cluster_robust_factor(const Eigen::MatrixXd& effects) {
     const double n = static_cast<double>(effects.cols());
     const Eigen::MatrixXd s = effects * effects.transpose(),
                           identity = Eigen::MatrixXd::Identity(effects.rows(), effects.rows());

@@ -17,6 +17,6 @@ std::optional<Eigen::MatrixXd> covariance_from_information(const Eigen::MatrixXd
 // (Liang and Zeger, Biometrika 73, 1986). S is drawn towards a multiple of the identity by its own
 // scatter between groups (Ledoit and Wolf, J. Multivariate Analysis 88, 2004): the mean of its
 // eigenvalues, one at least.
-Eigen::MatrixXd excess_scatter(const Eigen::MatrixXd& effects);
+Eigen::MatrixXd cluster_robust_factor(const Eigen::MatrixXd& effects);
 
 }  // namespace etalon

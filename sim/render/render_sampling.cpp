@@ -403,8 +403,9 @@ private:
 
     void take_wedges(const Choice& wedges) {
         take(wedges, RenderMethod::wedge_table, SampleKind::pixel);
-        std::erase_if(chosen_.plan.left_out,
-                      [](const LeftOut& left) { return left.what == NeglectedEffect::lens; });
+        std::erase_if(chosen_.plan.left_out, [](const NeglectedBound& left) {
+            return left.what == NeglectedEffect::lens;
+        });
         chosen_.sampling.wedges = filter_.wedges();
         chosen_.sampling.wedge_reach_px = chosen_.sampling.wedges->reach_px(image_.blur.largest_px);
     }
@@ -442,7 +443,7 @@ private:
     void leave_out_fine_rings() {
         const RenderPlan& plan = chosen_.plan;
         double left = allowed(1.0 - share_of_rounding) - plan.sampling_gray;
-        for (const LeftOut& omitted : plan.left_out)
+        for (const NeglectedBound& omitted : plan.left_out)
             left -= omitted.gray;
         const int first = filter_.first_ring();
         while (chosen_.finest_ring < first + 2 && gray_of_rings(chosen_.finest_ring + 1) <= left)

@@ -184,8 +184,8 @@ void merge(const RenderPlan& one, RenderPlan& all) {
     all.min_blur_radius_px = std::min(all.min_blur_radius_px, one.min_blur_radius_px);
     all.max_blur_radius_px = std::max(all.max_blur_radius_px, one.max_blur_radius_px);
     all.tail_reach_px = std::max(all.tail_reach_px, one.tail_reach_px);
-    for (const LeftOut& left : one.left_out) {
-        const auto same = std::ranges::find(all.left_out, left.what, &LeftOut::what);
+    for (const NeglectedBound& left : one.left_out) {
+        const auto same = std::ranges::find(all.left_out, left.what, &NeglectedBound::what);
         if (same == all.left_out.end())
             all.left_out.push_back(left);
         else if (left.gray > same->gray)

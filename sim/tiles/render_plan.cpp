@@ -38,7 +38,7 @@ std::string RenderPlan::describe() const {
         fmt::format(", blur radius {:.3g} to {:.3g} px", min_blur_radius_px, max_blur_radius_px);
     if (tail_reach_px > 0.0)
         text += fmt::format(", diffraction to {:.0f} px", tail_reach_px);
-    for (const LeftOut& left : left_out)
+    for (const NeglectedBound& left : left_out)
         if (left.what != NeglectedEffect::uniform_tiles && left.what != NeglectedEffect::tail)
             text += fmt::format(", no {}", name_of(left.what));
     return text;

@@ -30,7 +30,7 @@ enum class NeglectedEffect {
 
 const char* name_of(NeglectedEffect omission);
 
-struct LeftOut {
+struct NeglectedBound {
     NeglectedEffect what;
     std::string why;  // the bound in words, with its number
     double gray;      // no pixel is off by more for it
@@ -54,7 +54,7 @@ struct RenderPlan {
     double min_blur_radius_px = 0.0;  // over the marker; 0 where it is in focus
     double max_blur_radius_px = 0.0;
     double tail_reach_px = 0.0;  // of diffraction; 0: none
-    std::vector<LeftOut> left_out;
+    std::vector<NeglectedBound> left_out;
     std::vector<TileUse> used;  // most tiles first
     long uniform_tiles = 0;     // one number each, most of them found many at a time
     std::string instructions;   // the vector instructions used

@@ -252,7 +252,8 @@ void prepare(const Run& run, Camera& camera, Stage& stage) {
 constexpr int poses_without_marker = 3;
 
 // What such a pose shows in the marker's place, and what to look at.
-std::string seen_instead(const QualifyResult& result, const VisitedPose& pose, Detector& detector) {
+std::string detected_instead(const QualifyResult& result, const VisitedPose& pose,
+                             Detector& detector) {
     const FrameRecord& frame = *first_whole(pose);
     const CodeImage photo = recorded_photo(result, frame);
     const std::vector<std::string> tags = tags_in_view(photo, result.station.marker);
@@ -278,7 +279,7 @@ void require_marker_in_view(const Run& run, Detector& detector) {
     throw DeviceError(
         "camera " + result.station.camera.uri, "see the marker",
         fmt::format("{} is in none of the first {} poses; {}", result.station.marker.spec,
-                    poses_without_marker, seen_instead(result, result.poses.back(), detector)));
+                    poses_without_marker, detected_instead(result, result.poses.back(), detector)));
 }
 
 void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPoses& photometric) {

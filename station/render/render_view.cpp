@@ -120,10 +120,10 @@ std::vector<TileUse> added_up(const std::vector<TileUse>& used) {
     return sums;
 }
 
-std::vector<LeftOut> largest_of_each(const std::vector<LeftOut>& left_out) {
-    std::vector<LeftOut> largest;
-    for (const LeftOut& left : left_out) {
-        const auto same = std::ranges::find(largest, left.what, &LeftOut::what);
+std::vector<NeglectedBound> largest_of_each(const std::vector<NeglectedBound>& left_out) {
+    std::vector<NeglectedBound> largest;
+    for (const NeglectedBound& left : left_out) {
+        const auto same = std::ranges::find(largest, left.what, &NeglectedBound::what);
         if (same == largest.end())
             largest.push_back(left);
         else if (same->gray < left.gray)
@@ -151,7 +151,7 @@ Json plan_json(const RenderPlan& plan) {
                 {"lens_points", use.lens_points},
                 {"tiles", use.tiles}};
     };
-    const auto left_json = [](const LeftOut& left) -> Json {
+    const auto left_json = [](const NeglectedBound& left) -> Json {
         return {{"what", name_of(left.what)}, {"why", left.why}, {"gray", left.gray}};
     };
     return {{"summary", plan.describe()},
@@ -320,7 +320,7 @@ std::string plan_table(const RenderPlan& plan) {
         text += counted(use.tiles, words(use));
     text += counted(plan.uniform_tiles, "uniform: one number each");
     name = "left out";
-    for (const LeftOut& left : largest_of_each(plan.left_out))
+    for (const NeglectedBound& left : largest_of_each(plan.left_out))
         if (left.what != NeglectedEffect::uniform_tiles)  // told above
             text +=
                 row(std::exchange(name, ""),

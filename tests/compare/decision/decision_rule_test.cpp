@@ -146,19 +146,19 @@ TEST(DecisionRule, HasNoRisksWithoutAnUncertainty) {
 // Three judged: any of them may let a good camera fail, all of them must let a bad one pass.
 TEST(DecisionRule, OfAFamilyRisksWhatItsWorstMemberDoes) {
     std::vector<JudgedQuantity> quantities(3);
-    const FamilyRisk alike = family_risk(quantities);
+    const FamilyWiseRisk alike = family_wise_risk(quantities);
     EXPECT_EQ(alike.judged, 3);
     EXPECT_NEAR(alike.each, 0.02275, 1e-5);  // P(z > 2), tables
     EXPECT_EQ(alike.false_acceptance, alike.each);
     EXPECT_DOUBLE_EQ(alike.false_rejection, 3 * alike.each);
-    EXPECT_EQ(family_risk(std::vector<JudgedQuantity>(100)).false_rejection, 1.0);
+    EXPECT_EQ(family_wise_risk(std::vector<JudgedQuantity>(100)).false_rejection, 1.0);
     quantities[1].coverage_factor = coverage_factor(5.0);
     quantities[1].degrees_of_freedom = 5.0;
-    const FamilyRisk risk = family_risk(quantities, {2.0});
+    const FamilyWiseRisk risk = family_wise_risk(quantities, {2.0});
     EXPECT_EQ(risk.each, risk_at_limit({2.0}, coverage_factor(5.0), 5.0));
     EXPECT_GT(risk.each, risk_at_limit({2.0}, 2.0, std::numeric_limits<double>::infinity()));
     EXPECT_EQ(risk.false_acceptance, risk.each);
-    EXPECT_EQ(family_risk(quantities, simple).false_rejection, 1.0);
+    EXPECT_EQ(family_wise_risk(quantities, simple).false_rejection, 1.0);
 }
 
 TEST(Verdict, RefusesToJudgeWhatIsNotANumber) {

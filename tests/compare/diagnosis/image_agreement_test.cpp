@@ -116,7 +116,7 @@ TEST(ImageAgreement, GivesToneInGrayAndEdgesInPixels) {
     EXPECT_NEAR(tone.tone_gray->value, 0.25 * 190.0 * 0.06, tone.tone_gray->expanded_uncertainty);
     EXPECT_TRUE(tone.tone_gray->is_shown());
     EXPECT_THAT(tone.findings, ElementsAre(HasSubstr("half tones are brighter")));
-    const ImageAgreement edge = match_of(deviation::growth, -0.07);
+    const ImageAgreement edge = match_of(deviation::print_gain, -0.07);
     EXPECT_NEAR(edge.edge_px->value, -0.07, edge.edge_px->expanded_uncertainty);
     EXPECT_THAT(edge.findings, ElementsAre(HasSubstr("dark parts are narrower")));
 }
@@ -138,12 +138,12 @@ TEST(ImageAgreement, HasAnUncertaintyThatIsTheScatter) {
     double squares = 0.0;
     constexpr int runs = 60;
     for (int i = 0; i < runs; ++i) {
-        RunEvidence run = run_with(deviating(deviation::growth, 0.02));
+        RunEvidence run = run_with(deviating(deviation::print_gain, 0.02));
         for (std::uint32_t p = 0; p < run.photos.size(); ++p) {
             RandomStream random(100 + static_cast<std::uint64_t>(i), p);
             PhotoEvidence& photo = run.photos[p];
             photo.score =
-                noisy_score(photo.information, deviating(deviation::growth, 0.02), random);
+                noisy_score(photo.information, deviating(deviation::print_gain, 0.02), random);
         }
         const PixelFigure edge = *match_pixels(run, camera()).edge_px;
         squares += std::pow((edge.value - 0.02) / edge.expanded_uncertainty, 2) / runs;
@@ -162,7 +162,7 @@ TEST(ImageAgreement, IsNotSurerThanTheRendersAre) {
     }
     const double sure = match_pixels(run, camera()).edge_px->expanded_uncertainty;
     for (PhotoEvidence& photo : run.photos)
-        photo.largest_change[deviation::growth] = 0.2;
+        photo.largest_change[deviation::print_gain] = 0.2;
     const double floor = 3.0 * 0.1 / 255.0 / 0.2;
     EXPECT_LT(sure, 0.1 * floor);
     EXPECT_NEAR(match_pixels(run, camera()).edge_px->expanded_uncertainty, std::hypot(sure, floor),
@@ -174,7 +174,7 @@ TEST(ImageAgreement, IsNotSurerThanTheStatedNoise) {
     RunEvidence run = run_with(PixelDeviation::Zero());
     const double sure = match_pixels(run, camera()).edge_px->expanded_uncertainty;
     for (PhotoEvidence& photo : run.photos)
-        photo.score_by_log_noise = photo.information.col(deviation::growth) * 0.3;
+        photo.score_by_log_noise = photo.information.col(deviation::print_gain) * 0.3;
     EXPECT_NEAR(match_pixels(run, camera()).edge_px->expanded_uncertainty,
                 std::hypot(sure, 3.0 * 0.1 * 0.3), 1e-3);
 }
@@ -198,9 +198,9 @@ TEST(ImageAgreement, LeavesOutWhatTheCalibrationDoesNotSay) {
     RunEvidence run = run_with(PixelDeviation::Zero());
     run.asked = {false, false, false, false, true};
     for (PhotoEvidence& photo : run.photos) {
-        const double growth = photo.information(deviation::growth, deviation::growth);
+        const double growth = photo.information(deviation::print_gain, deviation::print_gain);
         photo.information.setZero();
-        photo.information(deviation::growth, deviation::growth) = growth;
+        photo.information(deviation::print_gain, deviation::print_gain) = growth;
         photo.noise_ratio.reset();
         photo.black_gray.reset();
     }
@@ -230,7 +230,7 @@ TEST(ImageAgreement, SaysNothingOfWhatNoPhotographTells) {
 }
 
 TEST(ImageAgreement, GivesEvidenceByTheNamesOfCauses) {
-    const ImageAgreement match = match_of(deviation::growth, 0.05);
+    const ImageAgreement match = match_of(deviation::print_gain, 0.05);
     EXPECT_THAT(match.evidence.errors,
                 ElementsAre("f-number", "focus distance", "blur", "tone curve", "edge shrink",
                             "noise", "background", "black level"));

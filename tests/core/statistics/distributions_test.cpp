@@ -148,7 +148,7 @@ TEST(ExcessScatter, OfIndependentGroupsIsTheirCovariance) {
     for (int i = 0; i < groups; ++i)
         for (int k = 0; k < 3; ++k)
             effects(k, i) = deviations[k] * random.normal() / std::sqrt(groups);
-    const Eigen::MatrixXd found = excess_scatter(effects);
+    const Eigen::MatrixXd found = cluster_robust_factor(effects);
     const Eigen::Matrix3d expected = deviations.cwiseAbs2().asDiagonal();
     EXPECT_LT((found - expected).norm(), 5.0 * 0.022 * expected.norm());
 }
@@ -163,15 +163,16 @@ TEST(ExcessScatter, OfFewGroupsIsDrawnTowardsTheSameEverywhere) {
         const Eigen::VectorXd values = matrix.selfadjointView<Eigen::Lower>().eigenvalues();
         return values.maxCoeff() / values.minCoeff();
     };
-    const Eigen::MatrixXd sandwich = effects * effects.transpose(), found = excess_scatter(effects);
+    const Eigen::MatrixXd sandwich = effects * effects.transpose(),
+                          found = cluster_robust_factor(effects);
     EXPECT_NEAR(found.trace(), sandwich.trace(), 1e-12);
     EXPECT_LT(spread(found), 0.2 * spread(sandwich));
 }
 
 TEST(ExcessScatter, IsNeverBelowTheNoise) {
     const Eigen::MatrixXd little = Eigen::MatrixXd::Constant(2, 5, 0.01);
-    EXPECT_GE(excess_scatter(little).trace(), 2.0 - 1e-12);
-    EXPECT_EQ(excess_scatter(Eigen::MatrixXd::Zero(2, 5)), Eigen::MatrixXd::Identity(2, 2));
+    EXPECT_GE(cluster_robust_factor(little).trace(), 2.0 - 1e-12);
+    EXPECT_EQ(cluster_robust_factor(Eigen::MatrixXd::Zero(2, 5)), Eigen::MatrixXd::Identity(2, 2));
 }
 
 // ---- random

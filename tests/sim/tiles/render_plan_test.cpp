@@ -9,12 +9,12 @@ namespace {
 
 bool leaves_out(const RenderPlan& plan, NeglectedEffect what) {
     return std::any_of(plan.left_out.begin(), plan.left_out.end(),
-                       [&](const LeftOut& left) { return left.what == what; });
+                       [&](const NeglectedBound& left) { return left.what == what; });
 }
 
 double bound_of(const RenderPlan& plan, NeglectedEffect what) {
     double sum = 0.0;
-    for (const LeftOut& left : plan.left_out)
+    for (const NeglectedBound& left : plan.left_out)
         sum += left.what == what ? left.gray : 0.0;
     return sum;
 }

@@ -30,7 +30,7 @@ if ! { cmake --install build/release --component Unspecified --prefix build/fuzz
             -DCMAKE_PREFIX_PATH="$PWD/build/fuzz/etalon" &&
         cmake --build build/fuzz/build --target "${@:-all}"; } >build/fuzz/build.log 2>&1; then
     echo "The build failed:" >&2
-    grep -E -A 5 'error|FAILED' build/fuzz/build.log | head -n 40 >&2
+    grep -E -A 5 'rror:|FAILED:|CMake Error' build/fuzz/build.log | head -n 40 >&2
     exit 1
 fi
 

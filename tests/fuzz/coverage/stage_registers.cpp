@@ -76,7 +76,7 @@ const std::vector<StageProfile>& profiles() {
 }
 
 // Axes with all that a profile may leave to them.
-std::vector<Axis> axes_for(const StageProfile& profile) {
+std::vector<Axis> axes_driven(const StageProfile& profile) {
     std::vector<Axis> axes = xz();
     axes.resize(std::min<std::size_t>(axes.size(), static_cast<std::size_t>(profile.max_axes)));
     for (Axis& axis : axes) {
@@ -89,7 +89,7 @@ std::vector<Axis> axes_for(const StageProfile& profile) {
 
 void drive(std::span<const std::uint8_t> input) {
     const StageProfile& profile = profiles()[input[0] % profiles().size()];
-    const std::vector<Axis> axes = axes_for(profile);
+    const std::vector<Axis> axes = axes_driven(profile);
     VirtualClock clock;
     const auto stage =
         open_modbus_stage({}, profile, axes, clock, std::make_unique<Controller>(input.subspan(1)));

@@ -1,8 +1,6 @@
-// Prints a table of the inner loops' speed (items are points or pixels). The whole of it takes some
-// 10 s; --benchmark_filter=REGEX picks rows, --benchmark_format=json is for programs.
-//
-// The renderer's kernels, and what surrounds them: the undistortion map, the sensor, frames that
-// arrive. Whole renders: etalon bench.
+// Prints a table of the inner loops' speed (items are points or pixels), 10 s in all: the
+// renderer's kernels, the undistortion map, the sensor, frames that arrive. Whole renders: etalon
+// bench.
 #include "sim/tiles/vector_targets.h"
 
 #include <benchmark/benchmark.h>

@@ -1,7 +1,6 @@
-// Calibrations that are hard for arithmetic: parameters that are correlated to 0.9999, condition
-// numbers of 1e6, focal lengths from 5 to 500 000 px, lengths from micrometres to kilometres. The
-// fit in double precision, from nothing but the views, against the same least-squares problem
-// solved by normal equations in long double, from the truth.
+// Calibrations that are hard for arithmetic: correlations of 0.9999, condition numbers of 1e6,
+// focal lengths from 5 to 500 000 px, lengths from micrometres to kilometres. The fit in double,
+// from the views alone, against normal equations in long double, from the truth.
 #include <fmt/format.h>
 
 #include <numeric>

@@ -24,8 +24,8 @@
 //   cameraIntrinsics(s.FocalLength', s.PrincipalPoint', s.ImageSize', Skew=s.Skew,
 //       RadialDistortion=s.RadialDistortion', TangentialDistortion=s.TangentialDistortion')
 //   fisheyeIntrinsics(s.MappingCoefficients', s.ImageSize', s.DistortionCenter', s.StretchMatrix)
-// The latter's numbers read back within rounding. Throws ConfigError for coefficients beyond
-// k1 k2 p1 p2 k3, of a polynomial camera any.
+// The latter reads back within rounding. Throws ConfigError for coefficients beyond k1 k2 p1 p2 k3,
+// of a polynomial camera any.
 #include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>

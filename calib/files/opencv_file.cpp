@@ -15,7 +15,6 @@
 // Written is OpenCV YAML, or XML or JSON by the extension, with the shortest list of coefficients
 // (at least 5) that holds all but 0; numbers read back as the same doubles. A covariance's standard
 // deviations are cameraMatrix_std_dev and dist_coeffs_std_dev (0: not known).
-// rounding.
 #include "calib/files/foreign_file.h"
 
 #include <fmt/format.h>

@@ -335,9 +335,8 @@ const ErrorCandidate* best_member(const std::vector<ErrorCandidate>& family,
 
 // The longest of the periods (mm or rad) of an axis' error that explain next to as much as the
 // best, then the others; nothing where the axis hardly moves. `tried`: how many could be told
-// apart. Least-squares spectrum (N. R. Lomb, Astrophys. Space Sci. 39, 1976) of what is left of the
-// observed; each pose's corners tell of its axis by one number. All whitened: `advance` is what a
-// step of the axis does to the corners, `absorbed` a basis of what X and Y absorb.
+// apart. Least-squares spectrum (N. R. Lomb, Astrophys. Space Sci. 39, 1976) of the residual, one
+// number a pose. Whitened: `advance`, a step's effect on the corners; `absorbed`, what X, Y absorb.
 std::vector<double> periods_of(const StageAxisMotion& axis, const Eigen::VectorXd& advance,
                                const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed,
                                int& tried) {

@@ -22,9 +22,8 @@ namespace {
 using namespace std::chrono_literals;
 
 // A connection that ends when its request is too large or late, or its answer is not taken in time.
-// The library bounds the body and each read, not the whole: with its own stream (0.11.4, 64 KiB,
-// 5 s) headers without an end were kept in memory, 125 MB in 5 s, and a request of a byte each 2 s
-// held its thread for as long as it was sent.
+// The library bounds the body and each read, not the whole: its own stream (0.11.4) kept endless
+// headers in memory, 125 MB in 5 s, and a request of a byte each 2 s held its thread.
 class BoundedStream final : public httplib::Stream {
 public:
     BoundedStream(int socket, const ServerLimits& limits)

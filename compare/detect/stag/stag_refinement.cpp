@@ -11,9 +11,8 @@ namespace {
 // How a STag marker lies in an image: a homography from the marker's plane (sides of its square,
 // origin at its centre), and radial distortion about the image's centre by the division model with
 // one number L (A. Fitzgibbon, CVPR 2001): offsets d from the centre, in half diagonals, are
-// straight as d / (1 + L |d|^2). The homography goes to a straight image that agrees with the image
-// at the marker's centre, so that L does not move the marker. A tone curve, overexposure or print
-// gain moves every edge by about the same length.
+// straight as d / (1 + L |d|^2). The homography's straight image agrees with the image at the
+// marker's centre: L does not move it. Tone, overexposure and print gain move every edge alike.
 class StagView {
 public:
     static constexpr int parameters = 10;  // eight numbers of the homography, then these

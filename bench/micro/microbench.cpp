@@ -1,6 +1,5 @@
-// Prints a table of the inner loops' speed (items are points or pixels), 10 s in all: the
-// renderer's kernels, the undistortion map, the sensor, frames that arrive. Whole renders: etalon
-// bench.
+// Prints a table of the inner loops' speed (items are points or pixels) in 10 s: the renderer's
+// kernels, the undistortion map, the sensor, arriving frames. Whole renders: etalon bench.
 #include "sim/tiles/vector_targets.h"
 
 #include <benchmark/benchmark.h>

@@ -7,8 +7,7 @@
 //   RadialDistortion   2 or 3 coefficients, k1 k2 k3
 //   TangentialDistortion   p1 p2, OpenCV's; may be missing
 //
-// Names and orders: MATLAB's documentation of cameraParameters and cameraIntrinsics. Its principal
-// point is 1-based.
+// Source: MATLAB's documentation of cameraParameters, cameraIntrinsics. Principal points: 1-based.
 //
 // fisheyeIntrinsics, jsonencode'd, or as Intrinsics of fisheyeParameters:
 //

@@ -9,8 +9,7 @@
 //   fisheye_model, not 0                              the four coefficients are cv::fisheye's
 //   xi                                                cv::omnidir's, a number or a 1x1 matrix
 //
-// Four coefficients without one of the last two keys are k1 k2 p1 p2. Perspective cameras have no
-// skew.
+// Four coefficients without one of the last two keys are k1 k2 p1 p2. Perspective: no skew.
 //
 // Written is OpenCV YAML, or XML or JSON by the extension, with the shortest list of coefficients
 // (at least 5) that holds all but 0; numbers read back as the same doubles. A covariance's standard

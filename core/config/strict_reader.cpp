@@ -242,7 +242,8 @@ std::string Value::scalar() const {
 }
 
 std::string Value::one_of(std::initializer_list<std::string_view> words) const {
-    note({.question = ReadEvent::Question::words, .words = {words.begin(), words.end()}});
+    if (shared_->trace)  // for it alone the words are copied
+        note({.question = ReadEvent::Question::words, .words = {words.begin(), words.end()}});
     const std::string word = scalar();
     std::string allowed;
     for (const std::string_view candidate : words) {

@@ -44,12 +44,13 @@ function(etalon_library name)
 endfunction()
 
 # etalon_without_numerics(LIST FOLDER): takes the modules that only calculate out of a list of FOLDER's
-# sources. Continuous integration links them from its release build (ETALON_RELEASE_BUILD) when it
-# runs the sanitizers, and the tests themselves, too (tests/CMakeLists.txt). What reaches them are numbers and matrices that were checked, and all their
-# memory is Eigen's, OpenCV's or the standard library's. With sanitizers it compiles every other
-# module: what reads files, wires, frames and the answers of programs, goes through pictures by pointers
-# to their rows, or calculates with the processor's vectors; and every new module. The one reader in the
-# modules left out, of limits in compare/qualification, is among those that are fuzzed with them.
+# sources. Continuous integration links them, and the tests, from its release build
+# (ETALON_RELEASE_BUILD) when it runs the sanitizers. What reaches these modules are numbers and
+# matrices that were checked, and all their memory is Eigen's, OpenCV's or the standard library's. With
+# sanitizers it compiles every other module: what reads files, wires, frames and the answers of
+# programs, goes through pictures by pointers to their rows, or calculates with the processor's vectors;
+# and every new module. The one reader in the modules left out, of limits in compare/qualification, is
+# among those that are fuzzed with them.
 function(etalon_without_numerics list folder)
     set(numerics calib/camera calib/intrinsics calib/registration
         compare/drift compare/edges compare/expect compare/pose compare/uncertainty compare/decision
@@ -62,11 +63,17 @@ function(etalon_without_numerics list folder)
     set(${list} ${${list}} PARENT_SCOPE)
 endfunction()
 
+# Names the translation unit that a source is compiled in: unity_GROUP_cxx.cxx.
+function(etalon_unity_group variable source)
+    cmake_path(GET source PARENT_PATH module)
+    string(REPLACE / _ group "all_${module}")
+    set(${variable} ${group} PARENT_SCOPE)
+endfunction()
+
 # One translation unit for all of a target's sources in the same folder.
 function(etalon_join_modules target)
     foreach(source IN LISTS ARGN)
-        cmake_path(GET source PARENT_PATH module)
-        string(REPLACE / _ group "all_${module}")
+        etalon_unity_group(group ${source})
         set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
     endforeach()
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)

@@ -182,8 +182,8 @@ std::size_t FindEdges(const float* above, const float* row, const float* below, 
         if (hn::AllFalse(d, differs))
             continue;
         for (std::size_t j = i; j < count && j < i + hn::Lanes(d); ++j)
-            if (row[j] != row[j - 1] || row[j] != row[j + 1] || row[j] != above[j] ||
-                row[j] != below[j])
+            if (const float* at = row + j;
+                *at != at[-1] || *at != at[1] || *at != above[j] || *at != below[j])
                 indices[found++] = static_cast<int>(j);
     }
     return found;

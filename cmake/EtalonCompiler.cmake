@@ -29,6 +29,14 @@ if(ETALON_SANITIZE)
         # As without the address sanitizer: libraries with and without it free what the other made.
         EIGEN_MALLOC_ALREADY_ALIGNED=1)
     target_link_options(etalon_compiler INTERFACE -fsanitize=${ETALON_SANITIZE})
+    if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+        # It needs its own description of a function, which what another compiler made has not.
+        target_compile_options(etalon_compiler INTERFACE -fno-sanitize=function)
+    endif()
+    if(ETALON_SANITIZE MATCHES "fuzzer")
+        target_compile_options(etalon_compiler INTERFACE
+            -fsanitize-coverage-allowlist=${PROJECT_SOURCE_DIR}/tests/fuzz/coverage/covered_modules.txt)
+    endif()
 endif()
 
 # Shared libraries, and with them mocks, which shares their precompiled header. Programs find the

@@ -54,7 +54,7 @@ endfunction()
 function(etalon_without_numerics list folder)
     set(numerics calib/camera calib/intrinsics calib/registration
         compare/drift compare/edges compare/expect compare/pose compare/uncertainty compare/decision
-        compare/diagnosis compare/qualification)
+        compare/diagnosis)
     foreach(module IN LISTS numerics)
         if(module MATCHES "^${folder}/(.*)")
             list(FILTER ${list} EXCLUDE REGEX "(^|/)${CMAKE_MATCH_1}/")

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Fuzzes with coverage: builds tests/fuzz/coverage with clang and runs each of its targets.
+# Fuzzes with coverage: builds tests/fuzz/coverage with clang's sanitizers and runs each of its targets.
 #
 #     scripts/fuzz.sh SECONDS [TARGET...]      scripts/fuzz.sh 3600 own_files
 #
 # As many targets at a time as there are processors. Prints a table; exit code 1 when a target found
 # something: its input is then in build/fuzz/findings/ and printed (base64 of gzip), and
-# `build/fuzz/build/TARGET INPUT` repeats it. What was found worth trying is kept in
+# `build/sanitized/tests/fuzz/TARGET INPUT` repeats it. What was found worth trying is kept in
 # build/fuzz/corpus/. 77: cannot run here, and why. ETALON_FUZZ_SEED: what the random numbers start
 # from; else every run has its own.
 set -euo pipefail
@@ -17,18 +17,15 @@ fi
 export seconds=$1
 shift
 
-if ! echo 'extern "C" int LLVMFuzzerTestOneInput(const char*, unsigned long) { return 0; }' |
-        clang++ -x c++ -fsanitize=fuzzer - -o /dev/null 2>/dev/null; then
+. scripts/packages.sh
+if ! has_clang_sanitizers; then
     echo "skipped: no clang++ with libFuzzer here (packages clang and libclang-rt-dev)"
     exit 77
 fi
-. scripts/packages.sh
 mkdir -p build/fuzz/findings
 build_etalon etalon etalon-twin
-if ! { cmake --install build/release --component Unspecified --prefix build/fuzz/etalon &&
-        cmake -S tests/fuzz/coverage -B build/fuzz/build -G Ninja -DCMAKE_CXX_COMPILER=clang++ \
-            -DCMAKE_PREFIX_PATH="$PWD/build/fuzz/etalon" &&
-        cmake --build build/fuzz/build --target "${@:-all}"; } >build/fuzz/build.log 2>&1; then
+if ! { configure_sanitized &&
+        cmake --build build/sanitized --target "${@:-fuzz_targets}"; } >build/fuzz/build.log 2>&1; then
     echo "The build failed:" >&2
     grep -E -A 5 'rror:|FAILED:|CMake Error' build/fuzz/build.log | head -n 40 >&2
     exit 1
@@ -70,7 +67,7 @@ words_of() {
 describe_finding() {
     local found
     for found in "build/fuzz/findings/$1"-*; do
-        timeout 60 "build/fuzz/build/$1" -timeout=20 "$found" || true
+        timeout 60 "build/sanitized/tests/fuzz/$1" -timeout=20 "$found" || true
         echo "input $found: $(gzip -9cn "$found" | base64 -w 0)"
     done
 }
@@ -84,7 +81,7 @@ run_target() {
     [ ! -s "build/fuzz/$target.dict" ] || with_words=("-dict=build/fuzz/$target.dict")
     TIMEFORMAT='cpu %U %S'
     # shellcheck disable=SC2046
-    { time "build/fuzz/build/$target" -seed="${ETALON_FUZZ_SEED:-0}" \
+    { time "build/sanitized/tests/fuzz/$target" -seed="${ETALON_FUZZ_SEED:-0}" \
         -max_total_time="$seconds" -timeout=600 -rss_limit_mb=3000 -close_fd_mask=3 \
         -print_final_stats=1 "${with_words[@]}" \
         -artifact_prefix="build/fuzz/findings/$target-" "$kept" $(seeds_of "$target"); } \

@@ -72,3 +72,21 @@ build_etalon() {
     fi
     echo "   built in $((SECONDS - begun)) s"
 }
+
+has_clang_sanitizers() {
+    echo 'extern "C" int LLVMFuzzerTestOneInput(const char*, unsigned long) { return 0; }' |
+        clang++ -x c++ -fsanitize=fuzzer,address,undefined - -o /dev/null 2>/dev/null
+}
+
+# Configures build/sanitized: the sanitizers' build of continuous integration and of scripts/fuzz.sh.
+# It links tests and calculating modules from build/release. With clang where it is there: it compiles in
+# half of the time, and the same build serves the fuzzer.
+configure_sanitized() {
+    local options=()
+    if has_clang_sanitizers; then
+        options=(-D CMAKE_C_COMPILER=clang -D CMAKE_CXX_COMPILER=clang++
+            -D ETALON_SANITIZE=fuzzer-no-link,address,undefined
+            -D CMAKE_CXX_FLAGS_RELWITHDEBINFO="-O2 -g1")   # faster than -O1 to compile and to run
+    fi
+    cmake --preset asan-ubsan -B build/sanitized -D ETALON_RELEASE_BUILD="$PWD/build/release" "${options[@]}"
+}

@@ -326,8 +326,8 @@ std::vector<DepthBin> depth_bins(std::span<const Width> widths, std::span<const 
                                 std::mem_fn(&Width::inverse_depth));
     std::vector<DepthBin> result;
     for (int i = 0; i < bins; ++i) {
-        const auto edge_mm = [&](double part) {
-            return 1.0 / std::lerp(near.inverse_depth, far.inverse_depth, part / bins);
+        const auto edge_mm = [&, near = near.inverse_depth, far = far.inverse_depth](double part) {
+            return 1.0 / std::lerp(near, far, part / bins);
         };
         const std::vector<Width>& inside = sorted[static_cast<std::size_t>(i)];
         DepthBin bin{edge_mm(i), edge_mm(i + 1), static_cast<int>(inside.size())};

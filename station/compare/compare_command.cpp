@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <opencv2/imgproc.hpp>
-#include <ranges>
 
 #include "compare/make_detector.h"
 #include "core/file/text.h"
@@ -276,8 +275,8 @@ void compare_all(const CompareArguments& arguments, const Job& job, Comparison& 
     }
     if (comparison.compared() == 0)
         fail_without_photos(comparison);
-    const auto last =
-        std::ranges::find_if(std::views::reverse(comparison.photos), &ComparedPhoto::has_figures);
+    const auto last = std::find_if(comparison.photos.rbegin(), comparison.photos.rend(),
+                                   std::mem_fn(&ComparedPhoto::has_figures));
     const Scene scene{{{job.marker.grid, last->under_test}}, 1.0};
     comparison.render_plan = camera->renderer().render(scene).plan.describe();
     std::vector<EdgesOfPhoto> edges;

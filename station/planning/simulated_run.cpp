@@ -19,8 +19,9 @@ std::vector<VisitedPose> planned_visits(const StationFile& station, const Plan& 
     std::vector<double> uncertainty;
     for (const Axis& axis : station.stage.axes)
         uncertainty.push_back(axis.read_noise.value_or(0.0) / std::sqrt(station.plan.frames + 1.0));
-    std::vector<VisitedPose> poses(plan.poses.begin(), plan.poses.end());
-    for (VisitedPose& pose : poses) {
+    std::vector<VisitedPose> poses;
+    for (const PlannedPose& planned : plan.poses) {
+        VisitedPose& pose = poses.emplace_back(VisitedPose{planned});
         pose.read_back = pose.target;
         pose.settled_s = static_cast<double>(pose.index);  // in equal steps: nothing drifts
         pose.read_back_uncertainty = uncertainty;

@@ -150,7 +150,7 @@ void add_axis_columns(PoseColumns& columns, const std::vector<Axis>& axes, const
         const double unit = is_position ? unit_of(axes[i]) : 1.0;
         const std::string& name = axes[i].name;
         columns.push_back({prefix + (is_position ? AxisUnits(axes[i].kind).mm_key(name) : name),
-                           [i, unit, numbers](const AnalysedPose& pose) -> TableCell {
+                           [=](const AnalysedPose& pose) -> TableCell {
                                if constexpr (is_position)
                                    return unit * (pose.*numbers)[i];
                                else

@@ -38,7 +38,7 @@ Corners in_order(const DarkShape& square, const Corners& by_plane) {
     std::ranges::copy(square.corners, corners.begin());
     const auto nearest = std::ranges::min_element(
         corners, {}, [&](const Eigen::Vector2d& corner) { return (corner - by_plane[0]).norm(); });
-    std::ranges::rotate(corners, nearest);
+    std::rotate(corners.begin(), nearest, corners.end());
     return corners;
 }
 

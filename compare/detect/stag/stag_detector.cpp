@@ -181,7 +181,7 @@ Chain from_a_corner(Chain chain) {
     const auto distance = [&](const cv::Point& pixel) {
         return (vector_of(pixel) - centre).norm();
     };
-    std::ranges::rotate(chain, std::ranges::max_element(chain, {}, distance));
+    std::rotate(chain.begin(), std::ranges::max_element(chain, {}, distance), chain.end());
     chain.push_back(chain.front());
     return chain;
 }

@@ -477,7 +477,8 @@ TEST(ForeignFiles, RefuseACoefficientThatTheyCannotHold) {
         CameraModel camera = camera_with_coefficients(most);
         camera.distortion.tau_y = 0.125;
         EXPECT_THAT(
-            text_of_error<ConfigError>([&] { write_foreign_camera(written(""), tool, camera); }),
+            text_of_error<ConfigError>(
+                [&, tool = tool] { write_foreign_camera(written(""), tool, camera); }),
             HasSubstr("has no place for tau_y = 0.125"))
             << name_of(tool);
     }

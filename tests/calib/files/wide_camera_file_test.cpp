@@ -272,7 +272,9 @@ TEST(SkewedCameraFile, OfAToolThatHasASkewReadsBack) {
                                      {CalibrationTool::colmap, Projection::perspective}}) {
         SCOPED_TRACE(std::string(name_of(tool)) + " " + name_of(kind).name);
         EXPECT_THAT(
-            text_of_error<ConfigError>([&] { write_foreign_camera(path, tool, skewed(kind)); }),
+            text_of_error<ConfigError>([&, tool = tool, kind = kind] {
+                write_foreign_camera(path, tool, skewed(kind));
+            }),
             HasSubstr("has no place for skew = -2.125"));
     }
 }

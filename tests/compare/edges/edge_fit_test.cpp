@@ -219,7 +219,7 @@ TEST(DefocusEstimate, FindsTheFocusSphereOfAWideLens) {
                                scene.camera.sensor, scene.camera.lens);
     scene.camera.projection.kind = Projection::equidistant;
     scene.camera.lens->focus_distance_mm = 240.0;
-    const Rigid to_the_side(rotation_from_vector({-0.35, 0.55, 0.0}), Eigen::Vector3d::Zero());
+    const Rigid to_the_side{rotation_from_vector({-0.35, 0.55, 0.0}), Eigen::Vector3d::Zero()};
     scene.pose = to_the_side * pose_of(0.25, -0.8, 0.12, -26.0, -22.0, 220.0);
     expect_found(scene);
 }

@@ -393,7 +393,9 @@ TEST(QualificationStatistics, DistortionsOffByTenPercentFail) {
 
 TEST(QualificationStatistics, StagesWithTheScaleOfDepthOrHeightOffNeverPass) {
     for (const auto& [axis, scale] : {std::pair(2, 1.002), std::pair(1, 0.998)}) {
-        const auto stretched = [&](SimulatedRun& run) { run.true_scale.at(axis) = scale; };
+        const auto stretched = [axis = axis, scale = scale](SimulatedRun& run) {
+            run.true_scale.at(axis) = scale;
+        };
         EXPECT_EQ(count(stretched, Outcome::pass), 0) << axis;
     }
 }

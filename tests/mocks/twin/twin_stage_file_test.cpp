@@ -211,7 +211,7 @@ TEST(TwinStageFile, NamesTheKeyOfEveryMistake) {
          "faults[0].carried_out"},
         {"faults: [{fault: exception, at: {move: 7}, code: 256}]", "faults[0].code"}};
     for (const auto& [rest, key] : cases) {
-        EXPECT_THAT(config_error_of([&] { read(rest + "\n"); }), HasSubstr(key)) << rest;
+        EXPECT_THAT(config_error_of([&, rest = rest] { read(rest + "\n"); }), HasSubstr(key)) << rest;
     }
 }
 

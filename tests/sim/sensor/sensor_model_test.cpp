@@ -325,7 +325,7 @@ TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
     for (const Sensor& sensor : {Sensor{}, filtered, noisy})
         for (const auto& [width, step] : {std::pair{37, 1}, std::pair{1400, 111}}) {
             const SensorModel model(camera_with(sensor, width, 2));
-            on_every_target([&] {
+            on_every_target([&, width = width, step = step] {
                 for (const float bad : {NAN, INFINITY, -INFINITY})
                     for (int x = 0; x < width; x += step) {
                         Radiance radiance = uniform(0.5, width, 2);

@@ -342,7 +342,7 @@ TEST(PageText, HasEveryTextThatThePageShowsAndNoOther) {
         beginnings.push_back(use[1]);
     for (const auto& [key, text] : english) {
         const bool is_made = std::any_of(beginnings.begin(), beginnings.end(),
-                                         [&](const auto& begin) { return key.starts_with(begin); });
+                                         [key = key](const auto& begin) { return key.starts_with(begin); });
         EXPECT_TRUE(is_made || shown.contains(key)) << key << " is shown nowhere";
     }
 }

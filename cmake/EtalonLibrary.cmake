@@ -63,17 +63,11 @@ function(etalon_without_numerics list folder)
     set(${list} ${${list}} PARENT_SCOPE)
 endfunction()
 
-# Names the translation unit that a source is compiled in: unity_GROUP_cxx.cxx.
-function(etalon_unity_group variable source)
-    cmake_path(GET source PARENT_PATH module)
-    string(REPLACE / _ group "all_${module}")
-    set(${variable} ${group} PARENT_SCOPE)
-endfunction()
-
 # One translation unit for all of a target's sources in the same folder.
 function(etalon_join_modules target)
     foreach(source IN LISTS ARGN)
-        etalon_unity_group(group ${source})
+        cmake_path(GET source PARENT_PATH module)
+        string(REPLACE / _ group "all_${module}")
         set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
     endforeach()
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)

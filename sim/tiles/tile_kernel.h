@@ -41,7 +41,7 @@ struct TileGeometry {
     std::vector<TileLine> columns, rows;  // consecutive lines
     // Radiance beyond the first j row lines and the first i column lines, row by row.
     std::vector<double> cells;
-    double background;  // what the values are differences from
+    double background = 0.0;  // what the values are differences from
     // E: the average over a disk of this radius too, px (0: none), is a mean over some cosines of
     // the averages over one disk of the radius sqrt(blur^2 + disk^2 + 2 cosine blur disk)
     // (sim/psf/deconvolved_psf.h); here, of this cosine.

@@ -19,7 +19,7 @@ struct Sums {
     Vector6d corner_mean = Vector6d::Zero(), corner_square = Vector6d::Zero();
     double chi_square = 0.0, mahalanobis = 0.0, photometric_ms = 0.0, apriltag_ms = 0.0;
 
-    void add(const Outcome& outcome, const Vector6d& bound) {
+    void add(const FoundPose& outcome, const Vector6d& bound) {
         undetected += outcome.detected ? 0 : 1;
         failed += outcome.failed ? 1 : 0;
         flipped += outcome.flipped ? 1 : 0;

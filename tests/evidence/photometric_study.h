@@ -124,7 +124,7 @@ inline Matrix6d cramer_rao_bound(const CameraModel& camera, const Renderer& rend
     return (scale.asDiagonal() * inverse * scale.asDiagonal()).topLeftCorner<6, 6>();
 }
 
-struct Outcome {
+struct FoundPose {
     bool detected = false;  // by AprilTag; without, nothing else is set
     bool failed = false;    // refused by the photometric detector
     bool flipped = false;   // the photometric pose is the other planar solution
@@ -143,9 +143,9 @@ public:
           photometric_(camera, tag(), "study"),
           apriltag_(make_detector("apriltag", tag(), "study")) {}
 
-    Outcome run(const Truth& truth, const NoiseKey& noise) {
+    FoundPose run(const Truth& truth, const NoiseKey& noise) {
         const CodeImage photo = sensor_.expose(truth.radiance, noise);
-        Outcome outcome;
+        FoundPose outcome;
         const double before = process_cpu_ms();
         const auto corners = apriltag_->detect(photo).corners;
         outcome.apriltag_ms = process_cpu_ms() - before;
@@ -178,7 +178,7 @@ private:
         return error.head<3>().norm() < other.head<3>().norm() ? error : other;
     }
 
-    static void judge(const Rigid& truth, const PhotometricPose& pose, Outcome& outcome) {
+    static void judge(const Rigid& truth, const PhotometricPose& pose, FoundPose& outcome) {
         outcome.error = left_difference(truth, pose.camera_from_marker);
         outcome.converged = pose.converged;
         outcome.chi_square = pose.reduced_squares * pose.noise_scale * pose.noise_scale;

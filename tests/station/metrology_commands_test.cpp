@@ -7,7 +7,7 @@
 namespace etalon {
 namespace {
 
-using Json = nlohmann::json;
+using SortedJson = nlohmann::json;
 
 constexpr const char* register_command =
     "register --station station.yaml --positions positions.csv";
@@ -26,7 +26,7 @@ TEST(RegisterCommand, PrintsWhereTheStageStandsAndWhatItCannotTell) {
         EXPECT_THAT(text.out, HasSubstr(words));
 
     const Finished json = etalon_with(set.folder(), std::string(register_command) + " --json");
-    const Json found = Json::parse(json.out);
+    const SortedJson found = SortedJson::parse(json.out);
     EXPECT_EQ(found["etalon"], "registration/1");
     EXPECT_EQ(found["photos_used"], 10);
     EXPECT_EQ(found["freedoms"].size(), 1u);
@@ -62,7 +62,7 @@ TEST(ExpectCommand, PrintsTheErrorsToExpectAndWritesThem) {
     EXPECT_THAT(text.out, HasSubstr("report expected/report.html"));
     EXPECT_TRUE(std::filesystem::exists(folder / "expected/report.html"));
     const Finished json = etalon_with(folder, std::string(expect_command) + "--json");
-    EXPECT_EQ(Json::parse(json.out)["poses"], 20);
+    EXPECT_EQ(SortedJson::parse(json.out)["poses"], 20);
 }
 
 TEST(ExpectCommand, RefusesBadInputAndWritesNothing) {

@@ -264,8 +264,9 @@ TEST(PolynomialProjection, EndsWhereItsAngleStopsToGrow) {
             EXPECT_NEAR(p.table->limit, r, 2.0 * step);
         const double last = std::isinf(p.table->limit) ? angle(1e9) : angle(p.table->limit);
         EXPECT_TRUE(onto_plane(p, ray_at(last - 1e-6, 0.7)));
-        if (last + 1e-6 < pi)
+        if (last + 1e-6 < pi) {
             EXPECT_FALSE(onto_plane(p, ray_at(last + 1e-6, 0.7)));
+        }
         EXPECT_FALSE(onto_plane(p, {0.0, 0.0, -1.0}));
     }
 }

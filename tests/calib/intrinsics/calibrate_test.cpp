@@ -13,7 +13,7 @@ namespace {
 
 const CalibrationOptions quick{.leave_one_out = false, .resamples = 0};
 
-std::string error_of(const std::vector<CalibrationView>& views) {
+std::string calibration_error(const std::vector<CalibrationView>& views) {
     return text_of_error<NumericalError>([&] { calibrate_camera(views, image_size, quick); });
 }
 
@@ -131,12 +131,12 @@ TEST(Calibrate, RefusesAModelThatIsNone) {
 
 TEST(Calibrate, NamesTheViewThatCannotBeUsed) {
     const auto good = synthetic_views(calibration_truth(), 4, 0.1, 2);
-    EXPECT_THAT(error_of({}), HasSubstr("0 views, three are needed"));
-    EXPECT_THAT(error_of({good[0], good[1]}), HasSubstr("2 views, three are needed"));
+    EXPECT_THAT(calibration_error({}), HasSubstr("0 views, three are needed"));
+    EXPECT_THAT(calibration_error({good[0], good[1]}), HasSubstr("2 views, three are needed"));
     auto views = good;
     views[3].points_mm.resize(3);
     views[3].pixels.resize(3);
-    EXPECT_THAT(error_of(views), HasSubstr("view 3: has 3 points, 4 are needed"));
+    EXPECT_THAT(calibration_error(views), HasSubstr("view 3: has 3 points, 4 are needed"));
 }
 
 // Parallel boards: distance and focal length trade against each other.
@@ -148,8 +148,8 @@ TEST(Calibrate, RefusesViewsThatDoNotDetermineTheCamera) {
         parallel.push_back(synthetic_view(truth, pose, 0.1, i));
         identical.push_back(synthetic_view(truth, synthetic_pose(1), 0.0, 1));
     }
-    EXPECT_NE(error_of(parallel), "no error");
-    EXPECT_NE(error_of(identical), "no error");
+    EXPECT_NE(calibration_error(parallel), "no error");
+    EXPECT_NE(calibration_error(identical), "no error");
 }
 
 // ---- wide calibration

@@ -1,9 +1,10 @@
 // 2000 Monte-Carlo registrations each on four stages: does the stated covariance tell the scatter?
 //
-// Per stage: the mean squared Mahalanobis distance of (X, Y) from the truth, the share of runs
-// inside the 95 % ellipsoid, the scatter matrix in every direction, the mean error, and for each of
-// 12 parameters the share of runs inside 1.96 standard deviations. 4 x 16 = 64 comparisons at a
-// family-wise 1 % are 1.56e-4 each: 3.78 standard deviations of a normal deviate, two-sided.
+// Per stage: the mean squared Mahalanobis distance of (X, Y) from the truth, the share of
+// registrations inside the 95 % ellipsoid, the scatter matrix in every direction, the mean error,
+// and for each of 12 parameters the share of registrations inside 1.96 standard deviations. 4 x 16
+// = 64 comparisons at a family-wise 1 % are 1.56e-4 each: 3.78 standard deviations of a normal
+// deviate, two-sided.
 
 #include <Eigen/Dense>
 
@@ -16,8 +17,8 @@
 namespace etalon {
 namespace {
 
-constexpr int runs = 2000;
-constexpr double noise_px = 0.05;
+constexpr int registrations = 2000;
+constexpr double corner_noise_px = 0.05;
 constexpr double risk = 0.01 / 64.0, normal_limit = 3.78;
 
 // 12 poses with [x y z rx ry rz] within +- the reach, mm and rad.
@@ -38,7 +39,7 @@ std::vector<Rigid> stage_poses(const Vector6d& reach) {
 std::vector<RegistrationPose> exact_views(const Projector& projector, const Vector6d& reach) {
     std::vector<RegistrationPose> poses;
     for (const Rigid& stage : stage_poses(reach)) {
-        RegistrationPose pose{stage, true_x * stage * true_y, {}, noise_px};
+        RegistrationPose pose{stage, true_x * stage * true_y, {}, corner_noise_px};
         for (const Eigen::Vector3d& point : tag)
             pose.pixels.push_back(projector.project(pose.camera_from_marker * point).value());
         poses.push_back(pose);
@@ -48,9 +49,9 @@ std::vector<RegistrationPose> exact_views(const Projector& projector, const Vect
 
 // Errors of X and Y, run by run, and what the registrations state about them.
 struct Runs {
-    Eigen::MatrixXd errors{12, runs};
-    Eigen::VectorXd squared_distance{runs};    // Mahalanobis'
-    Vector12d inside = Vector12d::Zero();      // runs within 1.96 standard deviations
+    Eigen::MatrixXd errors{12, registrations};
+    Eigen::VectorXd squared_distance{registrations};  // Mahalanobis'
+    Vector12d inside = Vector12d::Zero();      // registrations within 1.96 standard deviations
     Matrix12d covariance = Matrix12d::Zero();  // mean of the stated ones
     int rank = 0;
 };
@@ -69,12 +70,12 @@ Runs registered(const Vector6d& reach) {
     const Projector projector(webcam());
     const std::vector<RegistrationPose> exact = exact_views(projector, reach);
     Runs all;
-    for (int run = 0; run < runs; ++run) {
+    for (int run = 0; run < registrations; ++run) {
         std::vector<RegistrationPose> poses = exact;
         for (std::size_t i = 0; i < poses.size(); ++i) {
             RandomStream random(static_cast<std::uint64_t>(run), 2, i);
             for (Eigen::Vector2d& pixel : poses[i].pixels)
-                pixel += noise_px * Eigen::Vector2d(random.normal(), random.normal());
+                pixel += corner_noise_px * Eigen::Vector2d(random.normal(), random.normal());
         }
         const Registration result = register_stage(projector, tag, poses, true_y);
         Vector12d error;
@@ -87,7 +88,7 @@ Runs registered(const Vector6d& reach) {
         all.inside.array() +=
             (error.array().abs() <= 1.96 * result.covariance.diagonal().array().sqrt().max(1e-9))
                 .cast<double>();
-        all.covariance += result.covariance / runs;
+        all.covariance += result.covariance / registrations;
     }
     return all;
 }
@@ -95,10 +96,10 @@ Runs registered(const Vector6d& reach) {
 // A sum of `count` squares of normal deviates has mean `count` and variance 2 `count`.
 void expect_distances(const Runs& all, double quantile_95) {
     EXPECT_NEAR(all.squared_distance.mean(), all.rank,
-                normal_limit * std::sqrt(2.0 * all.rank / runs));
+                normal_limit * std::sqrt(2.0 * all.rank / registrations));
     const double inside =
-        static_cast<double>((all.squared_distance.array() <= quantile_95).count()) / runs;
-    EXPECT_NEAR(inside, 0.95, normal_limit * std::sqrt(0.95 * 0.05 / runs));
+        static_cast<double>((all.squared_distance.array() <= quantile_95).count()) / registrations;
+    EXPECT_NEAR(inside, 0.95, normal_limit * std::sqrt(0.95 * 0.05 / registrations));
 }
 
 // Singular values of an n x r matrix of normal deviates over sqrt(n) leave 1 +- (sqrt(r/n) + t)
@@ -106,9 +107,9 @@ void expect_distances(const Runs& all, double quantile_95) {
 void expect_scatter(const Runs& all) {
     const Eigen::MatrixXd whitened = whitening(all.covariance, all.rank) * all.errors;
     const Eigen::VectorXd values =
-        Eigen::JacobiSVD<Eigen::MatrixXd>(whitened / std::sqrt(runs)).singularValues();
-    const double t = std::sqrt(2.0 * std::log(2.0 / risk) / runs);
-    const double reach = std::sqrt(static_cast<double>(all.rank) / runs) + t;
+        Eigen::JacobiSVD<Eigen::MatrixXd>(whitened / std::sqrt(registrations)).singularValues();
+    const double t = std::sqrt(2.0 * std::log(2.0 / risk) / registrations);
+    const double reach = std::sqrt(static_cast<double>(all.rank) / registrations) + t;
     EXPECT_LT(values[0], 1.0 + reach);
     EXPECT_GT(values[all.rank - 1], 1.0 - reach);
 }
@@ -119,13 +120,15 @@ void expect_no_bias(const Runs& all) {
     const Eigen::VectorXd mean =
         (whitening(all.covariance, all.rank) * all.errors).rowwise().mean();
     const double x = std::log(1.0 / risk);
-    EXPECT_LT(runs * mean.squaredNorm(), all.rank + 2.0 * std::sqrt(all.rank * x) + 2.0 * x);
+    EXPECT_LT(registrations * mean.squaredNorm(),
+              all.rank + 2.0 * std::sqrt(all.rank * x) + 2.0 * x);
 }
 
 void expect_coverage(const Runs& all) {
     for (int k = 0; k < 12; ++k)
         if (all.covariance(k, k) > 1e-16) {  // else held at the truth: always inside
-            EXPECT_NEAR(all.inside[k] / runs, 0.95, normal_limit * std::sqrt(0.95 * 0.05 / runs))
+            EXPECT_NEAR(all.inside[k] / registrations, 0.95,
+                        normal_limit * std::sqrt(0.95 * 0.05 / registrations))
                 << "parameter " << k;
         }
 }

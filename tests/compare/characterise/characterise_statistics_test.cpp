@@ -16,7 +16,7 @@
 namespace etalon {
 namespace {
 
-constexpr int runs = 16;
+constexpr int repetitions = 16;
 
 // Wilson and Hilferty (1931) at 3.42 standard deviations, 0.01/16/2: for 16 degrees of freedom they
 // are good to a percent.
@@ -51,7 +51,7 @@ struct NoisePulls {
 NoisePulls noise_pulls(const char* of, const CameraModel& camera, double top) {
     SCOPED_TRACE(of);
     NoisePulls pulls;
-    for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    for (std::uint64_t seed = 1; seed <= repetitions; ++seed) {
         const BlackLevel black =
             measure_black_level(exposed(camera, even(camera, 0.0), 4, seed, 100));
         CameraModel measured = camera;
@@ -91,10 +91,10 @@ TEST(LevelsStatistics, GainAndReadNoiseAreCoveredBehindRec709AndWithTwelveBits) 
 // Noise below half a code, where rounding rules: black levels at all fractions of a code.
 TEST(LevelsStatistics, ABlackLevelBetweenTwoCodesIsCoveredWithLittleNoise) {
     LevelPulls pulls;
-    for (int i = 0; i < runs; ++i) {
+    for (int i = 0; i < repetitions; ++i) {
         CameraModel camera = noisy_camera();
         camera.sensor->read_noise_e = 12.0 * 0.3;
-        camera.sensor->black_dn = 9.0 + (i + 0.5) / runs;
+        camera.sensor->black_dn = 9.0 + (i + 0.5) / repetitions;
         const BlackLevel black = measure_black_level(
             exposed(camera, even(camera, 0.0), 4, 1 + static_cast<std::uint64_t>(i)));
         pulls.add(black.dn, camera.sensor->black_dn, black.standard_uncertainty_dn);
@@ -122,7 +122,7 @@ TEST(LevelsStatistics, AMeasuredTransferCurveIsCovered) {
     const CameraModel camera = soft_camera();
     std::array<LevelPulls, 3> pulls;
     constexpr std::array<std::size_t, 3> knots{20, 64, 108};  // of 129
-    for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    for (std::uint64_t seed = 1; seed <= repetitions; ++seed) {
         const TransferEstimate estimate =
             estimate_transfer(series(camera, seed), *camera.sensor, 0.003);
         ASSERT_EQ(estimate.transfer.kind, Transfer::Kind::table);
@@ -157,7 +157,7 @@ TEST(LevelsStatistics, RelativeIlluminationIsCovered) {
     CameraModel camera = noisy_camera();
     camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.35, 0.1, -0.04}};
     std::array<LevelPulls, 4> pulls;
-    for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    for (std::uint64_t seed = 1; seed <= repetitions; ++seed) {
         std::vector<WhitePatch> patches;
         for (int k = 0; k < 3; ++k) {
             const Radiance field = image_of({320, 240}, [&](int x, int y) {

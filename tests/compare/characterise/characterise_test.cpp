@@ -250,7 +250,7 @@ TEST(IlluminationEstimate, OfATargetsWhiteSquares) {
 
 // ---- slanted edge
 
-constexpr int width = 40, height = 64;
+const cv::Size edge_size(40, 64);
 
 // Of a radiance by pixel, nothing clipped.
 LinearPhoto photo_of(cv::Size size, double noise, const auto& radiance) {
@@ -263,7 +263,7 @@ LinearPhoto photo_of(cv::Size size, double noise, const auto& radiance) {
 LinearPhoto edge_photo(double degrees, double noise = 0.0) {
     const double angle = degrees * std::numbers::pi / 180.0;
     const Eigen::Vector2d normal(std::cos(angle), std::sin(angle));
-    return photo_of({width, height}, noise, [&](int x, int y) {
+    return photo_of(edge_size, noise, [&](int x, int y) {
         const double distance = normal.dot(Eigen::Vector2d(x - 19.3, y - 31.6));
         return 0.1 + 0.7 * gaussian_edge(distance, normal, 0.5);
     });
@@ -318,7 +318,7 @@ TEST(SlantedEdge, RefusesRegionsThatHoldNoSlantedEdge) {
     EXPECT_THROW(slanted_edge(photo, {16, 0, 20, 64}), NumericalError);  // too near to a side
     EXPECT_THROW(measure(edge_photo(0.0)), NumericalError);
     EXPECT_THROW(measure(edge_photo(5.0, 0.5)), NumericalError);  // below its noise
-    EXPECT_THROW(measure(flat({width, height})), NumericalError);
+    EXPECT_THROW(measure(flat(edge_size)), NumericalError);
     photo.clipped.at<uchar>(3, 3) = 255;
     EXPECT_THROW(measure(photo), NumericalError);
 }

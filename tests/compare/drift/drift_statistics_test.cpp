@@ -7,7 +7,7 @@
 namespace etalon {
 namespace {
 
-constexpr int runs = 40;
+constexpr int drifts = 40;
 
 // More than `of` with a chance of at most 5 % each: beyond this count with 1 % / 6 (six tests).
 // Binomial: 9 or more of 40 at 5 % have 0.0001.
@@ -21,7 +21,7 @@ TEST(DriftStatistics, ADriftAtTheLimitIsNotCalledStable) {
     for (SimulatedDrift drift : {shift, growth, small_tag, vibration}) {
         drift.minutes = 20.0;  // long enough for the longest window
         int stable = 0;
-        for (std::uint64_t seed = 1; seed <= runs; ++seed)
+        for (std::uint64_t seed = 1; seed <= drifts; ++seed)
             stable += drift.watch(seed).stable();
         EXPECT_LE(stable, max_by_chance);
     }
@@ -33,7 +33,7 @@ TEST(DriftStatistics, HalfTheLimitIsCalledStableInTheFirstWindow) {
     SimulatedDrift drift;
     for (const auto& [px_per_min, latest_min] : {std::pair(0.01, 5.3), {0.018, 20.3}}) {
         drift.moved = shift_at(px_per_min);
-        for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+        for (std::uint64_t seed = 1; seed <= drifts; ++seed) {
             const DriftMonitor monitor = drift.watch(seed);
             EXPECT_TRUE(monitor.stable()) << seed;
             EXPECT_LE(monitor.frames().back().time.count(), latest_min) << seed;
@@ -80,7 +80,7 @@ TEST(DriftStatistics, NoiseAndVibrationAreNoJumps) {
 TEST(DriftStatistics, JumpsOfATenthOfAPixelAreNamed) {
     SimulatedDrift drift;
     drift.minutes = 7.0;
-    for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    for (std::uint64_t seed = 1; seed <= drifts; ++seed) {
         const double at = 1.0 + 0.05 * static_cast<double>(seed);
         drift.moved = [at](const Eigen::Vector2d& pixel, double t) -> Eigen::Vector2d {
             return t < at ? pixel : pixel + Eigen::Vector2d(0.06, 0.08);

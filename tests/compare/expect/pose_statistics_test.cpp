@@ -240,7 +240,7 @@ TEST(RunningMoments, AreExactFarFromZero) {
 // ---- pose intervals
 
 // What is true of a distribution of errors.
-struct Truth {
+struct Moments {
     double mean, deviation, mean_absolute, median, median_absolute;
 };
 
@@ -261,7 +261,7 @@ double folded_median(double mean, double deviation) {
 }
 
 // Normal, mean 1.5, deviation 2; exponential, mean 1; uniform from -1 to 3.
-std::array<Truth, 3> truths() {
+std::array<Moments, 3> truths() {
     const double mean = 1.5, s = 2.0, ratio = mean / s;
     const double folded = s * std::sqrt(2.0 / std::numbers::pi) * std::exp(-0.5 * ratio * ratio) +
                           mean * (1.0 - 2.0 * upper_normal(ratio));
@@ -289,7 +289,7 @@ bool covers(const Estimate& estimate, double truth) {
 using Counts = std::array<std::array<int, 5>, 3>;  // by distribution and statistic
 
 Counts covering(int poses, int repetitions) {
-    const std::array<Truth, 3> truth = truths();
+    const std::array<Moments, 3> truth = truths();
     Counts counts{};
     for (int i = 0; i < repetitions; ++i) {
         const auto index = static_cast<std::uint32_t>(i);

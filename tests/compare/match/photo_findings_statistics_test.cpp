@@ -30,7 +30,7 @@ CodeImage plain(const TrueScene& scene, int seed) {
 }
 
 // Eight gray more than the camera has.
-CodeImage noisy(const TrueScene& scene, int seed) {
+CodeImage with_noise(const TrueScene& scene, int seed) {
     CodeImage photo = plain(scene, seed);
     RandomStream random(5, 2);
     cv::add(photo.pixels, normal_noise(photo.pixels.size(), 8.0, random), photo.pixels,
@@ -64,7 +64,7 @@ const std::vector<Harmless> harmless{
     {"APhotographWithoutFault", plain},
     {"UnevenLight",
      before_the_sensor([](const TrueScene& scene) { return unevenly_lit(scene, 0.5); })},
-    {"Noise", noisy},
+    {"Noise", with_noise},
     {"JpegAtQuality50", compressed(50)},
 };
 
@@ -113,7 +113,7 @@ TEST(MatchOutcome, NamesABlurThatIsNotTheCamerasOwn) {
 
 using Scenes = std::vector<TrueScene (*)(int pose)>;
 
-const Scenes tag{tag_scene}, board{board_scene}, wide_board{wide_board_scene},
+const Scenes tags{tag_scene}, boards{board_scene}, wide_board{wide_board_scene},
     both{tag_scene, board_scene};
 
 struct Fault {
@@ -180,15 +180,18 @@ const std::vector<Fault> faults{
     {"RowsReadWhileTheMarkerMoves", {"skewed"}, both, before_the_sensor([](const TrueScene& scene) {
          return rolled(scene, 3.0);
      })},
-    {"AnotherId", {"wrong_marker"}, tag, of_another("apriltag:36h11:17@50mm")},
-    {"AnotherFamily", {"wrong_marker", "marker_not_there"}, tag, of_another("aruco:6X6_50:3@50mm")},
-    {"AnotherBoard", {"marker_not_there"}, board, of_another("chessboard:12x9@18mm")},
-    {"UpsideDown", {"upside_down"}, tag, turned(cv::ROTATE_180)},
+    {"AnotherId", {"wrong_marker"}, tags, of_another("apriltag:36h11:17@50mm")},
+    {"AnotherFamily",
+     {"wrong_marker", "marker_not_there"},
+     tags,
+     of_another("aruco:6X6_50:3@50mm")},
+    {"AnotherBoard", {"marker_not_there"}, boards, of_another("chessboard:12x9@18mm")},
+    {"UpsideDown", {"upside_down"}, tags, turned(cv::ROTATE_180)},
     // Half a turn of a board with an odd number of corners each way more than even exchanges light
     // and dark, and so does its negative: one group.
-    {"BoardUpsideDown", {"negative"}, board, turned(cv::ROTATE_180)},
-    {"Turned", {"turned"}, tag, turned(cv::ROTATE_90_CLOCKWISE)},
-    {"Mirrored", {"mirrored"}, tag, with_cells([](const cv::Mat& cells, cv::Mat& shown) {
+    {"BoardUpsideDown", {"negative"}, boards, turned(cv::ROTATE_180)},
+    {"Turned", {"turned"}, tags, turned(cv::ROTATE_90_CLOCKWISE)},
+    {"Mirrored", {"mirrored"}, tags, with_cells([](const cv::Mat& cells, cv::Mat& shown) {
          cv::flip(cells, shown, 1);
      })},
     {"Negative", {"negative"}, both, behind_the_sensor(negative)},
@@ -196,7 +199,7 @@ const std::vector<Fault> faults{
     {"Sharpening", {"sharpened"}, both, sharpened(1.0)},
     {"MuchSharpening", {"sharpened"}, both, sharpened(2.0)},
     {"OtherDistortion", {"calibration_mismatch"}, wide_board, plain, with_other_distortion()},
-    {"AnotherFocalLength", {"calibration_mismatch"}, board, plain, with_another_focal_length()},
+    {"AnotherFocalLength", {"calibration_mismatch"}, boards, plain, with_another_focal_length()},
     {"Saturation", {"saturated"}, both, with_radiance([](const Radiance& radiance) -> Radiance {
          return 2.0 * radiance;
      })},

@@ -37,7 +37,7 @@ Repeats repeats_at(bool with_lens, std::uint64_t pose, std::uint32_t count) {
     std::vector<Vector6d> errors, corner_errors;
     const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
     for (std::uint32_t i = 0; i < count; ++i) {
-        const Outcome outcome = study.run(truth, {41, i});
+        const FoundPose outcome = study.run(truth, {41, i});
         result.failed += outcome.detected && !outcome.failed ? 0 : 1;
         result.flipped += outcome.flipped ? 1 : 0;
         if (!outcome.detected || outcome.failed || outcome.flipped)

@@ -366,7 +366,7 @@ TEST(MarkerView, AWebcamSeesAMarkerBesideItsHorizon) {
     EXPECT_NO_THROW(renderer.render(scene.scene));
 }
 
-CameraModel camera_with(const Distortion& distortion) {
+CameraModel camera_that_distorts(const Distortion& distortion) {
     return test::camera_with(640, 480, {500.0, 500.0, 319.5, 239.5}, distortion);
 }
 
@@ -381,7 +381,7 @@ Rigid turned(double angle, const Eigen::Vector3d& axis, const Eigen::Vector3d& p
 
 // At 500 mm a mm is a pixel: columns 200 - 120 and 200 + 120 at x = -119.5 mm, the row 239.5 - 10.
 TEST(MarkerInView, KeepsTheMarginToEachBorder) {
-    const Projector projector(camera_with({}));
+    const Projector projector(camera_that_distorts({}));
     const CellGrid grid = wide_grid();
     const auto is_seen = [&](double x, double y, double margin) {
         return is_in_view(projector, grid, {Eigen::Quaterniond::Identity(), {x, y, 500.0}}, margin);
@@ -400,14 +400,14 @@ TEST(MarkerInView, KeepsTheMarginToEachBorder) {
 // x = +-0.24, y = -0.4. With k1 = -0.3 the ends come to row 239.5 - 500 * 0.4 (1 - 0.3 * 0.2176)
 // = 52.6, the middle to 239.5 - 500 * 0.4 (1 - 0.3 * 0.16) = 49.1.
 TEST(MarkerInView, CountsAnEdgeThatBulgesOutBetweenItsEnds) {
-    const Projector projector(camera_with({.k1 = -0.3}));
+    const Projector projector(camera_that_distorts({.k1 = -0.3}));
     const Rigid pose{Eigen::Quaterniond::Identity(), {0.0, -190.0, 500.0}};
     EXPECT_TRUE(is_in_view(projector, wide_grid(), pose, 49.0));
     EXPECT_FALSE(is_in_view(projector, wide_grid(), pose, 49.2));
 }
 
 TEST(MarkerInView, RefusesTheBackAndWhatIsNotInFrontOfTheCamera) {
-    const Projector projector(camera_with({}));
+    const Projector projector(camera_that_distorts({}));
     const CellGrid grid = wide_grid();
     const Eigen::Vector3d y_axis = Eigen::Vector3d::UnitY();
     EXPECT_TRUE(is_in_view(projector, grid, turned(80.0 * rad_per_deg, y_axis, {0, 0, 500}), 5.0));
@@ -427,7 +427,7 @@ TEST(MarkerInView, RefusesTheBackAndWhatIsNotInFrontOfTheCamera) {
 // lens of 8.5 mm radius reaches 8.5 sin 89 towards it, one of 8.9 mm through it. f = 500 px * 20 um
 // = 10 mm (focused at infinity), so these are N = 10 / 17 and 10 / 17.8.
 TEST(MarkerInView, WantsTheWholeLensBeforeTheMarkersPlane) {
-    CameraModel camera = camera_with({});
+    CameraModel camera = camera_that_distorts({});
     camera.sensor = Sensor{.pixel_pitch_um = 20.0};
     const Rigid pose = turned(89.0 * rad_per_deg, Eigen::Vector3d::UnitY(), {0, 0, 500});
     camera.lens = Lens{10.0 / 17.0, std::numeric_limits<double>::infinity(), 600.0, {}};
@@ -439,7 +439,7 @@ TEST(MarkerInView, WantsTheWholeLensBeforeTheMarkersPlane) {
 // Rays of a telecentric lens are inclined by up to asin(0.2) = 11.5 degrees wherever the marker is:
 // tilted by 78 degrees all of them see its front, by 79 not.
 TEST(MarkerInView, WantsTheWholeConeOfATelecentricLensBeforeTheMarkersPlane) {
-    CameraModel camera = camera_with({});
+    CameraModel camera = camera_that_distorts({});
     camera.projection.kind = Projection::telecentric;
     camera.intrinsics = {2.0, 2.0, 319.5, 239.5};  // px/mm
     camera.sensor = Sensor{.pixel_pitch_um = 5.0};

@@ -12,12 +12,12 @@ namespace {
 using testing::ThrowsMessage;
 
 // One pixel per mm at 100 mm.
-CameraModel pinhole() {
+CameraModel scene_pinhole() {
     return test::camera_with(120, 90, {100.0, 100.0, 59.5, 44.5}, {});
 }
 
 // The same with an aperture of 5 mm (f = 9.09 mm), focused at 100 mm.
-CameraModel with_lens() {
+CameraModel scene_lens() {
     return test::camera_with(120, 90, {100.0, 100.0, 59.5, 44.5}, {},
                              Sensor{.pixel_pitch_um = 100.0},
                              Lens{2.0 * 100.0 / 110.0, 100.0, 550.0, {}});
@@ -43,24 +43,25 @@ TEST(SceneOcclusion, RefusesMarkersThatOverlapAtDifferentDepthsByNumber) {
     // 20 mm at 100 mm and 40 mm at 200 mm are 20 px each, here 19 px apart.
     const PlacedMarker near{grid(4, 4, 5.0), at(0, 0, 100)}, far{grid(4, 4, 10.0), at(38, 3, 200)};
     const PlacedMarker away{grid(2, 2, 5.0), at(-40, -20, 100)};
-    EXPECT_THAT(complaint({{away, near, far}}, pinhole()), HasSubstr("markers 2 and 3 overlap"));
+    EXPECT_THAT(complaint({{away, near, far}}, scene_pinhole()),
+                HasSubstr("markers 2 and 3 overlap"));
 }
 
 TEST(SceneOcclusion, RefusesWhereTheLensSeesBehindAnEdge) {
     // 21 px between the centres leave 1 px. A lens of 2.5 mm radius sees 100 px/mm * 2.5 mm *
     // (1/100 - 1/200) = 1.25 px behind the edge of the nearer one.
     const Scene scene{{{grid(4, 4, 5.0), at(0, 0, 100)}, {grid(4, 4, 10.0), at(42, 3, 200)}}};
-    EXPECT_EQ(complaint(scene, pinhole()), no_error);
-    EXPECT_NE(complaint(scene, with_lens()), no_error);
+    EXPECT_EQ(complaint(scene, scene_pinhole()), no_error);
+    EXPECT_NE(complaint(scene, scene_lens()), no_error);
     const Scene wider{{scene.markers[0], {grid(4, 4, 10.0), at(42.6, 3, 200)}}};
-    EXPECT_EQ(complaint(wider, with_lens()), no_error);
+    EXPECT_EQ(complaint(wider, scene_lens()), no_error);
 }
 
 TEST(SceneOcclusion, DoesNotMindBlurThatMarkersShare) {
     // 0.1 px apart and both blurred by 1.25 px, but at nearly the same depth.
     const Scene scene{{{grid(4, 4, 10.0), at(0, 0, 200)}, {grid(4, 4, 10.0), at(40.4, 3, 201)}}};
-    ASSERT_NEAR(blur_radius_px(with_lens(), 200.0), 1.25, 1e-9);
-    EXPECT_EQ(complaint(scene, with_lens()), no_error);
+    ASSERT_NEAR(blur_radius_px(scene_lens(), 200.0), 1.25, 1e-9);
+    EXPECT_EQ(complaint(scene, scene_lens()), no_error);
 }
 
 TEST(SceneOcclusion, FindsTheSlantedLineBetweenTwoDiamonds) {
@@ -70,8 +71,8 @@ TEST(SceneOcclusion, FindsTheSlantedLineBetweenTwoDiamonds) {
     const auto other = [&](double shift) {
         return PlacedMarker{grid(4, 4, 10.0), at(2 * shift, 2 * shift, 200, turn)};
     };
-    EXPECT_EQ(complaint({{one, other(14.2)}}, pinhole()), no_error);
-    EXPECT_NE(complaint({{one, other(14.1)}}, pinhole()), no_error);
+    EXPECT_EQ(complaint({{one, other(14.2)}}, scene_pinhole()), no_error);
+    EXPECT_NE(complaint({{one, other(14.1)}}, scene_pinhole()), no_error);
 }
 
 TEST(SceneOcclusion, AcceptsPiecesOfOnePlaneThatTouchAndRefusesThoseThatOverlap) {
@@ -79,16 +80,16 @@ TEST(SceneOcclusion, AcceptsPiecesOfOnePlaneThatTouchAndRefusesThoseThatOverlap)
     const auto piece = [&](double x, double y) {
         return PlacedMarker{grid(4, 3, 5.0), board * at(x, y, 0)};
     };
-    EXPECT_EQ(complaint({{piece(0, 0), piece(20, 0), piece(0, 15), piece(20, 15)}}, with_lens()),
+    EXPECT_EQ(complaint({{piece(0, 0), piece(20, 0), piece(0, 15), piece(20, 15)}}, scene_lens()),
               no_error);
-    EXPECT_NE(complaint({{piece(0, 0), piece(19.99, 0)}}, with_lens()), no_error);
+    EXPECT_NE(complaint({{piece(0, 0), piece(19.99, 0)}}, scene_lens()), no_error);
     PlacedMarker lifted = piece(20, 0);
     lifted.camera_from_marker = board * at(20, 0, 0.01);
-    EXPECT_NE(complaint({{piece(0, 0), lifted}}, with_lens()), no_error);
+    EXPECT_NE(complaint({{piece(0, 0), lifted}}, scene_lens()), no_error);
 }
 
 TEST(SceneOcclusion, FollowsTheConeOfATelecentricLens) {
-    CameraModel camera = with_lens();
+    CameraModel camera = scene_lens();
     camera.projection.kind = Projection::telecentric;
     camera.intrinsics.fx = camera.intrinsics.fy = 2.0;
     camera.lens->object_na = 0.06;  // tangent 0.0601: 0.601 mm from 10 mm away
@@ -100,9 +101,9 @@ TEST(SceneOcclusion, FollowsTheConeOfATelecentricLens) {
 }
 
 TEST(SceneOcclusion, RefusesAMarkerBehindTheLensByNumber) {
-    EXPECT_THAT(
-        complaint({{{grid(4, 4, 5.0), at(0, 0, 100)}, {grid(4, 4, 5.0), at(0, 0, -9)}}}, pinhole()),
-        HasSubstr("marker 2 reaches behind the lens"));
+    EXPECT_THAT(complaint({{{grid(4, 4, 5.0), at(0, 0, 100)}, {grid(4, 4, 5.0), at(0, 0, -9)}}},
+                          scene_pinhole()),
+                HasSubstr("marker 2 reaches behind the lens"));
 }
 
 // Whether some ray through the lens, aimed at the first marker, meets both. Independent of the test
@@ -129,7 +130,7 @@ bool some_ray_meets_both(const Scene& scene, const Aperture& aperture, RandomStr
 
 // Accepted are only scenes without such a ray, and few are refused without one.
 TEST(SceneOcclusion, AgreesWithRaysThroughTheLensOfATiltedSensor) {
-    CameraModel camera = with_lens();
+    CameraModel camera = scene_lens();
     camera.distortion.tau_x = 0.15;
     camera.distortion.tau_y = -0.1;
     const Aperture aperture = aperture_of(camera);
@@ -172,7 +173,7 @@ double largest_gray(const cv::Mat& a, const cv::Mat& b) {
 }
 
 TEST(SceneRender, OneMarkerIsTheSumOfItsFourPieces) {
-    const Renderer renderer(with_lens());
+    const Renderer renderer(scene_lens());
     const Rigid pose = at(4, -3, 130, {0.3, 0.2, -0.4});
     const CellGrid whole = pattern();
     Scene pieces{{}, 0.7};
@@ -189,7 +190,7 @@ TEST(SceneRender, OneMarkerIsTheSumOfItsFourPieces) {
 }
 
 TEST(SceneRender, AUniformImageIsTheUniformBackground) {
-    const Renderer renderer(with_lens());
+    const Renderer renderer(scene_lens());
     Scene scene{{{pattern(), at(4, -3, 130, {0.3, 0.2, -0.4})}}, 0.7};
     const RenderOptions options{.tolerance_gray = 0.05,
                                 .samples_per_side = 5};  // so that all renders err alike
@@ -202,7 +203,7 @@ TEST(SceneRender, StripesStayAsTheyAreBesideTheMarkerAndVanishBehindIt) {
     cv::Mat stripes(90, 120, CV_32FC1);
     for (int x = 0; x < 120; ++x)
         stripes.col(x).setTo(x % 5 < 2 ? 0.9 : 0.15);
-    const Renderer renderer(pinhole());
+    const Renderer renderer(scene_pinhole());
     const Scene scene{{{pattern(), at(4, -3, 100)}}};
     const RenderedImage over = render_over(renderer, scene, stripes);
     // 28 x 20 px around (63.5, 41.5): columns 50..77 and rows 32..51 but for the border.
@@ -215,7 +216,7 @@ TEST(SceneRender, StripesStayAsTheyAreBesideTheMarkerAndVanishBehindIt) {
 }
 
 TEST(SceneRender, RefusesABackgroundOfAnotherSizeOrThatIsNotFinite) {
-    const Renderer renderer(pinhole());
+    const Renderer renderer(scene_pinhole());
     const Scene scene{{{pattern(), at(4, -3, 100)}}};
     EXPECT_THAT([&] { render_over(renderer, scene, cv::Mat::zeros(120, 90, CV_32FC1)); },
                 ThrowsMessage<NumericalError>(HasSubstr("90 x 120")));
@@ -226,7 +227,7 @@ TEST(SceneRender, RefusesABackgroundOfAnotherSizeOrThatIsNotFinite) {
 }
 
 TEST(SceneRender, ACodeImageIsExposedToItselfAgain) {
-    CameraModel camera = with_lens();
+    CameraModel camera = scene_lens();
     camera.sensor->bits = 10;
     camera.sensor->black_dn = 17;
     camera.sensor->transfer.kind = Transfer::Kind::rec709;

@@ -8,7 +8,7 @@
 namespace etalon {
 namespace {
 
-CameraModel small_camera() {
+CameraModel undistorted_camera() {
     return test::camera_with(96, 72, {110.0, 118.0, 46.0, 37.0}, {});
 }
 
@@ -18,24 +18,24 @@ CameraModel distorted_camera() {
 }
 
 // 45 x 33 mm with its origin away from the centre, 80 mm away: 62 x 49 px.
-PlacedMarker marker_at(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {
+PlacedMarker checked_marker(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {
     return {{cv::Mat(3, 5, CV_32FC1, cv::Scalar(1.0f)), {-20.0, -18.0}, {9.0, 11.0}},
             {rotation_from_vector(rotation), translation}};
 }
 PlacedMarker frontal_marker() {
-    return marker_at({0.0, 0.0, 0.0}, {0.0, 0.0, 80.0});
+    return checked_marker({0.0, 0.0, 0.0}, {0.0, 0.0, 80.0});
 }
 
 Disturber disturber_of(const CameraModel& camera) {
     return Disturber(camera, SensorModel(camera));
 }
 
-Radiance even(double radiance, const CameraModel& camera = small_camera()) {
+Radiance even(double radiance, const CameraModel& camera = undistorted_camera()) {
     return Radiance(camera.height, camera.width, CV_32FC1, cv::Scalar(radiance));
 }
 
 // Values from 0 to 1, no two neighbours alike.
-Radiance texture(const CameraModel& camera = small_camera()) {
+Radiance texture(const CameraModel& camera = undistorted_camera()) {
     Radiance image = even(0.0, camera);
     for (int y = 0; y < image.rows; ++y)
         for (int x = 0; x < image.cols; ++x)
@@ -45,7 +45,7 @@ Radiance texture(const CameraModel& camera = small_camera()) {
 }
 
 Radiance disturbed(const Radiance& image, const Disturbances& disturbances,
-                   const NoiseKey& key = {7, 5}, const CameraModel& camera = small_camera()) {
+                   const NoiseKey& key = {7, 5}, const CameraModel& camera = undistorted_camera()) {
     return disturber_of(camera).disturbed(image, frontal_marker(), disturbances, key);
 }
 
@@ -60,7 +60,7 @@ TEST(Disturbances, OfNoKindLeaveTheImageItself) {
     Disturbances only_after;  // JPEG comes after the sensor
     only_after.jpeg_quality = 40.0;
     EXPECT_EQ(disturbed(image, only_after).data, image.data);
-    const CodeImage codes = SensorModel(small_camera()).expose(image);
+    const CodeImage codes = SensorModel(undistorted_camera()).expose(image);
     EXPECT_EQ(compressed(codes, 0.0).pixels.data, codes.pixels.data);
 }
 
@@ -217,20 +217,20 @@ void expect_card_as_counted(const Occluded& scene) {
 }
 
 TEST(Occlusion, HidesItsShareOfTheMarkersPlane) {
-    const PlacedMarker tilted = marker_at({0.7, -0.4, 0.3}, {2.0, -3.0, 90.0});
-    const PlacedMarker steep = marker_at({-0.2, 0.9, -1.1}, {-1.0, 4.0, 85.0});
-    expect_card_as_counted({small_camera(), frontal_marker(), 0.3, {1, 0}});
-    expect_card_as_counted({small_camera(), tilted, 0.03, {1, 1}});
+    const PlacedMarker tilted = checked_marker({0.7, -0.4, 0.3}, {2.0, -3.0, 90.0});
+    const PlacedMarker steep = checked_marker({-0.2, 0.9, -1.1}, {-1.0, 4.0, 85.0});
+    expect_card_as_counted({undistorted_camera(), frontal_marker(), 0.3, {1, 0}});
+    expect_card_as_counted({undistorted_camera(), tilted, 0.03, {1, 1}});
     expect_card_as_counted({distorted_camera(), tilted, 0.55, {1, 2}});
     expect_card_as_counted({distorted_camera(), steep, 0.17, {1, 3}});
     expect_card_as_counted({distorted_camera(), steep, 0.9, {1, 4}});
 }
 
 TEST(Occlusion, HidesItsShareFromATelecentricCamera) {
-    CameraModel camera = small_camera();
+    CameraModel camera = undistorted_camera();
     camera.projection.kind = Projection::telecentric;
     camera.intrinsics.fx = camera.intrinsics.fy = 1.6;  // px/mm
-    const PlacedMarker marker = marker_at({0.7, -0.4, 0.3}, {2.0, -3.0, 90.0});
+    const PlacedMarker marker = checked_marker({0.7, -0.4, 0.3}, {2.0, -3.0, 90.0});
     const Radiance image =
         disturber_of(camera).disturbed(even(0.0, camera), marker, {.occlusion = 0.23}, {1, 0});
     // Points of the marker by what their pixel shows: the pixel itself is evenly filled with them,
@@ -251,8 +251,8 @@ TEST(Occlusion, HidesItsShareFromATelecentricCamera) {
 TEST(Occlusion, CanHideAllOfTheMarker) {
     const PlacedMarker marker = frontal_marker();
     const Radiance image =
-        disturber_of(small_camera()).disturbed(texture(), marker, {.occlusion = 1.0}, {2, 9});
-    const Projector projector(small_camera());
+        disturber_of(undistorted_camera()).disturbed(texture(), marker, {.occlusion = 1.0}, {2, 9});
+    const Projector projector(undistorted_camera());
     for (const auto& [u, v] :
          {std::pair{0.1, 0.1}, {4.9, 0.1}, {0.1, 2.9}, {4.9, 2.9}, {2.0, 1.5}}) {
         const auto at = projector.project(marker.camera_from_marker * marker.grid.point_mm(u, v));
@@ -276,7 +276,7 @@ TEST(Occlusion, IsNeitherMovedNorFaded) {
 
 // The model's fold is at r^2 = 1 / (3 * 0.35), its image 0.65 f = 20 px from the centre.
 TEST(Occlusion, LeavesPixelsWithoutARayAlone) {
-    CameraModel camera = small_camera();
+    CameraModel camera = undistorted_camera();
     camera.intrinsics = {30.0, 30.0, 46.0, 37.0};
     camera.distortion.k1 = -0.35;
     const Radiance before = texture(camera);
@@ -430,7 +430,7 @@ double rms(const CodeImage& a, const CodeImage& b) {
 // distribution. With 6912 pixels the RMS of 0.289 has the standard deviation 0.006; 5 of them. A
 // second time there is less to round.
 TEST(Jpeg, OnlyRoundsAtQuality100) {
-    const CodeImage image = SensorModel(small_camera()).expose(texture());
+    const CodeImage image = SensorModel(undistorted_camera()).expose(texture());
     const CodeImage once = compressed(image, 100.0), twice = compressed(once, 100.0);
     EXPECT_NEAR(rms(once, image), std::sqrt(0.083), 0.03);
     EXPECT_LT(rms(twice, once), 0.8 * rms(once, image));
@@ -439,7 +439,7 @@ TEST(Jpeg, OnlyRoundsAtQuality100) {
 }
 
 TEST(Jpeg, LosesMoreTheLowerItsQuality) {
-    const CodeImage image = SensorModel(small_camera()).expose(texture());
+    const CodeImage image = SensorModel(undistorted_camera()).expose(texture());
     double before = 0.0;
     for (const double quality : {100.0, 90.0, 75.0, 50.0, 25.0, 10.0, 1.0}) {
         const CodeImage after = compressed(image, quality);

@@ -14,7 +14,7 @@ CameraModel camera_of(int width, int height) {
     return test::camera_with(width, height, {100.0, 140.0, 3.0, 2.0}, {});
 }
 
-CameraModel camera_with(const Sensor& sensor, int width = 7, int height = 5) {
+CameraModel camera_of_sensor(const Sensor& sensor, int width = 7, int height = 5) {
     CameraModel camera = camera_of(width, height);
     camera.sensor = sensor;
     return camera;
@@ -30,7 +30,7 @@ int first_code(const CodeImage& image) {
 }
 
 int code_for(const Sensor& sensor, double radiance) {
-    return first_code(SensorModel(camera_with(sensor)).expose(uniform(radiance)));
+    return first_code(SensorModel(camera_of_sensor(sensor)).expose(uniform(radiance)));
 }
 
 TEST(SensorModel, WithoutASensorSectionIsEightBitsLinearAndRoundsHalfUp) {
@@ -47,7 +47,7 @@ TEST(SensorModel, ReachesFullScaleAtEveryBitDepth) {
         EXPECT_EQ(code_for(sensor, 1.0), (1 << bits) - 1);
         EXPECT_EQ(code_for(sensor, 0.0), 0);
         EXPECT_EQ(code_for(sensor, 0.5), (1 << (bits - 1)));  // (2^b - 1) / 2, half up
-        const CodeImage image = SensorModel(camera_with(sensor)).expose(uniform(0.3));
+        const CodeImage image = SensorModel(camera_of_sensor(sensor)).expose(uniform(0.3));
         EXPECT_EQ(image.pixels.type(), bits > 8 ? CV_16UC1 : CV_8UC1);
         EXPECT_EQ(image.bits, bits);
     }
@@ -80,7 +80,7 @@ TEST(SensorModel, TakesCodesBackToTheRadianceTheyCameFrom) {
     for (const auto kind : {Transfer::Kind::linear, Transfer::Kind::rec709}) {
         Sensor sensor{.bits = 10, .black_dn = 40.0};
         sensor.transfer.kind = kind;
-        const SensorModel model(camera_with(sensor, 50, 1));
+        const SensorModel model(camera_of_sensor(sensor, 50, 1));
         Radiance radiance(1, 50, CV_32FC1);
         for (int x = 0; x < 50; ++x)
             radiance.at<float>(0, x) = static_cast<float>(x / 49.0);
@@ -95,7 +95,7 @@ TEST(SensorModel, DarkensWithTheFourthPowerOfTheCosine) {
     Sensor sensor;
     sensor.illumination.kind = Illumination::Kind::cos4;
     sensor.bits = 16;
-    const SensorModel model(camera_with(sensor));
+    const SensorModel model(camera_of_sensor(sensor));
     // Pixel (7-1, 5-1) is 3 px right and 2 px below the principal point: x = 0.03, y = 2/140.
     const double r2 = 0.03 * 0.03 + (2.0 / 140.0) * (2.0 / 140.0);
     EXPECT_NEAR(model.relative_response().at<float>(4, 6), 1.0 / ((1 + r2) * (1 + r2)), 1e-7);
@@ -107,7 +107,7 @@ TEST(SensorModel, DarkensWithTheFourthPowerOfTheCosine) {
 
 TEST(SensorNoise, IsTheSameForTheSameKeyAndAnotherForTheNextFrameOrSeed) {
     Sensor sensor{.gain_e_per_dn = 3.0};
-    const SensorModel model(camera_with(sensor));
+    const SensorModel model(camera_of_sensor(sensor));
     const auto shot = [&](std::optional<NoiseKey> key) {
         return model.expose(uniform(0.6), key).pixels;
     };
@@ -193,7 +193,7 @@ std::vector<float> awkward_radiances(const Sensor& sensor, float response) {
 
 void expect_documented_codes(const Sensor& sensor, float red) {
     const std::vector<float> values = awkward_radiances(sensor, red);
-    CameraModel camera = camera_with(sensor, 2 * static_cast<int>(values.size()), 1);
+    CameraModel camera = camera_of_sensor(sensor, 2 * static_cast<int>(values.size()), 1);
     camera.sensor->mosaic = Mosaic::rggb;  // red is every other pixel of the first row
     camera.sensor->channel_response = {red, 1.0, 1.0};
     Radiance radiance(1, camera.width, CV_32FC1);
@@ -226,7 +226,7 @@ TEST(SensorModel, GivesTheDocumentedCodeAroundEveryRoundingBoundary) {
 
 // Of the deviate that the pixel's own stream gives: no pixel depends on its place in a vector.
 void expect_documented_noise(const Sensor& sensor, const NoiseKey& key) {
-    const CameraModel camera = camera_with(sensor, 301, 3);
+    const CameraModel camera = camera_of_sensor(sensor, 301, 3);
     Radiance radiance(3, 301, CV_32FC1);
     for (int y = 0; y < 3; ++y)
         for (int x = 0; x < 301; ++x)
@@ -270,11 +270,11 @@ TEST(SensorNoise, LeavesACodeAtTheLeastGain) {
         Sensor sensor{.gain_e_per_dn = 5e-324};
         sensor.transfer.kind = kind;
         const NoiseKey key{1, 1};
-        const cv::Mat dark = SensorModel(camera_with(sensor)).expose(uniform(0.0), key).pixels;
+        const cv::Mat dark = SensorModel(camera_of_sensor(sensor)).expose(uniform(0.0), key).pixels;
         EXPECT_EQ(cv::countNonZero(dark), 0);
         const auto expect_extremes = [&](double radiance) {
             const cv::Mat lit =
-                SensorModel(camera_with(sensor)).expose(uniform(radiance), key).pixels;
+                SensorModel(camera_of_sensor(sensor)).expose(uniform(radiance), key).pixels;
             EXPECT_EQ(cv::countNonZero(lit == 0) + cv::countNonZero(lit == 255), 35);
             EXPECT_GT(cv::countNonZero(lit), 5);
         };
@@ -288,7 +288,7 @@ TEST(SensorNoise, LeavesACodeAtTheLeastGain) {
 TEST(SensorModel, GivesTheDocumentedCodeBesideEveryRoundingBoundary) {
     for (const double black : {0.0, 0.37 * 255.0}) {
         const Sensor sensor{.black_dn = black};
-        CameraModel camera = camera_with(sensor, 510, 1);
+        CameraModel camera = camera_of_sensor(sensor, 510, 1);
         Radiance radiance(1, camera.width, CV_32FC1);
         for (int x = 0; x < camera.width; ++x) {
             const double boundary = x / 2 + 0.5 + (x % 2 == 0 ? -1.5e-4 : 1.5e-4);
@@ -324,7 +324,7 @@ TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
     Sensor noisy{.gain_e_per_dn = 30.0};
     for (const Sensor& sensor : {Sensor{}, filtered, noisy})
         for (const auto& [width, step] : {std::pair{37, 1}, std::pair{1400, 111}}) {
-            const SensorModel model(camera_with(sensor, width, 2));
+            const SensorModel model(camera_of_sensor(sensor, width, 2));
             on_every_target([&, width = width, step = step] {
                 for (const float bad : {NAN, INFINITY, -INFINITY})
                     for (int x = 0; x < width; x += step) {
@@ -345,7 +345,7 @@ TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
 // A response beyond a float's range is no code either.
 TEST(SensorModel, RefusesAResponseThatIsNotFinite) {
     const Sensor sensor{.mosaic = Mosaic::rggb, .channel_response = {1.0, 1e39, 1.0}};
-    const SensorModel model(camera_with(sensor, 600, 2));
+    const SensorModel model(camera_of_sensor(sensor, 600, 2));
     EXPECT_THROW(model.expose(uniform(0.5, 600, 2)), NumericalError);
 }
 
@@ -358,7 +358,7 @@ TEST(SensorModel, GivesARoundedProductBelowAStepTheCodeBelow) {
         .transfer = table, .mosaic = Mosaic::rggb, .channel_response = {0.51, 0.51, 0.51}};
     on_every_target([&] {
         const CodeImage image =
-            SensorModel(camera_with(sensor, 64, 2)).expose(uniform(0.735294104f, 64, 2));
+            SensorModel(camera_of_sensor(sensor, 64, 2)).expose(uniform(0.735294104f, 64, 2));
         EXPECT_EQ(image.pixels.at<std::uint8_t>(0, 0), 46);
     });
 }
@@ -367,7 +367,7 @@ TEST(SensorModel, RefusesASectionThatContradictsItself) {
     const auto refused = [](auto change) {
         Sensor sensor;
         change(sensor);
-        EXPECT_THROW(SensorModel{camera_with(sensor)}, ConfigError);
+        EXPECT_THROW(SensorModel{camera_of_sensor(sensor)}, ConfigError);
     };
     refused([](Sensor& s) { s.bits = 0; });
     refused([](Sensor& s) { s.bits = 17; });
@@ -441,7 +441,7 @@ TEST(SensorModel, KnowsTheColourOfEveryPixelOfAMosaic) {
 
 TEST(SensorModel, GivesEachChannelItsSignalAndItsNoise) {
     CameraModel camera =
-        camera_with(Sensor{.bits = 12, .black_dn = 64.0, .gain_e_per_dn = 2.0}, 200, 200);
+        camera_of_sensor(Sensor{.bits = 12, .black_dn = 64.0, .gain_e_per_dn = 2.0}, 200, 200);
     camera.sensor->mosaic = Mosaic::gbrg;
     camera.sensor->channel_response = {0.5, 1.0, 0.25};
     const SensorModel model(camera);

@@ -92,13 +92,13 @@ void expect_plain_sums(const Field& field, const FilterKernel& kernel, const cv:
                 << x << ", " << y;
 }
 
-struct Case {
+struct FilterCase {
     int k, side;
     double refined;
     int reach_x, reach_y;
 };
 
-class AddFiltered : public testing::TestWithParam<Case> {};
+class AddFiltered : public testing::TestWithParam<FilterCase> {};
 
 TEST_P(AddFiltered, IsTheSumOverTheKernel) {
     const auto [k, side, refined, reach_x, reach_y] = GetParam();
@@ -114,10 +114,12 @@ TEST_P(AddFiltered, IsTheSumOverTheKernel) {
 
 // Samples k per output in tiles of 4 x 4 outputs, and the coarser grids of the tail.
 INSTANTIATE_TEST_SUITE_P(Grids, AddFiltered,
-                         testing::Values(Case{1, 4, 0.1, 7, 5}, Case{2, 8, 0.05, 11, 4},
-                                         Case{3, 12, 0.05, 4, 8}, Case{4, 16, 0.02, 3, 3},
-                                         Case{5, 20, 0.02, 2, 3}, Case{1, 2, 0.1, 6, 9},
-                                         Case{1, 1, 0.0, 5, 7}, Case{3, 12, 0.1, 0, 0}));
+                         testing::Values(FilterCase{1, 4, 0.1, 7, 5}, FilterCase{2, 8, 0.05, 11, 4},
+                                         FilterCase{3, 12, 0.05, 4, 8},
+                                         FilterCase{4, 16, 0.02, 3, 3},
+                                         FilterCase{5, 20, 0.02, 2, 3}, FilterCase{1, 2, 0.1, 6, 9},
+                                         FilterCase{1, 1, 0.0, 5, 7},
+                                         FilterCase{3, 12, 0.1, 0, 0}));
 
 // Of a round kernel the corners hold nothing; samples differ by 1.75 at most.
 TEST(AddFiltered, LeavesOutCornersUpToTheirShare) {

@@ -13,12 +13,12 @@ namespace {
 
 using std::numbers::pi;
 
-constexpr double sigma = 0.3;
+constexpr double gaussian_sigma = 0.3;
 
-const WedgeTable& gaussian_table() {
-    constexpr double reach = 6.0 * sigma;
+const WedgeTable& narrow_table() {
+    constexpr double reach = 6.0 * gaussian_sigma;
     static const WedgeTable table{radial_transfer(
-                                      PointSpreadFunction::gaussian(sigma),
+                                      PointSpreadFunction::gaussian(gaussian_sigma),
                                       [](double) { return 1.0; }, reach, WedgeTable::end_px(reach)),
                                   reach};
     return table;
@@ -94,7 +94,7 @@ double through_lens(const Corner& corner, const Eigen::Vector2d& x, const Eigen:
         gradient[line] = corner.normal(line) * scale + corner.slope * lens;
     }
     const double a = gradient[0].norm(), b = gradient[1].norm();
-    return both_beyond(value[0] / (a * sigma), value[1] / (b * sigma),
+    return both_beyond(value[0] / (a * gaussian_sigma), value[1] / (b * gaussian_sigma),
                        gradient[0].dot(gradient[1]) / (a * b));
 }
 
@@ -141,7 +141,7 @@ const Corner corners[] = {
 TEST(WedgePixels, AreSumsOverPixelLensAndSpread) {
     const TilePositions positions(4);
     for (const Corner& corner : corners) {
-        const WedgeRows rows = gaussian_table().rows(0.0, 1.0);
+        const WedgeRows rows = narrow_table().rows(0.0, 1.0);
         constexpr int pixels[] = {0, 5, 6, 9, 10, 11, 15};
         double truth[16] = {};
         for (const int n : pixels)
@@ -167,7 +167,7 @@ TEST(WedgePixels, AreFiniteHoweverFarTheLinesAre) {
             tile.columns[0].offset *= static_cast<float>(sign);
             tile.rows[0].offset *= static_cast<float>(sign);
             tile.dx[2] = 0.003f;
-            wedge_pixels(tile, TilePositions(4), gaussian_table().rows(0.0, 1.0), values);
+            wedge_pixels(tile, TilePositions(4), narrow_table().rows(0.0, 1.0), values);
             for (const float value : values)
                 EXPECT_EQ(value, sign < 0.0 ? 1.0f : 0.0f) << far;
         }
@@ -275,7 +275,7 @@ TEST(EdgeGroup, GivesTheSameBytesOnAnyNumberOfThreadsAndInAnyRegion) {
 
 // The mean, over the pixel's square and half the ellipse that is the line spread of a disk, of the
 // normal distribution's integral.
-double blurred_edge(double distance, double blur_px, double angle, double sigma) {
+double blurred_edge(double distance, double blur_px, double angle, double gaussian_sigma) {
     constexpr int n = 64;
     double sum = 0.0;
     for (int i = 0; i < n; ++i)
@@ -286,16 +286,18 @@ double blurred_edge(double distance, double blur_px, double angle, double sigma)
                 const double turn = pi * (q + 0.5) / n;  // by the rule of Chebyshev and Gauss
                 const double weight = 2.0 / n * std::sin(turn) * std::sin(turn);
                 sum += weight * 0.5 *
-                       std::erfc(-(place + blur_px * std::cos(turn)) / sigma / std::sqrt(2.0));
+                       std::erfc(-(place + blur_px * std::cos(turn)) / gaussian_sigma /
+                                 std::sqrt(2.0));
             }
         }
     return sum / (n * n);
 }
 
 TEST(EdgeTable, IsTheProfileOfAnEdge) {
-    constexpr double sigma = 0.4, energy = 0.9;
-    const PointSpreadFunction spread = PointSpreadFunction::gaussian(sigma);
-    const EdgeTable table([&](double r) { return spread.density(r); }, 6.0 * sigma, energy);
+    constexpr double gaussian_sigma = 0.4, energy = 0.9;
+    const PointSpreadFunction spread = PointSpreadFunction::gaussian(gaussian_sigma);
+    const EdgeTable table([&](double r) { return spread.density(r); }, 6.0 * gaussian_sigma,
+                          energy);
     EdgeProfile profile;
     for (const double blur : {2.6, 4.9, 11.3})
         for (const double angle : {0.0, 0.35, pi / 4}) {
@@ -309,7 +311,8 @@ TEST(EdgeTable, IsTheProfileOfAnEdge) {
                         ? (1.0 - way) * profile.values[n] + way * profile.values[n + 1]
                         : 0.0;
                 EXPECT_NEAR(255.0 * value,
-                            255.0 * energy * blurred_edge(distance, blur, angle, sigma), 0.02)
+                            255.0 * energy * blurred_edge(distance, blur, angle, gaussian_sigma),
+                            0.02)
                     << blur << " px, " << angle << " rad, " << distance << " px";
             }
         }

@@ -5,7 +5,7 @@
 namespace etalon {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 // Everything at work: 2 ms of lag, a motor of 11 Hz, a carriage of 37 Hz.
 ServoParameters soft_servo() {
@@ -236,15 +236,15 @@ TEST(MovingAxis, NowhereToGoTakesNoTime) {
     EXPECT_EQ(Motion(7.0).position(3.0), 7.0);
 }
 
-struct Case {
+struct MoveCase {
     std::string name;
     Motion motion;
     MotionLimits limits;
 };
 
 // Long, medium, short, tiny moves, and stops begun at every stage of a move.
-std::vector<Case> all_kinds() {
-    std::vector<Case> cases;
+std::vector<MoveCase> all_kinds() {
+    std::vector<MoveCase> cases;
     for (const MotionLimits& limits :
          {MotionLimits{9.0, 17.0}, MotionLimits{9.0, 17.0, 70.0}, MotionLimits{9.0, 170.0, 70.0},
           MotionLimits{900.0, 17.0, 70.0}}) {
@@ -276,7 +276,7 @@ double jump(F f, double until, double slope) {
 }
 
 TEST(MovingAxis, NeverJumpsAndKeepsItsLimits) {
-    for (const Case& kind : all_kinds()) {
+    for (const MoveCase& kind : all_kinds()) {
         const Motion& motion = kind.motion;
         const MotionLimits& limits = kind.limits;
         const double end = motion.duration();

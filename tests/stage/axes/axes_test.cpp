@@ -18,7 +18,7 @@ std::vector<Axis> axes_from(const std::string& list) {
     return axes;
 }
 
-std::string error_of(const std::string& list) {
+std::string axes_error(const std::string& list) {
     return config_error_of([&] { axes_from(list); });
 }
 
@@ -48,10 +48,10 @@ TEST(Axes, AreReadWithTheirUnits) {
 TEST(Axes, NameFileLineAndKeyOfEveryFault) {
     const std::string x = "{name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 7}";
     const auto linear = [](const std::string& keys) {
-        return error_of("- {name: x, kind: linear, " + keys + "}");
+        return axes_error("- {name: x, kind: linear, " + keys + "}");
     };
-    EXPECT_EQ(error_of("  []\n"), "s.yml:3: axes: must have at least one axis");
-    EXPECT_EQ(error_of("- " + x + "\n- " + x + "\n"),
+    EXPECT_EQ(axes_error("  []\n"), "s.yml:3: axes: must have at least one axis");
+    EXPECT_EQ(axes_error("- " + x + "\n- " + x + "\n"),
               "s.yml:4: axes[1].name: two axes are called 'x'");
     EXPECT_EQ(linear("direction: [0, 0, 0], travel: [0, 5], speed: 7"),
               "s.yml:3: axes[0].direction: must be a direction, not zero");
@@ -65,11 +65,11 @@ TEST(Axes, NameFileLineAndKeyOfEveryFault) {
               "s.yml:3: axes[0].travel[1]: must be between -10000000 and 10000000 mm, not 1e+300");
     EXPECT_EQ(linear("direction: [1, 0, 0], travel: [0, 5], speed: 7, counts_per_mm: -1e-300"),
               "s.yml:3: axes[0].counts_per_mm: must be at least 0.001 in size, not -1e-300");
-    EXPECT_EQ(error_of("- {name: x, kind: rotary, direction: [1, 0, 0], point_mm: [0, 0, 0], "
-                       "travel: [0, 5], speed_deg: 7}"),
+    EXPECT_EQ(axes_error("- {name: x, kind: rotary, direction: [1, 0, 0], point_mm: [0, 0, 0], "
+                         "travel: [0, 5], speed_deg: 7}"),
               "s.yml:3: axes[0].travel_deg: missing");
     EXPECT_EQ(
-        error_of(
+        axes_error(
             "- {name: x, kind: rotary, direction: [1, 0, 0], travel_deg: [0, 5], speed_deg: 7}"),
         "s.yml:3: axes[0].point_mm: missing");
 }
@@ -111,8 +111,8 @@ TEST(Axes, AreReadWithTheirErrorsAndTheirController) {
 
 TEST(Axes, RefuseWhatContradictsItself) {
     const auto with = [](const std::string& keys) {
-        return error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [-7, 50]," + keys +
-                        " speed: 7}");
+        return axes_error("- {name: x, kind: linear, direction: [1, 0, 0], travel: [-7, 50]," +
+                          keys + " speed: 7}");
     };
     EXPECT_EQ(with(""), "no error");
     EXPECT_EQ(with("counts_per_mm: 0,"),

@@ -290,8 +290,8 @@ std::uint16_t content_of(int address) {
     return static_cast<std::uint16_t>(address * 7 + 5);
 }
 
-struct Rig {
-    explicit Rig(bool serial)
+struct LinkRig {
+    explicit LinkRig(bool serial)
         : link(memory_link(serial), clock,
                std::make_unique<MemoryTransport>(controller, clock, serial)) {
         std::vector<std::uint16_t> values;
@@ -309,7 +309,7 @@ struct Rig {
 
 // What the guards are for: without them the next request takes the old reply for its own.
 TEST(MemoryTransport, GivesALateSerialReplyToTheNextRequest) {
-    Rig rig(true);
+    LinkRig rig(true);
     MemoryTransport bare(rig.controller, rig.clock, true);
     ASSERT_EQ(bare.connect(100ms), "");
     rig.controller.set_script([&](const ModbusRequest& request) {
@@ -329,7 +329,7 @@ TEST(MemoryTransport, GivesALateSerialReplyToTheNextRequest) {
 // write that is carried out twice would show.
 TEST(MemoryTransport, NoFaultMakesAWrongValue) {
     for (const bool serial : {false, true}) {
-        Rig rig(serial);
+        LinkRig rig(serial);
         RandomStream random(7, 5, serial ? 1 : 0);
         const auto draw = [&](int count) { return static_cast<int>(random.uniform() * count); };
         int faults = 0;
@@ -363,7 +363,7 @@ TEST(MemoryTransport, NoFaultMakesAWrongValue) {
 }
 
 TEST(MemoryTransport, TheWatchdogRunsWhileTheStationWaits) {
-    Rig rig(false);
+    LinkRig rig(false);
     const std::vector<std::uint16_t> watchdog = {70};
     for (const std::uint16_t command : {1, 3, 1}) {  // enable, home
         rig.link.write(1, RegisterSpace::holding_registers, 200, std::span(&command, 1));

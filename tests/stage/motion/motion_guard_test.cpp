@@ -12,7 +12,7 @@ namespace {
 
 using Positions = std::vector<double>;
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 using Positions = std::vector<double>;
 
 // x 10 mm/s, z 5 mm/s, and a rotary one with 1 rad/s.

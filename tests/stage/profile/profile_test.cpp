@@ -300,7 +300,6 @@ TEST(StageProfile, AnUnknownNameIsRefusedWithTheKnownOnes) {
 // The profiles that come with Etalon: that each is complete, and that what stands in it is what the
 // makers' register lists say. tests/loopback/profiles_test.cpp drives each of them.
 
-constexpr auto holding = RegisterSpace::holding_registers;
 constexpr auto coils = RegisterSpace::coils;
 constexpr auto discrete = RegisterSpace::discrete_inputs;
 

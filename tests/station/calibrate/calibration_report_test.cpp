@@ -15,7 +15,7 @@
 namespace etalon {
 namespace {
 
-using Json = nlohmann::json;
+using SortedJson = nlohmann::json;
 
 // Seven photos of 0.2 px noise; one corner of the fourth is 12 px off.
 CalibrationRun run_with_an_outlier() {
@@ -276,7 +276,7 @@ TEST(TelecentricCommand, CalibratesFromPhotosAlone) {
     EXPECT_NEAR(found.intrinsics.cx, 208.0, 1.0);
     EXPECT_NEAR(found.intrinsics.cy, 141.0, 1.0);
     EXPECT_NEAR(found.distortion.k1, -6.3e-5, 5e-7);
-    const Json report = Json::parse(read_text(folder / "report/calibration.json"));
+    const SortedJson report = SortedJson::parse(read_text(folder / "report/calibration.json"));
     EXPECT_EQ(report["advised_model"], "telecentric_radial");
     EXPECT_LT(report["rms_px"], 0.02);
     EXPECT_EQ(report["corners_left_out"], 0);
@@ -295,7 +295,7 @@ TEST(TelecentricCommand, HoldsTheCentreAndSaysSo) {
                                       "chessboard:9x6@1.8mm '*.png' --out camera.yml");
     ASSERT_EQ(done.exit_code, 0) << done.err;
     EXPECT_THAT(done.err, HasSubstr("cx = 199.5 is held: has no effect"));
-    const Json parameters = Json::parse(done.out)["parameters"];
+    const SortedJson parameters = SortedJson::parse(done.out)["parameters"];
     EXPECT_EQ(parameters["cx"]["value"], 199.5);
     EXPECT_EQ(parameters["cy"]["held"], "has no effect without distortion");
     EXPECT_FALSE(parameters["cx"].contains("standard_deviation"));

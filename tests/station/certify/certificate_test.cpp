@@ -234,7 +234,7 @@ CertificateForm read(const std::string& text) {
     return read_certificate_form(folder / "certificate.yaml");
 }
 
-std::string refusal(const std::string& text) {
+std::string form_error(const std::string& text) {
     return config_error_of([&] { read("etalon: certificate/1\n" + text); });
 }
 
@@ -257,10 +257,10 @@ TEST(CertificateForm, ListsEveryKeyThatIsMissing) {
 }
 
 TEST(CertificateForm, RefusesWhatCannotBePrinted) {
-    EXPECT_THAT(refusal("numbers: 7\n"), HasSubstr("numbers"));
-    EXPECT_THAT(refusal("number: \"\"\n"), HasSubstr("number: must be a line of text"));
-    EXPECT_THAT(refusal("number: \"a\\nb\"\n"), HasSubstr("must be a line of text"));
-    EXPECT_THAT(refusal("customer: {country: Germany}\n"), HasSubstr("customer.country"));
+    EXPECT_THAT(form_error("numbers: 7\n"), HasSubstr("numbers"));
+    EXPECT_THAT(form_error("number: \"\"\n"), HasSubstr("number: must be a line of text"));
+    EXPECT_THAT(form_error("number: \"a\\nb\"\n"), HasSubstr("must be a line of text"));
+    EXPECT_THAT(form_error("customer: {country: Germany}\n"), HasSubstr("customer.country"));
 }
 
 // In weasyprint's place other programs that are called with two files.

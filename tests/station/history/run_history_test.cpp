@@ -9,12 +9,12 @@
 namespace etalon {
 namespace {
 
-using Json = nlohmann::json;
+using SortedJson = nlohmann::json;
 
 // The run.json of this day of March 2026, with one quantity of this value, as far as the
 // history reads it.
-Json run_of_day(int day, double value, const std::string& camera = "CAM-7",
-                const std::string& outcome = "PASS") {
+SortedJson run_of_day(int day, double value, const std::string& camera = "CAM-7",
+                      const std::string& outcome = "PASS") {
     return {{"etalon", "run/1"},
             {"outcome", outcome},
             {"started_utc", fmt::format("2026-03-{:02}T14:05:09Z", day)},
@@ -39,7 +39,7 @@ double wobble(int i) {
 
 class History : public testing::Test {
 protected:
-    std::filesystem::path add(const std::string& name, const Json& run) const {
+    std::filesystem::path add(const std::string& name, const SortedJson& run) const {
         std::filesystem::create_directories(folder / name);
         write_text(folder / name / "run.json", run.dump());
         return folder / name;
@@ -67,7 +67,7 @@ TEST_F(History, RaisesTheAlarmWhenAQuantityDrifts) {
     ASSERT_EQ(charts.size(), 1u);
     EXPECT_EQ(charts[0].camera, "CAM-7");
     EXPECT_TRUE(charts[0].drifts());
-    const Json json = Json::parse(history_json(runs, charts, {}));
+    const SortedJson json = SortedJson::parse(history_json(runs, charts, {}));
     EXPECT_EQ(json["etalon"], "history/1");
     EXPECT_EQ(json["charts"][0]["runs"].size(), 16u);
     EXPECT_TRUE(json["charts"][0]["runs"][0]["q"].is_null());
@@ -77,7 +77,7 @@ TEST_F(History, RaisesTheAlarmWhenAQuantityDrifts) {
 TEST_F(History, BeginsANewBaselineWithANewCalibration) {
     add_runs(1, 12, 0.030);
     for (int day = 13; day <= 16; ++day) {
-        Json run = run_of_day(day, 0.040 + wobble(day));
+        SortedJson run = run_of_day(day, 0.040 + wobble(day));
         run["inputs"][0]["sha256"] = std::string(64, 'b');
         add(fmt::format("run-{}", day), run);
     }
@@ -99,11 +99,11 @@ TEST_F(History, KeepsCamerasStationsAndMarkersApart) {
     add_runs(1, 3, 0.030);
     int day = 4;
     for (const char* key : {"station", "marker"}) {
-        Json run = run_of_day(day++, 0.030);
+        SortedJson run = run_of_day(day++, 0.030);
         run[key] = "another";
         add(key, run);
     }
-    Json run = run_of_day(day, 0.030);
+    SortedJson run = run_of_day(day, 0.030);
     run["camera"]["serial"] = "";
     add("camera", run);
     const auto charts = chart_history(read());
@@ -113,7 +113,7 @@ TEST_F(History, KeepsCamerasStationsAndMarkersApart) {
 
 TEST_F(History, LeavesOutRunsThatMeasuredNothing) {
     add_runs(1, 3, 0.030);
-    Json ended = run_of_day(4, 0.0), skipped = run_of_day(5, 0.0);
+    SortedJson ended = run_of_day(4, 0.0), skipped = run_of_day(5, 0.0);
     ended.erase("measurements");
     ended["outcome"] = "ERROR";
     skipped["measurements"][0]["value"] = nullptr;
@@ -143,7 +143,7 @@ TEST_F(History, FitsEightyColumnsAndWritesAReport) {
 TEST_F(History, GoesByTheDatesOfTheRunsAcross2038) {
     const char* dates[] = {"2037-12-31T23:59:59Z", "2038-01-19T03:14:08Z", "2039-01-20T11:07:05Z"};
     for (int i = 0; i < 3; ++i) {
-        Json run = run_of_day(1, 0.03);
+        SortedJson run = run_of_day(1, 0.03);
         run["started_utc"] = dates[i];
         add(fmt::format("run-{}", 9 - i), run);
     }
@@ -158,14 +158,14 @@ TEST_F(History, RefusesWhatIsNoRecord) {
     EXPECT_THAT(refusal({folder / "nothing"}), HasSubstr("holds no record"));
     const auto record = add("run", run_of_day(1, 0.03));
     EXPECT_THAT(refusal({record, record}), HasSubstr("is the same run as"));
-    for (const auto& [key, value] :
-         std::vector<std::pair<std::string, Json>>{{"etalon", "run/2"},
-                                                   {"started_utc", "yesterday"},
-                                                   {"started_utc", "2026-3-7T14:05:09Z"},
-                                                   {"camera", 7},
-                                                   {"measurements", Json::array({Json::object()})},
-                                                   {"inputs", Json::array()}}) {
-        Json broken = run_of_day(1, 0.03);
+    for (const auto& [key, value] : std::vector<std::pair<std::string, SortedJson>>{
+             {"etalon", "run/2"},
+             {"started_utc", "yesterday"},
+             {"started_utc", "2026-3-7T14:05:09Z"},
+             {"camera", 7},
+             {"measurements", SortedJson::array({SortedJson::object()})},
+             {"inputs", SortedJson::array()}}) {
+        SortedJson broken = run_of_day(1, 0.03);
         broken[key] = value;
         add("run", broken);
         EXPECT_THAT(refusal({record}), HasSubstr(key));
@@ -280,8 +280,8 @@ TEST(Fleet, FitsEightyColumns) {
 class RunIndexTest : public testing::Test {
 protected:
     // With two sessions, and a quantity that was not measured.
-    static Json run_of(int day, const std::string& camera, const std::string& outcome) {
-        Json run = run_of_day(day, 0.01 * day, camera, outcome);
+    static SortedJson run_of(int day, const std::string& camera, const std::string& outcome) {
+        SortedJson run = run_of_day(day, 0.01 * day, camera, outcome);
         run["reason"] = outcome == "ERROR" ? "no answer" : "";
         run["sessions"] = {{{"operator", "Anna"}}, {{"operator", "Bert"}}};
         run["measurements"].push_back({{"name", "length_error_mm"},

@@ -6,7 +6,7 @@
 namespace etalon {
 namespace {
 
-using Json = nlohmann::json;
+using SortedJson = nlohmann::json;
 
 class Runner : public testing::Test {
 protected:
@@ -93,7 +93,7 @@ TEST_F(Runner, EndsAtOnceWhenStopIsRequested) {
 }
 
 TEST_F(Runner, LeavesAnErrorBehindIfItNeverComesToItsEnd) {
-    Json while_running;
+    SortedJson while_running;
     std::size_t logged = 0;
     mocks.before_move = [&](std::size_t move) {
         if (move == 2) {
@@ -369,7 +369,7 @@ Detector told(const DetectedCorners& corners) {
     return {"told", [corners](const CodeImage&) { return Detection{corners}; }};
 }
 
-CameraModel webcam() {
+CameraModel board_camera() {
     return {.width = 640, .height = 480, .intrinsics = {700.0, 705.0, 321.7, 238.2}};
 }
 
@@ -379,14 +379,15 @@ const Rigid camera_from_board{rotation_from_vector({0.3, -0.2, 0.5}), {-20.0, -1
 DetectedCorners seen(const Marker& board, const std::vector<int>& points) {
     DetectedCorners corners{0, {}, points};
     for (const Eigen::Vector3d& point : seen_points_mm(board, corners))
-        corners.pixels.push_back(Projector(webcam()).project(camera_from_board * point).value());
+        corners.pixels.push_back(
+            Projector(board_camera()).project(camera_from_board * point).value());
     return corners;
 }
 
 TEST(PartialMarker, HasAPoseByThePointsThatAreSeen) {
     const Marker board = parse_marker("charuco:4X4_50:6x5@12mm/9mm", "test");
     Detector detector = told(seen(board, {2, 3, 4, 7, 8, 9, 13}));
-    const PhotoPose pose = find_marker("photo.png", {}, detector, Projector(webcam()), board);
+    const PhotoPose pose = find_marker("photo.png", {}, detector, Projector(board_camera()), board);
     ASSERT_TRUE(pose.estimate) << pose.failure;
     EXPECT_LT(left_difference(camera_from_board, pose.estimate->camera_from_marker).norm(), 1e-6);
 }

@@ -8,8 +8,6 @@
 namespace etalon {
 namespace {
 
-using Json = nlohmann::json;
-
 CodeImage image_of(int value) {
     return {cv::Mat(5, 7, CV_8UC1, cv::Scalar(value)), 8};
 }

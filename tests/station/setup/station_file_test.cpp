@@ -387,7 +387,7 @@ protected:
         }
         close(ends[1]);
         std::string text;
-        for (char c = 0; read(ends[0], &c, 1) == 1;)
+        for (char c = 0; ::read(ends[0], &c, 1) == 1;)
             text += c;
         close(ends[0]);
         waitpid(child, nullptr, 0);

@@ -30,7 +30,7 @@ if(ETALON_SANITIZE)
         EIGEN_MALLOC_ALREADY_ALIGNED=1)
     target_link_options(etalon_compiler INTERFACE -fsanitize=${ETALON_SANITIZE})
     if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
-        # It needs its own description of a function, which what another compiler made has not.
+        # Functions that g++ compiled carry no type that it could check.
         target_compile_options(etalon_compiler INTERFACE -fno-sanitize=function)
     endif()
     if(ETALON_SANITIZE MATCHES "fuzzer")

@@ -49,8 +49,7 @@ endfunction()
 # matrices that were checked, and all their memory is Eigen's, OpenCV's or the standard library's. With
 # sanitizers it compiles every other module: what reads files, wires, frames and the answers of
 # programs, goes through pictures by pointers to their rows, or calculates with the processor's vectors;
-# and every new module. The one reader in the modules left out, of limits in compare/qualification, is
-# among those that are fuzzed with them.
+# and every new module.
 function(etalon_without_numerics list folder)
     set(numerics calib/camera calib/intrinsics calib/registration
         compare/drift compare/edges compare/expect compare/pose compare/uncertainty compare/decision

@@ -275,7 +275,7 @@ TEST(EdgeGroup, GivesTheSameBytesOnAnyNumberOfThreadsAndInAnyRegion) {
 
 // The mean, over the pixel's square and half the ellipse that is the line spread of a disk, of the
 // normal distribution's integral.
-double blurred_edge(double distance, double blur_px, double angle, double gaussian_sigma) {
+double blurred_edge(double distance, double blur_px, double angle, double sigma) {
     constexpr int n = 64;
     double sum = 0.0;
     for (int i = 0; i < n; ++i)
@@ -286,18 +286,16 @@ double blurred_edge(double distance, double blur_px, double angle, double gaussi
                 const double turn = pi * (q + 0.5) / n;  // by the rule of Chebyshev and Gauss
                 const double weight = 2.0 / n * std::sin(turn) * std::sin(turn);
                 sum += weight * 0.5 *
-                       std::erfc(-(place + blur_px * std::cos(turn)) / gaussian_sigma /
-                                 std::sqrt(2.0));
+                       std::erfc(-(place + blur_px * std::cos(turn)) / sigma / std::sqrt(2.0));
             }
         }
     return sum / (n * n);
 }
 
 TEST(EdgeTable, IsTheProfileOfAnEdge) {
-    constexpr double gaussian_sigma = 0.4, energy = 0.9;
-    const PointSpreadFunction spread = PointSpreadFunction::gaussian(gaussian_sigma);
-    const EdgeTable table([&](double r) { return spread.density(r); }, 6.0 * gaussian_sigma,
-                          energy);
+    constexpr double sigma = 0.4, energy = 0.9;
+    const PointSpreadFunction spread = PointSpreadFunction::gaussian(sigma);
+    const EdgeTable table([&](double r) { return spread.density(r); }, 6.0 * sigma, energy);
     EdgeProfile profile;
     for (const double blur : {2.6, 4.9, 11.3})
         for (const double angle : {0.0, 0.35, pi / 4}) {
@@ -311,8 +309,7 @@ TEST(EdgeTable, IsTheProfileOfAnEdge) {
                         ? (1.0 - way) * profile.values[n] + way * profile.values[n + 1]
                         : 0.0;
                 EXPECT_NEAR(255.0 * value,
-                            255.0 * energy * blurred_edge(distance, blur, angle, gaussian_sigma),
-                            0.02)
+                            255.0 * energy * blurred_edge(distance, blur, angle, sigma), 0.02)
                     << blur << " px, " << angle << " rad, " << distance << " px";
             }
         }

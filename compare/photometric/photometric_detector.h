@@ -71,6 +71,8 @@ public:
     // Starts that displace the marker's image by up to this much are meant to be found. How often
     // they are: docs/photometric-pose.md.
     static constexpr double basin_px = 5.0;
+    // By how much a detector's corners displace it at most.
+    static constexpr double detector_error_px = 0.5;
 
     // `start_error_px`: how far the start's edges may be off. Throws NumericalError when the start
     // does not put the marker into the image, the pixels do not determine the pose, or photograph

@@ -10,7 +10,7 @@
 namespace etalon {
 namespace {
 
-constexpr int jpeg_quality = 85;
+constexpr int embedded_quality = 85;
 
 cv::Mat eight_bit(const cv::Mat& gray) {
     cv::Mat picture;
@@ -32,7 +32,7 @@ std::string element(const cv::Mat& picture, const cv::Rect& part, const std::str
     if (part.width > max_width)
         cv::resize(shown, shown, {max_width, part.height * max_width / part.width}, 0, 0,
                    cv::INTER_AREA);
-    return embedded_jpeg(shown, jpeg_quality, alt);
+    return embedded_jpeg(shown, embedded_quality, alt);
 }
 
 std::string thumbnail(const cv::Mat& picture, const std::string& alt) {
@@ -40,7 +40,7 @@ std::string thumbnail(const cv::Mat& picture, const std::string& alt) {
     cv::Mat small;
     const int height = std::max(1, picture.rows * width / picture.cols);
     cv::resize(picture, small, {width, height}, 0, 0, cv::INTER_AREA);
-    return embedded_jpeg(small, jpeg_quality, alt);
+    return embedded_jpeg(small, embedded_quality, alt);
 }
 
 // The part of the image around the compared pixels, with room beside it.

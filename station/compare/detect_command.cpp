@@ -69,10 +69,6 @@ void print_corners(const std::vector<PhotoPose>& all) {
     }
 }
 
-// Detectors are right to some tenths of a pixel; a stage's poses to a few.
-constexpr double detector_error_px = 0.5;
-constexpr double stage_error_px = PhotometricDetector::basin_px;
-
 struct Found {
     std::filesystem::path photo;
     std::string failure;  // empty when there is a pose
@@ -107,8 +103,12 @@ Found find_in(const std::filesystem::path& photo, const CodeImage& image, const 
         start = pose.estimate->camera_from_marker;
     }
     const double before = process_cpu_ms();
-    auto pose = attempted(
-        [&] { return detector.find(image, start, given ? stage_error_px : detector_error_px); });
+    auto pose = attempted([&] {
+        // A stage's poses are right to a few pixels.
+        return detector.find(
+            image, start,
+            given ? PhotometricDetector::basin_px : PhotometricDetector::detector_error_px);
+    });
     if (pose)
         found.pose = *pose;
     found.failure = pose ? doubt_about(*pose, image, marker, projector) : pose.cause;

@@ -171,7 +171,7 @@ Json control_json(const CameraControl& control) {
             {"choices", control.choices},    {"read_only", control.read_only}};
 }
 
-Json camera_json(const ListedCamera& camera) {
+Json listed_camera_json(const ListedCamera& camera) {
     Json json = camera.identity;
     json["fault"] = camera.fault;
     json["formats"] = json_list(camera.abilities.formats, format_json);
@@ -183,7 +183,7 @@ Json backend_json(const ListedBackend& listed) {
     return {{"name", listed.backend.name},
             {"built_in", listed.backend.built_in},
             {"detail", listed.backend.detail},
-            {"cameras", json_list(listed.cameras, camera_json)}};
+            {"cameras", json_list(listed.cameras, listed_camera_json)}};
 }
 
 }  // namespace

@@ -114,9 +114,9 @@ Trend latest_trend(std::span<const HistoricRun> runs, const QuantityHistory& his
     return trend_of(values);
 }
 
-constexpr const char* columns = "  {:11} {:9} {:10} {:12} {:>4}  {:10} {}";
+constexpr const char* state_columns = "  {:11} {:9} {:10} {:12} {:>4}  {:10} {}";
 
-std::string line_of(const CameraState& state) {
+std::string state_line(const CameraState& state) {
     std::string words;  // "DUE ALARM TREND", as much of it as there is
     for (const auto& [word, is_so] :
          {std::pair(" DUE", state.is_due),
@@ -125,7 +125,7 @@ std::string line_of(const CameraState& state) {
         words += is_so ? word : "";
     const std::string due = !state.due.empty() ? state.due : state.is_due ? "now" : "-";
     std::string line =
-        fmt::format(columns, state.camera, state.station, state.last_utc.substr(0, 10),
+        fmt::format(state_columns, state.camera, state.station, state.last_utc.substr(0, 10),
                     state.last_outcome, state.runs, due, trimmed(words));
     line.erase(line.find_last_not_of(' ') + 1);
     return line + "\n";
@@ -237,11 +237,11 @@ std::vector<CameraState> fleet_of(std::span<const HistoricRun> runs,
 }
 
 std::string fleet_text(std::span<const CameraState> fleet) {
-    std::string text =
-        fmt::format(columns, "camera", "station", "last run", "outcome", "runs", "due", "state") +
-        "\n";
+    std::string text = fmt::format(state_columns, "camera", "station", "last run", "outcome",
+                                   "runs", "due", "state") +
+                       "\n";
     for (const CameraState& state : fleet) {
-        text += line_of(state);
+        text += state_line(state);
         for (const QuantityTrend& each : state.trends)
             if (each.is_shown)
                 text += fmt::format("    {} {}: {:+.3g} {} a year over {} runs, p = {:.2g}\n",

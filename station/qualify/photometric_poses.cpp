@@ -6,8 +6,7 @@
 namespace etalon {
 namespace {
 
-constexpr double detector_error_px = 0.5;  // how far a detector's corners may be off
-constexpr double min_log_likelihood = 3;   // below it the other planar solution is as good
+constexpr double min_log_likelihood = 3;  // below it the other planar solution is as good
 
 // Of a pose's frames: they see the same, with noise that is independent.
 PhotometricReading mean_of(const std::vector<PhotometricPose>& poses) {
@@ -78,7 +77,8 @@ void PhotometricPoses::add(const VisitedPose& pose) {
 }
 
 PhotometricPose PhotometricPoses::seen_in(const FrameRecord& frame, const Rigid& start) const {
-    return detector_.find(recorded_photo(run_, frame), start, detector_error_px);
+    return detector_.find(recorded_photo(run_, frame), start,
+                          PhotometricDetector::detector_error_px);
 }
 
 void PhotometricPoses::find(const VisitedPose& pose, ImageResultCache& found) const {

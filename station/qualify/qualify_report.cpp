@@ -17,10 +17,6 @@ namespace {
 
 constexpr const char* unknown = "unknown";
 
-std::string number(double value) {
-    return significant(value, 3);
-}
-
 std::string joined(const std::vector<std::string>& parts, const std::string& separator) {
     return fmt::format("{}", fmt::join(parts, separator));
 }
@@ -60,7 +56,7 @@ std::string deciding_sentence(const JudgedQuantity& deciding) {
         text +=
             fmt::format(", U = {} {} (k = {:.2f})", significant(deciding.expanded_uncertainty, 2),
                         unit, deciding.coverage_factor);
-    return text + fmt::format("; the limit is {} {}.", number(deciding.limit), unit);
+    return text + fmt::format("; the limit is {} {}.", significant(deciding.limit, 3), unit);
 }
 
 // A line of the analysis or the station as a sentence.
@@ -177,7 +173,7 @@ std::vector<std::string> quantity_row(const JudgedQuantity& each, bool is_judged
             each.measured ? value_or_below(each.value, each.expanded_uncertainty, 2) : dash,
             figure(each.expanded_uncertainty),
             figure(each.coverage_factor),
-            is_judged ? number(each.limit) : dash,
+            is_judged ? significant(each.limit, 3) : dash,
             each.unit};
 }
 
@@ -267,7 +263,8 @@ std::vector<std::string> bias_row(const std::string& label, const std::vector<do
         squares += (value - mean) * (value - mean);
         largest = std::max(largest, std::abs(value));
     }
-    return {label, number(mean), number(std::sqrt(squares / (n - 1.0))), number(largest), count};
+    return {label, significant(mean, 3), significant(std::sqrt(squares / (n - 1.0)), 3),
+            significant(largest, 3), count};
 }
 
 void add_biases(HtmlPage& page, const std::vector<AnalysedPose>& poses) {
@@ -359,8 +356,8 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
          {"Their motion", registration.motion},
          {"Rounds of bias correction", fmt::format("{}", corrected.rounds)},
          {"Rank", fmt::format("{} of 12", registration.rank)},
-         {"Condition number", number(registration.condition_number)},
-         {"Residual", fmt::format("{} px RMS", number(registration.residual_rms_px))},
+         {"Condition number", significant(registration.condition_number, 3)},
+         {"Residual", fmt::format("{} px RMS", significant(registration.residual_rms_px, 3))},
          {"Points flagged as outliers", fmt::format("{}", registration.down_weighted_points)}});
     std::vector<std::string> notes;
     for (const GaugeFreedom& freedom : registration.freedoms)
@@ -370,7 +367,7 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
         notes.push_back(fmt::format(
             "Badly determined: {}, standard deviation {} {}. All poses say less about it than one "
             "would if the mounting were known.",
-            weak.name, number(std::sqrt(registration.reduced_squares) * weak.deviation),
+            weak.name, significant(std::sqrt(registration.reduced_squares) * weak.deviation, 3),
             weak.is_shift() ? "mm" : "rad"));
     page.add_notes(notes);
     TableRows rows;
@@ -420,7 +417,7 @@ double off_axis_deg(const Rigid& camera_from_marker) {
     return std::atan2(std::hypot(p.x(), p.y()), p.z()) * deg_per_rad;
 }
 
-constexpr int plot_width = 420, plot_height = 340;  // three beside each other stay readable
+constexpr int map_width = 420, map_height = 340;  // three beside each other stay readable
 
 // Hold-out poses with B3: place and angle of the marker's centre, bias, and fitted field there.
 struct HoldOut {
@@ -458,7 +455,7 @@ HoldOut hold_out_biases(const QualifyResult& result) {
 HtmlPage::Figure arrow_figure(const HoldOut& poses) {
     const double longest = std::max({1e-9, poses.biases.longest(), poses.field.longest()});
     const double factor = round_scale(poses.span_mm / 6.0 / longest);
-    SvgPlot plot("x / mm", "y / mm", plot_width, plot_height);
+    SvgPlot plot("x / mm", "y / mm", map_width, map_height);
     plot.set_image_axes();
     plot.add_arrows(poses.field, factor, Color::gray, "fitted field");
     plot.add_arrows(poses.biases, factor, Color::blue, "B3");
@@ -472,7 +469,7 @@ HtmlPage::Figure arrow_figure(const HoldOut& poses) {
 
 HtmlPage::Figure component_figure(const std::array<Series, 3>& biases, const std::string& label,
                                   const std::string& caption, double limit) {
-    SvgPlot plot(label, "B3 / mm", plot_width, plot_height);
+    SvgPlot plot(label, "B3 / mm", map_width, map_height);
     plot.add_points(biases[0], Color::blue, "x");
     plot.add_points(biases[1], Color::green, "y");
     plot.add_points(biases[2], Color::orange, "z");
@@ -628,7 +625,7 @@ void add_run(HtmlPage& page, const QualifyResult& result) {
          {"Frames rejected and triggered again", fmt::format("{}", counters.rejected)},
          {"Packets missed", fmt::format("{}", counters.missing_packets)},
          {"Exposure", fmt::format("{} µs", result.settings.exposure.count())},
-         {"Gain", fmt::format("{} dB", number(result.settings.gain_db))},
+         {"Gain", fmt::format("{} dB", significant(result.settings.gain_db, 3))},
          {"Image", fmt::format("{} x {} px, {} bit", result.settings.width, result.settings.height,
                                result.settings.bits)}});
     page.add_notes(result.remarks);

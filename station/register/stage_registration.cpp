@@ -18,8 +18,6 @@
 namespace etalon {
 namespace {
 
-constexpr double detector_error_px = 0.5;  // of a photometric pose's start
-
 // Of the column `photo`, taken as it stands, and one for each axis: `prefix` and its name.
 std::vector<StagePhoto> read_rows(const CsvFile& file, const std::string& photo,
                                   const std::string& prefix, const std::vector<Axis>& axes) {
@@ -118,7 +116,7 @@ void register_photometric(const StationFile& station, std::vector<Sighting>& see
     for (Sighting& one : seen) {
         auto pose = attempted([&] {
             return photometric.find(one.image, one.found.estimate->camera_from_marker,
-                                    detector_error_px);
+                                    PhotometricDetector::detector_error_px);
         });
         result.photos[one.index].failure = pose.cause;
         if (!pose)

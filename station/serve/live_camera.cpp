@@ -11,12 +11,12 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration period = 100ms, detection_period = 1s, lonely_time = 10s;
-constexpr int columns = 640;
+constexpr int shown_columns = 640;
 
 // The marker where it was seen last, on a picture made small before it gets colours.
-class Outline {
+class MarkerOutline {
 public:
-    explicit Outline(const StationFile& station)
+    explicit MarkerOutline(const StationFile& station)
         : detector_(make_detector(station.detector, station.marker, station.detector)) {}
 
     void look_at(const CodeImage& image, Instant now) {
@@ -29,7 +29,7 @@ public:
     const std::string& reason() const { return detection_.reason; }
 
     std::string drawn_on(const cv::Mat& codes) const {
-        const double scale = std::min(1.0, static_cast<double>(columns) / codes.cols);
+        const double scale = std::min(1.0, static_cast<double>(shown_columns) / codes.cols);
         cv::Mat small, picture;
         cv::resize(codes, small, {}, scale, scale, cv::INTER_AREA);
         if (!is_seen())
@@ -95,7 +95,7 @@ void LiveCamera::watch(const std::stop_token& stop) {
 void LiveCamera::take_pictures(Camera& camera, CaptureSettings settings, Clock& clock,
                                const std::stop_token& stop) {
     LiveView view;
-    Outline outline(station_);
+    MarkerOutline outline(station_);
     for (Instant next = clock.now(); next - looked_at_.load() < lonely_time;
          next = std::max(next, clock.now())) {
         std::unique_lock lock(mutex_);

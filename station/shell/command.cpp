@@ -115,18 +115,18 @@ Option Command::option(const std::string& name, Type& target, const std::string&
     return Option(*app_->add_option(name, target, help)->type_name(type_name));
 }
 
-using Words = const std::string&;
-template Option Command::option(Words, int&, Words, Words);
-template Option Command::option(Words, double&, Words, Words);
-template Option Command::option(Words, std::uint64_t&, Words, Words);
-template Option Command::option(Words, std::string&, Words, Words);
-template Option Command::option(Words, std::filesystem::path&, Words, Words);
-template Option Command::option(Words, std::optional<int>&, Words, Words);
-template Option Command::option(Words, std::optional<std::string>&, Words, Words);
-template Option Command::option(Words, std::optional<double>&, Words, Words);
-template Option Command::option(Words, std::optional<std::uint64_t>&, Words, Words);
-template Option Command::option(Words, std::vector<std::string>&, Words, Words);
-template Option Command::option(Words, std::vector<std::filesystem::path>&, Words, Words);
+using Text = const std::string&;
+template Option Command::option(Text, int&, Text, Text);
+template Option Command::option(Text, double&, Text, Text);
+template Option Command::option(Text, std::uint64_t&, Text, Text);
+template Option Command::option(Text, std::string&, Text, Text);
+template Option Command::option(Text, std::filesystem::path&, Text, Text);
+template Option Command::option(Text, std::optional<int>&, Text, Text);
+template Option Command::option(Text, std::optional<std::string>&, Text, Text);
+template Option Command::option(Text, std::optional<double>&, Text, Text);
+template Option Command::option(Text, std::optional<std::uint64_t>&, Text, Text);
+template Option Command::option(Text, std::vector<std::string>&, Text, Text);
+template Option Command::option(Text, std::vector<std::filesystem::path>&, Text, Text);
 
 Option Command::flag(const std::string& name, bool& target, const std::string& help) {
     return Option(*app_->add_flag(name, target, help));

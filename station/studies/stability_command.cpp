@@ -17,13 +17,13 @@ struct StabilityArguments {
     bool json = false;
 };
 
-struct Row {
+struct CaseRow {
     StabilityCase one;
     StabilityOutcome outcome;
     double seconds;
 };
 
-Row run(const StabilityCase& one) {
+CaseRow run(const StabilityCase& one) {
     const auto start = std::chrono::steady_clock::now();
     const StabilityOutcome outcome = outcome_of(one, render_once);
     const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
@@ -31,7 +31,7 @@ Row run(const StabilityCase& one) {
 }
 
 // At most 80 columns: 33 + 23 + 9 + 9 + 6.
-void print_row(const Row& row) {
+void print_row(const CaseRow& row) {
     const auto& [one, outcome, seconds] = row;
     const bool has_figure = outcome.bound > 0.0 || outcome.figure > 0.0;
     const std::string figure = has_figure ? fmt::format("{:.2e}", outcome.figure) : "-";
@@ -43,7 +43,7 @@ void print_row(const Row& row) {
     std::fflush(stdout);
 }
 
-Json json_of(const Row& row) {
+Json json_of(const CaseRow& row) {
     return {{"case", row.one.name},         {"expectation", row.one.expectation},
             {"outcome", row.outcome.words}, {"figure", row.outcome.figure},
             {"bound", row.outcome.bound},   {"ok", row.outcome.passed},
@@ -51,7 +51,7 @@ Json json_of(const Row& row) {
 }
 
 int run_stability(const StabilityArguments& arguments) {
-    std::vector<Row> rows;
+    std::vector<CaseRow> rows;
     std::size_t failed = 0;
     if (!arguments.json)
         fmt::print("{:<32} {:<22} {:>8} {:>8}\n", "case", "expectation", "figure", "bound");
@@ -62,10 +62,11 @@ int run_stability(const StabilityArguments& arguments) {
             print_row(rows.back());
     }
     if (arguments.json)
-        std::puts(
-            Json{{"cases", json_list(rows, json_of)}, {"count", rows.size()}, {"failed", failed}}
-                .dump(1)
-                .c_str());
+        std::puts(Json{{"cases", json_list(rows, [](const CaseRow& row) { return json_of(row); })},
+                       {"count", rows.size()},
+                       {"failed", failed}}
+                      .dump(1)
+                      .c_str());
     else
         fmt::print("{} cases, {} failed\n", rows.size(), failed);
     return failed == 0 ? 0 : 1;

@@ -87,7 +87,7 @@ Views views_of(const Problem& problem) {
                 const auto pixel = projector.project(pose * point);
                 if (!pixel)
                     throw NumericalError("a point of the case is not seen");
-                const Eigen::Vector2d noise(random.normal(), random.normal());
+                const Eigen::Vector2d noise{random.normal(), random.normal()};
                 view.points_mm.push_back(point);
                 view.pixels.push_back(*pixel + boards.noise_px * noise);
             }

@@ -1,5 +1,6 @@
 #include "calib/intrinsics/bundle_adjustment.h"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <cmath>
 
@@ -63,6 +64,30 @@ std::optional<double> view_cost(const BundleView& view, const PixelModel<double>
     return cost;
 }
 
+// A telecentric camera sees a tilt t about x and y at second order when a plane lies flat on: a point p moves
+// by t x (t x p) / 2. Where the residuals pull against that motion they add to the curvature of the cost, and
+// Gauss-Newton steps, which leave it out, go too far or turn back and forth. Two rows below the Jacobian add
+// it; directions in which they pull the other way get none.
+Eigen::Matrix2d curvature_of_tilt(const BundleView& view, const PixelModel<double>& model,
+                                  const BundlePose& pose, double huber) {
+    const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
+    PixelModel<double>::OfParameters of_parameters;
+    Eigen::Matrix2d curvature = Eigen::Matrix2d::Zero();
+    for (Eigen::Index i = 0; i < view.points_mm.cols(); ++i) {
+        const Eigen::Vector3d p = rotation * view.points_mm.col(i);
+        const auto seen = model.with_derivatives(p + pose.translation, of_parameters);
+        const Eigen::Vector2d residual = view.weights[i] * (view.pixels.col(i) - seen.pixel);
+        const double weight = view.weights[i] * std::pow(huber_weight(residual.norm(), huber), 2);
+        const Eigen::Vector2d pull = weight * seen.of.leftCols<2>().transpose() * residual;
+        curvature(0, 0) += pull.y() * p.y();
+        curvature(1, 1) += pull.x() * p.x();
+        curvature(1, 0) -= 0.5 * (pull.x() * p.y() + pull.y() * p.x());
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> parts(curvature);
+    return parts.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
+           parts.eigenvectors().transpose();
+}
+
 // Which of the free parameters are pulled towards zero.
 std::vector<Eigen::Index> pulled(const BundleOptions& options) {
     std::vector<Eigen::Index> columns;
@@ -91,11 +116,11 @@ Scales scales_of(const std::vector<Eigen::MatrixXd>& triangles) {
     return scales;
 }
 
-Eigen::MatrixXd with_damped_pose(const Eigen::MatrixXd& triangle,
-                                 const Eigen::Matrix<double, pose_size, 1>& damping) {
-    Eigen::MatrixXd stack = Eigen::MatrixXd::Zero(triangle.rows() + pose_size, triangle.cols());
+// With more rows of the first parameters of a pose, whose residuals are zero.
+Eigen::MatrixXd with_pose_rows(const Eigen::MatrixXd& triangle, const Eigen::MatrixXd& rows) {
+    Eigen::MatrixXd stack = Eigen::MatrixXd::Zero(triangle.rows() + rows.rows(), triangle.cols());
     stack.topRows(triangle.rows()) = triangle;
-    stack.bottomLeftCorner(pose_size, pose_size) = damping.asDiagonal();
+    stack.bottomLeftCorner(rows.rows(), rows.cols()) = rows;
     return triangle_of(stack);
 }
 
@@ -106,7 +131,8 @@ Eigen::VectorXd solve(std::vector<Eigen::MatrixXd> triangles, const Scales& scal
     Eigen::MatrixXd common = Eigen::MatrixXd::Zero((views + 1) * free, free + 1);
     for (Eigen::Index v = 0; v < views; ++v) {
         if (lambda > 0)
-            triangles[v] = with_damped_pose(triangles[v], std::sqrt(lambda) * scales.poses[v]);
+            triangles[v] = with_pose_rows(triangles[v],
+                                          (std::sqrt(lambda) * scales.poses[v]).asDiagonal());
         common.middleRows(v * free, free) =
             triangles[v].block(pose_size, pose_size, free, free + 1);
     }
@@ -282,8 +308,13 @@ private:
     std::vector<Eigen::MatrixXd> linearised(const Bundle& bundle) const {
         const PixelModel<double> model = bundle.model();
         std::vector<Eigen::MatrixXd> triangles;
-        for (std::size_t v = 0; v < views_.size(); ++v)
+        for (std::size_t v = 0; v < views_.size(); ++v) {
             triangles.push_back(view_triangle(views_[v], model, bundle.poses[v], options_));
+            if (bundle.projection.kind == Projection::telecentric)
+                triangles[v] = with_pose_rows(triangles[v],
+                                              curvature_of_tilt(views_[v], model, bundle.poses[v],
+                                                                options_.huber));
+        }
         return triangles;
     }
 

@@ -36,7 +36,7 @@ inline CalibrationView synthetic_view(const CameraModel& camera, const Rigid& ca
     for (int row = 0; row < 6; ++row)
         for (int column = 0; column < 9; ++column) {
             view.points_mm.emplace_back(square_mm * column, square_mm * row, 0.0);
-            const Eigen::Vector2d noise(random.normal(), random.normal());
+            const Eigen::Vector2d noise{random.normal(), random.normal()};
             view.pixels.push_back(
                 projector.project(camera_from_board * view.points_mm.back()).value() +
                 noise_px * noise);

@@ -34,7 +34,7 @@ std::vector<CalibrationView> with_noise(std::vector<CalibrationView> views, doub
     RandomStream random(run, 20);
     for (CalibrationView& view : views)
         for (Eigen::Vector2d& pixel : view.pixels)
-            pixel += noise_px * Eigen::Vector2d(random.normal(), random.normal());
+            pixel += noise_px * Eigen::Vector2d{random.normal(), random.normal()};
     return views;
 }
 

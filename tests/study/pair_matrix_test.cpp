@@ -55,11 +55,11 @@ DetectorErrors synthetic_errors(const SyntheticDetector& detector, const std::ve
         const double tilt_noise =
             detector.noise * 0.004 * (0.4 + far) / (0.3 + std::abs(angles.x()));
         Eigen::Vector3d turned =
-            angles + tilt_noise * Eigen::Vector3d(random.normal(), random.normal(), 0.0);
+            angles + tilt_noise * Eigen::Vector3d{random.normal(), random.normal(), 0.0};
         turned.z() += detector.noise * 0.0009 * (0.3 + far) * random.normal();
         if (flip)
             turned.head<2>() = -turned.head<2>();
-        const Eigen::Vector3d side(random.normal(), random.normal(), 0.0);
+        const Eigen::Vector3d side{random.normal(), random.normal(), 0.0};
         const Rigid estimated{rotation_from_roll_pitch_yaw(turned),
                               truth.translation + depth * ray + 4e-5 * detector.noise * z * side};
         errors.push_back(detected_error(estimated, truth, flip));

@@ -69,7 +69,7 @@ public:
         std::vector<CalibrationView> noisy = exact_;
         for (CalibrationView& view : noisy)
             for (Eigen::Vector2d& pixel : view.pixels)
-                pixel += noise_px * Eigen::Vector2d(random.normal(), random.normal());
+                pixel += noise_px * Eigen::Vector2d{random.normal(), random.normal()};
         return noisy;
     }
 

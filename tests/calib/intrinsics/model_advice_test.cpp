@@ -198,7 +198,8 @@ TEST(ModelAdvice, SaysWhyAModelHasNoScore) {
     const auto three = score_models(views, image_size, {{calibration_model("radial")}});
     EXPECT_TRUE(three[0].fit);
     EXPECT_FALSE(three[0].leave_one_out_rms_px);
-    views.assign(5, views[0]);
+    const Rigid flat_on{Eigen::Quaterniond::Identity(), {-100.0, -62.0, 500.0}};
+    views.assign(5, synthetic_view(calibration_truth(), flat_on, 0.2, 4));
     const auto alike = score_models(views, image_size, {{calibration_model("radial")}});
     EXPECT_FALSE(alike[0].fit);
     EXPECT_FALSE(alike[0].failure.empty());

@@ -75,7 +75,7 @@ Runs registered(const Vector6d& reach) {
         for (std::size_t i = 0; i < poses.size(); ++i) {
             RandomStream random(static_cast<std::uint64_t>(run), 2, i);
             for (Eigen::Vector2d& pixel : poses[i].pixels)
-                pixel += corner_noise_px * Eigen::Vector2d(random.normal(), random.normal());
+                pixel += corner_noise_px * Eigen::Vector2d{random.normal(), random.normal()};
         }
         const Registration result = register_stage(projector, tag, poses, true_y);
         Vector12d error;

@@ -57,7 +57,7 @@ std::vector<RegistrationPose> observations(const std::vector<Rigid>& stage, doub
         const Rigid camera_from_marker = true_x * stage[i] * true_y;
         RegistrationPose pose{stage[i], camera_from_marker, seen(camera_from_marker)};
         for (Eigen::Vector2d& pixel : pose.pixels)
-            pixel += noise_px * Eigen::Vector2d(random.normal(), random.normal());
+            pixel += noise_px * Eigen::Vector2d{random.normal(), random.normal()};
         Vector6d wrong;
         for (int k = 0; k < 6; ++k)
             wrong[k] = (k < 3 ? 0.01 : 2.0) * random.normal();

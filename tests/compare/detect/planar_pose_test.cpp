@@ -124,7 +124,7 @@ TEST_F(EstimatePose, CovarianceIsThatOfManyNoisyEstimates) {
         RandomStream noise(11, 3, static_cast<std::uint64_t>(n));
         Pixels pixels = exact;
         for (Eigen::Vector2d& pixel : pixels)
-            pixel += sigma_px * Eigen::Vector2d(noise.normal(), noise.normal());
+            pixel += sigma_px * Eigen::Vector2d{noise.normal(), noise.normal()};
         const auto estimate = estimate_pose(projector, corners, pixels);
         ASSERT_TRUE(estimate);
         const Vector6d delta = left_difference(truth, estimate->camera_from_marker);
@@ -151,7 +151,7 @@ TEST_F(EstimatePose, IsLeastSquaresSoNoNearbyPoseIsBetter) {
     Pixels pixels = corners_at(projector, corners, truth);
     RandomStream noise(3, 1);
     for (Eigen::Vector2d& pixel : pixels)
-        pixel += 0.5 * Eigen::Vector2d(noise.normal(), noise.normal());
+        pixel += 0.5 * Eigen::Vector2d{noise.normal(), noise.normal()};
     const auto estimate = estimate_pose(projector, corners, pixels);
     ASSERT_TRUE(estimate);
     const auto cost = [&](const Rigid& pose) {

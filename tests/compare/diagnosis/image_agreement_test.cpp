@@ -253,12 +253,12 @@ std::vector<PoseResiduals> poses_with(std::uint64_t seed, double common, const L
         RandomStream random(seed, 1, i);
         PoseResiduals pose{Eigen::VectorXd(8), Eigen::VectorXd(8)};
         const double x = 450.0 * random.uniform(), y = 320.0 * random.uniform();
-        const Eigen::Vector2d shift = common * Eigen::Vector2d(random.normal(), random.normal());
+        const Eigen::Vector2d shift = common * Eigen::Vector2d{random.normal(), random.normal()};
         for (Eigen::Index k = 0; k < 4; ++k) {
             const Eigen::Vector2d place(x + (k % 2) * 61.0, y + (k / 2) * 57.0);
             pose.place_px.segment<2>(2 * k) = place;
             pose.left.segment<2>(2 * k) =
-                shift + Eigen::Vector2d(random.normal(), random.normal()) + left_at(place);
+                shift + Eigen::Vector2d{random.normal(), random.normal()} + left_at(place);
         }
         poses.push_back(pose);
     }

@@ -242,7 +242,7 @@ TEST(DriftMonitor, IsNotMovedByFramesThatAreWildOrMissing) {
     for (int frame = 0; frame < 300; ++frame) {
         TargetPoints points;
         for (const auto& [id, pixel] : target)
-            points[id] = pixel + 0.01 * Eigen::Vector2d(random.normal(), random.normal()) +
+            points[id] = pixel + 0.01 * Eigen::Vector2d{random.normal(), random.normal()} +
                          (frame % 7 == 5 ? Eigen::Vector2d(3, 2) : Eigen::Vector2d(0, 0));
         if (frame % 5 == 2)
             points.clear();

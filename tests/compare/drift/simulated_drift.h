@@ -36,7 +36,7 @@ struct SimulatedDrift {
         RandomStream random(seed, 5);
         const double memory = std::exp(-interval_s / shake_time_s);
         Eigen::Vector2d shake = Eigen::Vector2d::Zero();
-        const auto normals = [&] { return Eigen::Vector2d(random.normal(), random.normal()); };
+        const auto normals = [&] { return Eigen::Vector2d{random.normal(), random.normal()}; };
         for (int frame = 0; frame * interval_s <= 60.0 * minutes && !monitor.stable(); ++frame) {
             const double time = frame * interval_s / 60.0;
             shake = memory * shake + std::sqrt(1.0 - memory * memory) * shake_px * normals();

@@ -249,7 +249,7 @@ Photographs photographs(double corner_noise_px, std::uint64_t seed) {
         RandomStream random(seed, 7, frame);
         CalibrationView view{refined_board().points_mm, {}};
         for (const Eigen::Vector3d& point : view.points_mm) {
-            const Eigen::Vector2d noise(random.normal(), random.normal());
+            const Eigen::Vector2d noise{random.normal(), random.normal()};
             view.pixels.push_back(projector.project(pose_of(i) * point).value() +
                                   corner_noise_px * noise);
         }

@@ -160,7 +160,7 @@ inline Corners photo(const SimulatedRun& run, const std::vector<double>& q, std:
     const Projector camera(run.true_camera, Projector(run.camera));
     Corners corners = run.seen(run.detector(corners_at(camera, points, truth)));
     for (Eigen::Vector2d& corner : corners)
-        corner += run.noise_px * Eigen::Vector2d(random.normal(), random.normal());
+        corner += run.noise_px * Eigen::Vector2d{random.normal(), random.normal()};
     return corners;
 }
 

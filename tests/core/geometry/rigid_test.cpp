@@ -85,9 +85,9 @@ TEST(RollPitchYaw, AreTheTextbooksMatrix) {
 TEST(RollPitchYaw, ComeBack) {
     for (std::uint64_t i = 0; i < 1000; ++i) {
         RandomStream random(5, 0, i);
-        const Eigen::Vector3d angles((2.0 * random.uniform() - 1.0) * 179.0 * degree,
+        const Eigen::Vector3d angles{(2.0 * random.uniform() - 1.0) * 179.0 * degree,
                                      (2.0 * random.uniform() - 1.0) * 89.0 * degree,
-                                     (2.0 * random.uniform() - 1.0) * 179.0 * degree);
+                                     (2.0 * random.uniform() - 1.0) * 179.0 * degree};
         EXPECT_LT((roll_pitch_yaw(rotation_from_roll_pitch_yaw(angles)) - angles).norm(), 1e-12);
     }
 }

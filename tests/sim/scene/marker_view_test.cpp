@@ -151,10 +151,10 @@ void expect_footprints_hold(const MarkerView& view, const PlacedMarker& marker, 
                             Counts& counts) {
     const double rho = view.aperture().radius_mm;
     for (int n = 0; n < 8; ++n) {
-        const Eigen::Vector2d half(dice.log_uniform(1e-6, 0.5), dice.log_uniform(1e-6, 0.5));
+        const Eigen::Vector2d half{dice.log_uniform(1e-6, 0.5), dice.log_uniform(1e-6, 0.5)};
         const Eigen::Vector2d centre =
             n % 2 == 0 ? view.sensor_point_of(dice.uniform(-1.0, 6.0), dice.uniform(-1.0, 4.0))
-                       : Eigen::Vector2d(dice.uniform(-1.5, 1.5), dice.uniform(-1.5, 1.5));
+                       : Eigen::Vector2d{dice.uniform(-1.5, 1.5), dice.uniform(-1.5, 1.5)};
         const Box box{centre - half, centre + half};
         const auto range = view.footprint(box);
         for (int ray = 0; ray < 20; ++ray) {

@@ -112,9 +112,9 @@ bool some_ray_meets_both(const Scene& scene, const Aperture& aperture, RandomStr
     const auto& [a, b] = std::pair(scene.markers[0], scene.markers[1]);
     const Rigid b_from_camera = b.camera_from_marker.inverse();
     for (int i = 0; i < 3000; ++i) {
-        const Eigen::Vector3d p =
-            a.camera_from_marker *
-            a.grid.point_mm(random.uniform() * a.grid.columns(), random.uniform() * a.grid.rows());
+        const double column = random.uniform() * a.grid.columns();
+        const double row = random.uniform() * a.grid.rows();
+        const Eigen::Vector3d p = a.camera_from_marker * a.grid.point_mm(column, row);
         const double radius = aperture.radius_mm * std::sqrt(random.uniform());
         const double angle = 2.0 * std::numbers::pi * random.uniform();
         const Eigen::Vector3d l(radius * std::cos(angle), radius * std::sin(angle), 0.0);

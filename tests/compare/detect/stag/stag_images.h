@@ -140,7 +140,8 @@ private:
                                 {box.center, {0.8f * size.width, 0.8f * size.height}, box.angle},
                                 cv::Scalar::all(random.uniform()), cv::FILLED);
             } else {
-                cv::line(scene, point(), point(), shade, 1 + static_cast<int>(below(random, 12)));
+                const cv::Point from = point(), to = point();
+                cv::line(scene, from, to, shade, 1 + static_cast<int>(below(random, 12)));
             }
         }
     }

@@ -11,6 +11,9 @@ target_compile_options(etalon_compiler INTERFACE
     -pthread -fPIC -fno-semantic-interposition
     $<$<BOOL:${ETALON_WARNINGS_AS_ERRORS}>:-Werror>)
 
+# What is linked is what is used, whatever a library's own list says.
+target_link_options(etalon_compiler INTERFACE LINKER:--as-needed)
+
 # g++ 12 sees an impossible memcpy inside std::string (its bug 105651): not our warning.
 # -Wshadow=local: names of other files of the module are no reason for a warning.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
@@ -57,5 +60,7 @@ if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
         CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=1 ${CCACHE_PROGRAM})
     if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
         target_compile_options(etalon_compiler INTERFACE -fpch-preprocess)
+    else()
+        target_compile_options(etalon_compiler INTERFACE "SHELL:-Xclang -fno-pch-timestamp")
     endif()
 endif()

@@ -98,7 +98,7 @@ run_target() {
 }
 export -f run_target describe_finding seeds_of words_of
 
-# In memory where there is some (they need 0.1 MB): ext4 brings a file that is written anew to the
+# In memory where there is some (they need 0.1 MB): ext4 brings a file that is written again to the
 # disk when it is closed, and beside three others `tables` got 9 % of a processor instead of 50 %.
 TMPDIR=$(mktemp -d -p /dev/shm 2>/dev/null || mktemp -d)
 export TMPDIR

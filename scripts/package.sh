@@ -40,7 +40,7 @@ if [ "${1:-}" = --reproducible ]; then
     echo "== building again, elsewhere"
     again=$(mktemp -d)
     trap 'rm -rf "$again"' EXIT
-    # Compiled anew: what the cache holds would only be compared with itself.
+    # Compiled again: what the cache holds would only be compared with itself.
     CCACHE_RECACHE=1 make_packages "$again/in-another-folder"
     (cd "$again/in-another-folder" && sha256sum -c "$OLDPWD/build/package/SHA256SUMS")
 fi

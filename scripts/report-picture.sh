@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes docs/report.png anew: the top of a report whose camera has an error, so that it has a cause to
+# Makes docs/report.png again: the top of a report whose camera has an error, so that it has a cause to
 # name. Runs the demo with a focal length that is off by 0.5 %. Needs chromium; two minutes.
 #     scripts/report-picture.sh [BUILD_FOLDER]          default: build/release
 set -euo pipefail

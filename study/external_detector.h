@@ -1,6 +1,6 @@
 // A detector that is a program: docs/study.md, "Programs of your own". A crash, a wrong answer or
 // silence beyond the time-out counts as no detection, with the reason in words. The program and all
-// that it started are then ended, and it is started anew for the next image.
+// that it started are then ended, and it is started again for the next image.
 #pragma once
 
 #include <filesystem>

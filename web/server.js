@@ -32,7 +32,7 @@ export async function begin() {
 }
 
 // Calls `changed` with every state and `lost` while there is no connection, or one on which nothing
-// is heard: the server says every two seconds that it is alive. A server that was started anew has
+// is heard: the server says every two seconds that it is alive. A server that was started again has
 // another token: the page is loaded again. A page that is not seen holds no connection: a browser
 // has six for a server, and Stop needs one.
 export function follow(changed, lost) {

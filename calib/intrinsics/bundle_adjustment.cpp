@@ -64,10 +64,10 @@ std::optional<double> view_cost(const BundleView& view, const PixelModel<double>
     return cost;
 }
 
-// A telecentric camera sees a tilt t about x and y at second order when a plane lies flat on: a point p moves
-// by t x (t x p) / 2. Where the residuals pull against that motion they add to the curvature of the cost, and
-// Gauss-Newton steps, which leave it out, go too far or turn back and forth. Two rows below the Jacobian add
-// it; directions in which they pull the other way get none.
+// A telecentric camera sees a tilt t about x and y at second order when a plane lies flat on: a
+// point p moves by t x (t x p) / 2. Where the residuals pull against that motion they add to the
+// curvature of the cost, and Gauss-Newton steps, which leave it out, go too far or turn back and
+// forth. Two rows below the Jacobian add it; directions in which they pull the other way get none.
 Eigen::Matrix2d curvature_of_tilt(const BundleView& view, const PixelModel<double>& model,
                                   const BundlePose& pose, double huber) {
     const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
@@ -131,8 +131,8 @@ Eigen::VectorXd solve(std::vector<Eigen::MatrixXd> triangles, const Scales& scal
     Eigen::MatrixXd common = Eigen::MatrixXd::Zero((views + 1) * free, free + 1);
     for (Eigen::Index v = 0; v < views; ++v) {
         if (lambda > 0)
-            triangles[v] = with_pose_rows(triangles[v],
-                                          (std::sqrt(lambda) * scales.poses[v]).asDiagonal());
+            triangles[v] =
+                with_pose_rows(triangles[v], (std::sqrt(lambda) * scales.poses[v]).asDiagonal());
         common.middleRows(v * free, free) =
             triangles[v].block(pose_size, pose_size, free, free + 1);
     }
@@ -311,9 +311,9 @@ private:
         for (std::size_t v = 0; v < views_.size(); ++v) {
             triangles.push_back(view_triangle(views_[v], model, bundle.poses[v], options_));
             if (bundle.projection.kind == Projection::telecentric)
-                triangles[v] = with_pose_rows(triangles[v],
-                                              curvature_of_tilt(views_[v], model, bundle.poses[v],
-                                                                options_.huber));
+                triangles[v] = with_pose_rows(
+                    triangles[v],
+                    curvature_of_tilt(views_[v], model, bundle.poses[v], options_.huber));
         }
         return triangles;
     }

@@ -365,7 +365,7 @@ private:
     }
 
     // Triggers, if by software. Returns before when no frame that comes can have begun, as far as
-    // the station knows. Without a clock a camera that runs freely begins anew.
+    // the station knows. Without a clock a camera that runs freely begins again.
     Instant begin_exposure() {
         Instant earliest = Instant::min();
         if (!by_software()) {

@@ -751,7 +751,7 @@ private:
         return frame;
     }
 
-    // The driver's counter has 32 bits, may stand still or begin anew; a frame's id only grows.
+    // The driver's counter has 32 bits, may stand still or begin again; a frame's id only grows.
     void count(std::uint32_t sequence) {
         const std::uint32_t ahead = last_sequence_ ? sequence - *last_sequence_ : 0;
         if (!last_sequence_)

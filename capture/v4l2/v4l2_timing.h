@@ -42,7 +42,7 @@ public:
     }
 
     // Each frame in turn, with its number in the stream, which counts those that nobody received,
-    // and its stamp. A stamp that does not advance begins anew.
+    // and its stamp. A stamp that does not advance begins again.
     void came(std::uint64_t number, std::chrono::nanoseconds stamp) {
         if (!latest_.empty() && stamp <= latest_.back().stamp)
             latest_.clear();

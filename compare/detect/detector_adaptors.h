@@ -11,7 +11,7 @@ namespace etalon {
 
 struct ApriltagOptions {
     double quad_decimate = 1.0;  // in an image reduced by 1, 1.5, or a whole number up to 8
-    bool refine_edges = true;    // fitted anew to the whole image
+    bool refine_edges = true;    // fitted again to the whole image
 };
 
 // All tags of a family in an image, by libapriltag 3. Not thread-safe: one per thread. Some 10 ms

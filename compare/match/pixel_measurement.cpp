@@ -376,7 +376,7 @@ std::vector<std::size_t> some_of(const std::vector<PhotoEvidence>& photos) {
     return some;
 }
 
-// The best place for a few photographs, by renders that are made anew; growth stays linear.
+// The best place for a few photographs, by renders that are made again; growth stays linear.
 DeviationPlace descended(const CameraModel& calibration, const DeviationPlace& start,
                          std::span<const std::size_t> which, const Free& free, double noise_scale,
                          const MeasurePhotos& measure) {

@@ -47,8 +47,8 @@ inline constexpr std::uint32_t philox_key_steps[] = {0x9E3779B9, 0xBB67AE85};
 std::array<std::uint32_t, 4> philox(std::uint64_t key, std::array<std::uint32_t, 4> counter);
 
 // A stream keyed by (seed, stream, index): the n-th number does not depend on how many were drawn
-// elsewhere. Cheap to make; one per pixel is fine. Draw two for one call in braces, which keep their order:
-// Eigen::Vector2d{random.normal(), random.normal()}.
+// elsewhere. Cheap to make; one per pixel is fine. Draw two for one call in braces, which keep
+// their order: Eigen::Vector2d{random.normal(), random.normal()}.
 class RandomStream {
 public:
     RandomStream(std::uint64_t seed, std::uint32_t stream, std::uint64_t index = 0)

@@ -17,7 +17,7 @@ namespace etalon {
 //            this way
 struct AxisErrors {
     double scale = 0.0;           // relative; 0.002 = 0.2 % too far
-    double repeatability = 0.0;   // standard deviation, drawn anew for each move; >= 0
+    double repeatability = 0.0;   // standard deviation, drawn again for each move; >= 0
     double backlash = 0.0;        // >= 0; the carriage is that much above when it came from above
     double periodic = 0.0;        // amplitude, of a screw's turn or a scale's division
     double period = 1.0;          // > 0

@@ -11,7 +11,7 @@
 
 namespace etalon {
 
-// A wide lens is seen anew for every marker.
+// A wide lens is evaluated for every marker.
 struct Renderer::Cache {
     explicit Cache(const CameraModel& model)
         : camera(model),

@@ -19,7 +19,7 @@ struct CertifyArguments {
     bool json = false;
 };
 
-// From the raw frames anew: what is certified follows from the record and from nothing else.
+// From the raw frames again: what is certified follows from the record and from nothing else.
 QualifyResult analysed(const std::filesystem::path& record) {
     std::stop_source stop;
     const StopOnSignals signals(stop);

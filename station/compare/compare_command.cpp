@@ -64,7 +64,7 @@ std::vector<Rigid> given_poses(const CompareArguments& arguments, const Job& job
 ComparisonSummary checked_baseline(const CompareArguments& arguments, const Job& job) {
     std::error_code ignored;
     if (std::filesystem::equivalent(arguments.baseline, arguments.out, ignored))
-        throw ConfigError({"--baseline"}, "is the folder of --out, which is written anew");
+        throw ConfigError({"--baseline"}, "is the folder of --out, which is written again");
     ComparisonSummary earlier = read_comparison(arguments.baseline);
     require_same_camera(
         earlier, {job.camera.serial, job.camera.width, job.camera.height, job.marker.spec, {}});

@@ -169,7 +169,7 @@ void add_jumps(HtmlPage& page, const DriftMonitor& monitor) {
     page.add_paragraph(
         "The image moved from one frame to the next: the target, the camera or what they stand on "
         "was touched, or a part of the lens slipped. No drift is taken over a jump: it is judged "
-        "anew from there.");
+        "again from there.");
     page.add_table(jump_table(monitor));
 }
 
@@ -284,7 +284,7 @@ public:
             const DriftJump& jump = monitor.jumps()[jumps_];
             fmt::print(stderr,
                        "{}jump of {:.3f} px at {:.2f} min: target, camera or their base was "
-                       "touched; judged anew\n",
+                       "touched; judged again\n",
                        line_.is_terminal() ? "\r" : "", jump.size_px, jump.time.count());
         }
         if (line_.is_terminal() || monitor.rates().size() > rates_ || monitor.frames().size() == 1)

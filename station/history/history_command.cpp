@@ -47,7 +47,7 @@ int run_history(const HistoryArguments& arguments) {
         const IndexUpdate update = index.update();
         for (const std::string& refused : update.refused)  // one must not hide a fleet
             fmt::print(stderr, "etalon: left out: {}\n", refused);
-        fmt::print(stderr, "{} runs in {}, {} read anew\n", update.runs,
+        fmt::print(stderr, "{} runs in {}, {} re-read\n", update.runs,
                    (arguments.index / run_index_file).string(), update.read);
         runs = index.runs();
     }

@@ -131,7 +131,7 @@ void forget(sqlite3* database, const std::string& record) {
 RunIndex::RunIndex(Path folder) : folder_(std::move(folder)) {
     try {
         open();
-    } catch (const IndexError&) {  // it is made from the records alone: anew
+    } catch (const IndexError&) {  // it is made from the records alone: again
         sqlite3_close(database_);
         std::error_code ignored;
         std::filesystem::remove(folder_ / run_index_file, ignored);
@@ -153,7 +153,7 @@ void RunIndex::open() {
     if (sqlite3_open(file.c_str(), &database_) != SQLITE_OK)
         throw IndexError(database_);
     sqlite3_busy_timeout(database_, 5000);
-    execute(database_, "PRAGMA synchronous = OFF");  // what a power cut breaks is made anew
+    execute(database_, "PRAGMA synchronous = OFF");  // what a power cut breaks is made again
     execute(database_, "BEGIN IMMEDIATE");           // two programs may come to make it
     const int found = version_of(database_);
     if (found == 0)

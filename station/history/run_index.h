@@ -14,7 +14,7 @@ namespace etalon {
 inline constexpr const char* run_index_file = ".etalon-index.sqlite";
 
 struct IndexUpdate {
-    int runs = 0, read = 0, gone = 0;  // in the index now; read anew; left out as they are gone
+    int runs = 0, read = 0, gone = 0;  // in the index now; re-read; left out as they are gone
     std::vector<std::string> refused;  // why a run.json was not taken, one line each
 };
 
@@ -27,7 +27,7 @@ struct RunFilter {
 
 class RunIndex {
 public:
-    // Opens the file in `folder`, or makes it anew if damaged or old. Throws ConfigError.
+    // Opens the file in `folder`, or makes it again if damaged or old. Throws ConfigError.
     explicit RunIndex(std::filesystem::path folder);
     ~RunIndex();
     RunIndex(const RunIndex&) = delete;

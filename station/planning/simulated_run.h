@@ -5,7 +5,7 @@
 // real renders of the same poses showed them (compare/expect/expectation.h). The analysis is that
 // of a real run (compare/qualification/qualification.h).
 //
-// Drawn anew for every run, from what the station declares: each stage term of the budget, the
+// Each run draws, from what the station declares: each stage term of the budget, the
 // marker's print size and flatness, the temperature, repeatability and read-back noise of each axis
 // at each pose, image noise of every frame. Backlash follows from the path. Not simulated: error
 // maps' own uncertainties, the calibration's covariance (it is the camera under test), and drift.

@@ -215,7 +215,7 @@ void declare_report(Command& program) {
         run_report, "report", "analyse the record of a run again",
         "From the raw frames, the stage's readings and the copies of station.yaml and\n"
         "calibration in DIR, each checked by its SHA-256: writes run.json, poses.csv,\n"
-        "junit.xml, renders and report.html anew. The same build writes the same\n"
+        "junit.xml, renders and report.html again. The same build writes the same\n"
         "bytes. What this build found in the frames before it takes from pixels.jsonl;\n"
         "delete that file to have it found again. Prints what `etalon qualify` prints,\n"
         "with its exit code.\n");

@@ -246,7 +246,7 @@ void add_unseen(HtmlPage& page, const Qualification& analysis) {
                         joined(each.confounded_with, ", ")});
     page.add_table(
         {"error", "this run", "size it takes to be seen", "an error of", "moves poses by / mm RMS",
-         "left after registration / mm RMS", "looks the same as"},
+         "left after registration / mm RMS", "confounded with"},
         rows);
 }
 
@@ -353,7 +353,7 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
     page.add_heading("Registration of stage and camera");
     page.add_facts(
         {{"Training poses used", fmt::format("{}", corrected.used.size())},
-         {"Their motion", registration.motion},
+         {"Stage motion", registration.motion},
          {"Rounds of bias correction", fmt::format("{}", corrected.rounds)},
          {"Rank", fmt::format("{} of 12", registration.rank)},
          {"Condition number", significant(registration.condition_number, 3)},

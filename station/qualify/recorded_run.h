@@ -23,9 +23,9 @@ struct RecordedRun {
 };
 
 // What a crash leaves behind as the reason of an ERROR.
-inline constexpr const char* unfinished_run = "the run did not come to its end";
+inline constexpr const char* unfinished_run = "the run did not finish";
 
-// Detects the corners anew. Throws ConfigError with file, line and key for what no run wrote;
+// Detects the corners again. Throws ConfigError with file, line and key for what no run wrote;
 // Interrupted on a stop request. Reads every frame twice, or once where corners were kept.
 RecordedRun read_record(const std::filesystem::path& folder, Progress& progress,
                         const std::stop_token& stop);

@@ -52,7 +52,7 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
 
 // Resumes a run that a crash, a fault or Ctrl-C ended, in a further session: visits the missing
 // poses of its plan, then analyses all of them. The devices are opened only when poses are missing,
-// and homed anew.
+// and homed again.
 //
 // Throws before anything has moved or was written: what the openers throw, and ConfigError for a
 // run with a verdict, a target that is not allowed, or another camera than the record's. Other

@@ -16,7 +16,7 @@ struct BootTime {
 
 BootTime boot_time();  // now
 
-// Nothing where the machine was started anew between the two, or that is not known.
+// Nothing where the machine was started again between the two, or that is not known.
 std::optional<double> seconds_between(const BootTime& from, const BootTime& to);
 
 enum class RunOutcome { pass, fail, inconclusive, error, aborted };

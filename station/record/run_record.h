@@ -17,7 +17,7 @@
 // A crash at any moment, of the program or of the machine, loses at most the pose in flight: its
 // frames are on the disk before the log tells of it, and the log is before the next pose begins.
 // run.json has the outcome ERROR from the start and is replaced at the end. `etalon report` writes
-// anew what a power cut tore.
+// again what a power cut tore.
 #pragma once
 
 #include <deque>

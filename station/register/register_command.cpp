@@ -28,9 +28,9 @@ void print_transform(const char* name, const Rigid& transform, const Vector6d& d
 void print_freedoms(const StageRegistration& result) {
     const Registration& registration = result.registration;
     for (const GaugeFreedom& freedom : registration.freedoms)
-        fmt::print("free: {};\n  held nearest to the nominal mounting\n", freedom.name);
+        fmt::print("free: {};\n  fixed at the nominal mounting\n", freedom.name);
     for (const PoorlyConstrainedDirection& weak : registration.weak)
-        fmt::print("badly determined: {},\n  +- {:.3g} {}\n", weak.name,
+        fmt::print("poorly constrained: {},\n  +- {:.3g} {}\n", weak.name,
                    result.scale * weak.deviation, weak.is_shift() ? "mm" : "rad");
 }
 
@@ -151,7 +151,7 @@ void declare_register(Command& program) {
         run_register, "register", "find a stage before the camera, a marker on the stage",
         "Estimates X = camera_from_base and Y = carriage_from_marker from photographs\n"
         "at known positions of the stage, corrected for the detector's bias. Names the\n"
-        "directions that no motion of the stage can tell (they are held nearest to the\n"
+        "directions that no motion of the stage can tell (they are fixed at the\n"
         "station's nominal mounting) and those that the poses hardly tell. Poses that\n"
         "move less than the stage can are refused, by name. No verdict, no device.\n\n"
         "The CSV has a column `photo` (seen from its folder) and one for each axis:\n"

@@ -14,7 +14,7 @@ namespace etalon {
 struct Plan {
     std::vector<PlannedPose> poses;  // in the order of the run
     // How the stage gets to each pose from the one before, to the first from where homing is
-    // expected to end (0, or the limit nearest to it). A run plans anew from what it reads.
+    // expected to end (0, or the limit nearest to it). A run plans again from what it reads.
     std::vector<std::vector<MotionSegment>> legs;
     // Travel at the axes' speeds, settling and exposing; without homing and analysis.
     Duration expected_duration{};

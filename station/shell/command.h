@@ -135,7 +135,7 @@ extern const std::string marker_help, pose_help, homed_help;
 // "report FOLDER/report.html" on stdout; nothing without a folder.
 void print_report(const std::filesystem::path& folder);
 
-// Progress on stderr, drawn anew where that is a terminal.
+// Progress on stderr, drawn again where that is a terminal.
 class StderrProgress : public Progress {
 public:
     StderrProgress();

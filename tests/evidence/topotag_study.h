@@ -48,7 +48,7 @@ private:
     RandomStream random_;
 };
 
-// Normal noise for many images, cut from one field: drawing it anew would cost more than all the
+// Normal noise for many images, cut from one field: drawing it again would cost more than all the
 // rest. CV_32FC1, deviation 1.
 inline cv::Mat noise_window(Draw& draw, const cv::Size& size) {
     constexpr int side = 1400;

@@ -63,7 +63,7 @@ protected:
         start_twin();
     }
 
-    // Switches the devices on anew, with `more` lines in the twin's file: a GigE Vision camera
+    // Switches the devices on again, with `more` lines in the twin's file: a GigE Vision camera
     // stays with a dead program for 3 s.
     void start_twin(const std::string& more = "") {
         const std::string before = port_;

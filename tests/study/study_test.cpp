@@ -490,15 +490,6 @@ TEST(SizeClasses, SayNothingOfWhatTheyDoNotKnow) {
 constexpr int poses = 40, rows_per_pose = 2;
 constexpr int killed = -1;  // the exit code that Program gives to the victim of a signal
 
-constexpr const char* killed_camera_text = R"(etalon: camera/1
-serial: "S7"
-image: {width: 320, height: 240}
-intrinsics: {fx: 300, fy: 300, cx: 161.5, cy: 118.25}
-lens: {f_number: 2, focus_distance_mm: 400, wavelength_nm: 550, psf: ideal}
-sensor: {pixel_pitch_um: 6, bits: 8, transfer: linear, black: 0, gain_e_per_dn: 100,
-         read_noise_e: 10, illumination: {cos4: false}}
-)";
-
 // Far enough away that some poses are missed.
 constexpr const char* killed_study_text = R"(etalon: study/1
 id: killed
@@ -513,7 +504,7 @@ disturbances: {{jpeg: [60, 100]}}
 class KilledStudy : public testing::Test {
 protected:
     KilledStudy() {
-        write_text(folder_ / "camera.yml", killed_camera_text);
+        write_text(folder_ / "camera.yml", camera_text);
         write_study(poses);
     }
 

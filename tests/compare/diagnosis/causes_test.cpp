@@ -54,8 +54,9 @@ TEST(Causes, NameTheLongestPeriodThatExplainsAnAxis) {
         q[0] += 0.03 * std::sin(2.0 * std::numbers::pi * q[0] / 5.0);
     };
     const Cause cause = named_in(causes_of(run, 7));
-    EXPECT_THAT(cause.text(),
-                testing::ContainsRegex("^x repeats with a period of (15 mm or )?(4.99|5|5.01) mm or 3 mm"));
+    EXPECT_THAT(
+        cause.text(),
+        testing::ContainsRegex("^x repeats with a period of (15 mm or )?(4.99|5|5.01) mm or 3 mm"));
     EXPECT_NEAR(cause.errors.front().size, 0.03, 0.006);
 }
 

@@ -27,7 +27,7 @@ void read_study_json(std::string_view text) {
     require(read_description(input_folder()).rows_per_pose() > 0, "a study of nothing");
 }
 
-// The manifest is written anew: what is kept must be kept again.
+// The manifest is written again: what is kept must be kept again.
 void read_manifest(std::string_view text) {
     static const Path folder = [] {
         const Path made = input_folder() / "images";

@@ -150,7 +150,7 @@ public:
     Figures figures;
 
 private:
-    // A fresh client; goes on where the axes are, or homes them anew.
+    // A fresh client; goes on where the axes are, or homes them again.
     void recover() {
         for (int attempt = 0; attempt < 1000; ++attempt) {
             try {

@@ -263,9 +263,11 @@ protected:
         request_.out = folder_ / "record";
     }
 
-    CaptureResult run() {
-        return capture_frames(camera_, request_, clock_, stop_.get_token(),
-                              [this](const Frame&) { ++seen_; });
+    CaptureResult run(int nth = 0, const std::function<void()>& at_nth = {}) {
+        return capture_frames(camera_, request_, clock_, stop_.get_token(), [&](const Frame&) {
+            if (++seen_ == nth)
+                at_nth();
+        });
     }
     json file() const { return json::parse(read_text(request_.out / "capture.json")); }
 
@@ -324,11 +326,7 @@ TEST_F(CaptureRun, KeepsWhatWasTakenWhenTheCameraIsGoneForGood) {
 
 TEST_F(CaptureRun, GoesOnWithACameraThatComesBack) {
     request_.frames = 3;
-    const CaptureResult result =
-        capture_frames(camera_, request_, clock_, stop_.get_token(), [this](const Frame&) {
-            if (++seen_ == 2)
-                camera_.lose_once();
-        });
+    const CaptureResult result = run(2, [&] { camera_.lose_once(); });
     EXPECT_EQ(result.reason, "");
     EXPECT_EQ(result.complete, 3);
     EXPECT_EQ(result.statistics.reconnects, 1);
@@ -337,11 +335,7 @@ TEST_F(CaptureRun, GoesOnWithACameraThatComesBack) {
 
 TEST_F(CaptureRun, EndsWhenAskedTo) {
     request_.frames = 0;
-    const CaptureResult result =
-        capture_frames(camera_, request_, clock_, stop_.get_token(), [this](const Frame&) {
-            if (++seen_ == 5)
-                stop_.request_stop();
-        });
+    const CaptureResult result = run(5, [&] { stop_.request_stop(); });
     EXPECT_EQ(result.complete, 5);
     EXPECT_EQ(result.reason, "");
 }

@@ -393,7 +393,7 @@ TEST_F(RunIndexTest, GivesTheCommandTheTableThatTheRecordsGive) {
     const Finished indexed = etalon_with(folder_, "history --index .");
     EXPECT_EQ(indexed.exit_code, 0) << indexed.err;
     EXPECT_EQ(indexed.out, etalon_with(folder_, "history .").out);
-    EXPECT_THAT(indexed.err, HasSubstr("3 runs in ./.etalon-index.sqlite, 3 read anew"));
+    EXPECT_THAT(indexed.err, HasSubstr("3 runs in ./.etalon-index.sqlite, 3 re-read"));
     EXPECT_EQ(etalon_with(folder_, "history --index . .").exit_code, 3);
     expect_one_line_error(etalon_with(folder_, "history"), 3, "DIR: is required, or --index");
 }

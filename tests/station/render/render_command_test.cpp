@@ -40,11 +40,18 @@ protected:
         EXPECT_EQ(run_render(arguments_), 0);
         return testing::internal::GetCapturedStdout();
     }
-    std::string complaint() const {
+    virtual std::string complaint() const {
         const std::string words = config_error_of([&] { run_render(arguments_); });
         EXPECT_EQ(words.find('\n'), std::string::npos);
         EXPECT_FALSE(std::filesystem::exists(arguments_.out));
         return words;
+    }
+    using Arguments = RenderArguments;
+    void refuses(void (*change)(Arguments&), const char* words) {
+        const Arguments good = arguments_;
+        change(arguments_);
+        EXPECT_THAT(complaint(), HasSubstr(words));
+        arguments_ = good;
     }
 
     TemporaryFolder folder_;
@@ -227,13 +234,6 @@ TEST_F(RenderCommand, RefusesAMarkerThatCannotBeSeen) {
 }
 
 TEST_F(RenderCommand, RefusesArgumentsByTheirName) {
-    const RenderArguments good = arguments_;
-    const auto refuses = [&](auto change, const char* words) {
-        arguments_ = good;
-        change(arguments_);
-        EXPECT_THAT(complaint(), HasSubstr(words));
-    };
-    using Arguments = RenderArguments;
     refuses([](Arguments& a) { a.poses = {"0,0,0,nan,0,100"}; }, "--pose: 'nan'");
     refuses([](Arguments& a) { a.poses = {"0,0,100"}; }, "--pose: expected 6 numbers");
     refuses([](Arguments& a) { a.markers = {"aruco:4X4_51:7@5mm"}; },
@@ -343,7 +343,7 @@ protected:
         Progress progress(out.get(), false, clock);
         return render_set(arguments_, std::move(stop), progress);
     }
-    std::string complaint() const {
+    std::string complaint() const override {
         return config_error_of([&] { render(); });
     }
     std::filesystem::path image(int i) const {
@@ -499,19 +499,11 @@ TEST_F(ShardedSet, IsNotMergedFromAShardThatIsNotFinished) {
 TEST_F(RenderSet, RefusesAFolderMadeWithOtherArgumentsAndNamesTheFirst) {
     render();
     const std::string before = read_bytes(image(0));
-    const RenderArguments good = arguments_;
-    const auto refuses = [&](auto change, const char* words) {
-        arguments_ = good;
-        change(arguments_);
-        EXPECT_THAT(complaint(), HasSubstr(words));
-    };
-    using Arguments = RenderArguments;
     refuses([](Arguments& a) { a.noise_seed = 5; }, "its 'noise_seed' differs (see set.json)");
     refuses([](Arguments& a) { a.tolerance_gray = 0.2; }, "'tolerance_gray'");
     refuses([](Arguments& a) { a.exposure = 0.5; }, "'exposure'");
     refuses([](Arguments& a) { a.background = "0.5"; }, "'background'");
     refuses([](Arguments& a) { a.poses = {"0,0,0,0,0,1"}; }, "'markers'");
-    arguments_ = good;
     write_text(folder_ / "poses.csv", std::string(poses) + "0,0,0,1,2,300\n");
     EXPECT_THAT(complaint(), HasSubstr("'poses.sha256'"));
     write_text(folder_ / "poses.csv", poses);

@@ -34,7 +34,8 @@ if(ETALON_SANITIZE)
     target_link_options(etalon_compiler INTERFACE -fsanitize=${ETALON_SANITIZE})
     if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
         # Functions that g++ compiled carry no type that it could check.
-        target_compile_options(etalon_compiler INTERFACE -fno-sanitize=function)
+        target_compile_options(etalon_compiler INTERFACE -fno-sanitize=function
+            -fsanitize-ignorelist=${PROJECT_SOURCE_DIR}/tests/fuzz/coverage/unaligned_modules.txt)
     endif()
     if(ETALON_SANITIZE MATCHES "fuzzer")
         target_compile_options(etalon_compiler INTERFACE

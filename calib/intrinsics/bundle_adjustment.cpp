@@ -64,30 +64,6 @@ std::optional<double> view_cost(const BundleView& view, const PixelModel<double>
     return cost;
 }
 
-// A telecentric camera sees a tilt t about x and y at second order when a plane lies flat on: a
-// point p moves by t x (t x p) / 2. Where the residuals pull against that motion they add to the
-// curvature of the cost, and Gauss-Newton steps, which leave it out, go too far or turn back and
-// forth. Two rows below the Jacobian add it; directions in which they pull the other way get none.
-Eigen::Matrix2d curvature_of_tilt(const BundleView& view, const PixelModel<double>& model,
-                                  const BundlePose& pose, double huber) {
-    const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
-    PixelModel<double>::OfParameters of_parameters;
-    Eigen::Matrix2d curvature = Eigen::Matrix2d::Zero();
-    for (Eigen::Index i = 0; i < view.points_mm.cols(); ++i) {
-        const Eigen::Vector3d p = rotation * view.points_mm.col(i);
-        const auto seen = model.with_derivatives(p + pose.translation, of_parameters);
-        const Eigen::Vector2d residual = view.weights[i] * (view.pixels.col(i) - seen.pixel);
-        const double weight = view.weights[i] * std::pow(huber_weight(residual.norm(), huber), 2);
-        const Eigen::Vector2d pull = weight * seen.of.leftCols<2>().transpose() * residual;
-        curvature(0, 0) += pull.y() * p.y();
-        curvature(1, 1) += pull.x() * p.x();
-        curvature(1, 0) -= 0.5 * (pull.x() * p.y() + pull.y() * p.x());
-    }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> parts(curvature);
-    return parts.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
-           parts.eigenvectors().transpose();
-}
-
 // Which of the free parameters are pulled towards zero.
 std::vector<Eigen::Index> pulled(const BundleOptions& options) {
     std::vector<Eigen::Index> columns;
@@ -95,6 +71,62 @@ std::vector<Eigen::Index> pulled(const BundleOptions& options) {
         if (options.pull[options.free[i]] > 0.0)
             columns.push_back(static_cast<Eigen::Index>(i));
     return columns;
+}
+
+// Weighted: of each point two, of each pull one; 6 columns of the pose, the free parameters, the
+// residual.
+Eigen::MatrixXd view_rows(const BundleView& view, const PixelModel<double>& model,
+                          const BundlePose& pose, const BundleOptions& options) {
+    const Eigen::Index points = view.points_mm.cols();
+    const Eigen::Index free = static_cast<Eigen::Index>(options.free.size());
+    const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
+    PixelModel<double>::OfParameters of_parameters;
+    const std::vector<Eigen::Index> held = pulled(options);
+    Eigen::MatrixXd rows =
+        Eigen::MatrixXd::Zero(2 * points + std::ssize(held), pose_size + free + 1);
+    for (Eigen::Index i = 0; i < points; ++i) {
+        const Eigen::Vector3d turned = rotation * view.points_mm.col(i);
+        const Eigen::Vector3d p = turned + pose.translation;
+        const auto seen = model.with_derivatives(p, of_parameters);
+        const Eigen::Vector2d residual = view.weights[i] * (view.pixels.col(i) - seen.pixel);
+        const double huber = huber_weight(residual.norm(), options.huber);
+        const double weight = huber * view.weights[i];
+        auto of_point = rows.middleRows<2>(2 * i);
+        of_point.leftCols<pose_size>() = weight * pose_jacobian(seen.of, turned);
+        for (Eigen::Index k = 0; k < free; ++k)
+            of_point.col(pose_size + k) = weight * of_parameters.col(options.free[k]);
+        of_point.col(pose_size + free) = huber * residual;
+    }
+    for (Eigen::Index i = 0; i < std::ssize(held); ++i) {
+        const int index = options.free[held[i]];
+        rows(2 * points + i, pose_size + held[i]) = options.pull[index];
+        rows(2 * points + i, pose_size + free) = -options.pull[index] * model.parameters()[index];
+    }
+    hold_what_has_no_effect(rows);
+    return rows;
+}
+
+// A telecentric camera sees a tilt t about x and y at second order when a plane lies flat on: a
+// point p moves by t x (t x p) / 2. Where the residuals pull against that motion they add to the
+// curvature of the cost, and Gauss-Newton steps, which leave it out, go too far or turn back and
+// forth. Two rows below the Jacobian add it; directions in which they pull the other way get none.
+// `rows`: view_rows() of this view and pose.
+Eigen::Matrix2d curvature_of_tilt(const BundleView& view, const BundlePose& pose,
+                                  const Eigen::MatrixXd& rows) {
+    const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
+    Eigen::Matrix2d curvature = Eigen::Matrix2d::Zero();
+    for (Eigen::Index i = 0; i < view.points_mm.cols(); ++i) {
+        const Eigen::Vector3d p = rotation * view.points_mm.col(i);
+        const auto of_point = rows.middleRows<2>(2 * i);
+        const Eigen::Vector2d pull =
+            of_point.middleCols<2>(3).transpose() * of_point.rightCols<1>();
+        curvature(0, 0) += pull.y() * p.y();
+        curvature(1, 1) += pull.x() * p.x();
+        curvature(1, 0) -= 0.5 * (pull.x() * p.y() + pull.y() * p.x());
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> parts(curvature);
+    return parts.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
+           parts.eigenvectors().transpose();
 }
 
 // Lengths of the Jacobian's columns: damping is relative to them.
@@ -116,11 +148,11 @@ Scales scales_of(const std::vector<Eigen::MatrixXd>& triangles) {
     return scales;
 }
 
-// With more rows of the first parameters of a pose, whose residuals are zero.
-Eigen::MatrixXd with_pose_rows(const Eigen::MatrixXd& triangle, const Eigen::MatrixXd& rows) {
-    Eigen::MatrixXd stack = Eigen::MatrixXd::Zero(triangle.rows() + rows.rows(), triangle.cols());
-    stack.topRows(triangle.rows()) = triangle;
-    stack.bottomLeftCorner(rows.rows(), rows.cols()) = rows;
+// The triangle with more rows of the first parameters of a pose, whose residuals are zero.
+Eigen::MatrixXd with_pose_rows(const Eigen::MatrixXd& rows, const Eigen::MatrixXd& more) {
+    Eigen::MatrixXd stack = Eigen::MatrixXd::Zero(rows.rows() + more.rows(), rows.cols());
+    stack.topRows(rows.rows()) = rows;
+    stack.bottomLeftCorner(more.rows(), more.cols()) = more;
     return triangle_of(stack);
 }
 
@@ -309,11 +341,11 @@ private:
         const PixelModel<double> model = bundle.model();
         std::vector<Eigen::MatrixXd> triangles;
         for (std::size_t v = 0; v < views_.size(); ++v) {
-            triangles.push_back(view_triangle(views_[v], model, bundle.poses[v], options_));
-            if (bundle.projection.kind == Projection::telecentric)
-                triangles[v] = with_pose_rows(
-                    triangles[v],
-                    curvature_of_tilt(views_[v], model, bundle.poses[v], options_.huber));
+            const Eigen::MatrixXd rows = view_rows(views_[v], model, bundle.poses[v], options_);
+            triangles.push_back(
+                bundle.projection.kind == Projection::telecentric
+                    ? with_pose_rows(rows, curvature_of_tilt(views_[v], bundle.poses[v], rows))
+                    : triangle_of(rows));
         }
         return triangles;
     }
@@ -428,33 +460,7 @@ Eigen::Matrix<double, 2, pose_size> pose_jacobian(const Eigen::Matrix<double, 2,
 
 Eigen::MatrixXd view_triangle(const BundleView& view, const PixelModel<double>& model,
                               const BundlePose& pose, const BundleOptions& options) {
-    const Eigen::Index points = view.points_mm.cols();
-    const Eigen::Index free = static_cast<Eigen::Index>(options.free.size());
-    const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
-    PixelModel<double>::OfParameters of_parameters;
-    const std::vector<Eigen::Index> held = pulled(options);
-    Eigen::MatrixXd rows =
-        Eigen::MatrixXd::Zero(2 * points + std::ssize(held), pose_size + free + 1);
-    for (Eigen::Index i = 0; i < points; ++i) {
-        const Eigen::Vector3d turned = rotation * view.points_mm.col(i);
-        const Eigen::Vector3d p = turned + pose.translation;
-        const auto seen = model.with_derivatives(p, of_parameters);
-        const Eigen::Vector2d residual = view.weights[i] * (view.pixels.col(i) - seen.pixel);
-        const double huber = huber_weight(residual.norm(), options.huber);
-        const double weight = huber * view.weights[i];
-        auto of_point = rows.middleRows<2>(2 * i);
-        of_point.leftCols<pose_size>() = weight * pose_jacobian(seen.of, turned);
-        for (Eigen::Index k = 0; k < free; ++k)
-            of_point.col(pose_size + k) = weight * of_parameters.col(options.free[k]);
-        of_point.col(pose_size + free) = huber * residual;
-    }
-    for (Eigen::Index i = 0; i < std::ssize(held); ++i) {
-        const int index = options.free[held[i]];
-        rows(2 * points + i, pose_size + held[i]) = options.pull[index];
-        rows(2 * points + i, pose_size + free) = -options.pull[index] * model.parameters()[index];
-    }
-    hold_what_has_no_effect(rows);
-    return triangle_of(rows);
+    return triangle_of(view_rows(view, model, pose, options));
 }
 
 }  // namespace etalon

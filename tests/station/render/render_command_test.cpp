@@ -47,7 +47,7 @@ protected:
         return words;
     }
     using Arguments = RenderArguments;
-    void refuses(void (*change)(Arguments&), const char* words) {
+    void expect_refusal(void (*change)(Arguments&), const char* words) {
         const Arguments good = arguments_;
         change(arguments_);
         EXPECT_THAT(complaint(), HasSubstr(words));
@@ -234,23 +234,24 @@ TEST_F(RenderCommand, RefusesAMarkerThatCannotBeSeen) {
 }
 
 TEST_F(RenderCommand, RefusesArgumentsByTheirName) {
-    refuses([](Arguments& a) { a.poses = {"0,0,0,nan,0,100"}; }, "--pose: 'nan'");
-    refuses([](Arguments& a) { a.poses = {"0,0,100"}; }, "--pose: expected 6 numbers");
-    refuses([](Arguments& a) { a.markers = {"aruco:4X4_51:7@5mm"}; },
-            "--marker: aruco:4X4_51:7@5mm");
-    refuses([](Arguments& a) { a.method = "D"; }, "--method: 'D'");
-    refuses([](Arguments& a) { a.background = "1.5"; }, "--background: 1.5");
-    refuses([](Arguments& a) { a.background = "nan"; }, "--background");
-    refuses([](Arguments& a) { a.tolerance_gray = 0.0; }, "--tolerance");
-    refuses([](Arguments& a) { a.exposure = -1.5; }, "--exposure");
-    refuses([](Arguments& a) { a.out.replace_extension(".jpg"); }, "--out");
-    refuses([](Arguments& a) { a.linear = true; }, "--out: linear radiance");
-    refuses([](Arguments& a) { a.noise_seed = 5; }, "--noise-seed");
-    refuses([](Arguments& a) { a.velocity = "0,0,0,40,0,0"; },
-            "--velocity: motion blur needs both");
-    refuses([](Arguments& a) { a.shutter_ms = 1.0, a.velocity = "0,0,0,40,0"; }, "--velocity");
-    refuses([](Arguments& a) { a.camera = "/nowhere.yml"; }, "/nowhere.yml");
-    refuses([](Arguments& a) { a.out = "/nowhere/out.png"; }, "/nowhere/out.png");
+    expect_refusal([](Arguments& a) { a.poses = {"0,0,0,nan,0,100"}; }, "--pose: 'nan'");
+    expect_refusal([](Arguments& a) { a.poses = {"0,0,100"}; }, "--pose: expected 6 numbers");
+    expect_refusal([](Arguments& a) { a.markers = {"aruco:4X4_51:7@5mm"}; },
+                   "--marker: aruco:4X4_51:7@5mm");
+    expect_refusal([](Arguments& a) { a.method = "D"; }, "--method: 'D'");
+    expect_refusal([](Arguments& a) { a.background = "1.5"; }, "--background: 1.5");
+    expect_refusal([](Arguments& a) { a.background = "nan"; }, "--background");
+    expect_refusal([](Arguments& a) { a.tolerance_gray = 0.0; }, "--tolerance");
+    expect_refusal([](Arguments& a) { a.exposure = -1.5; }, "--exposure");
+    expect_refusal([](Arguments& a) { a.out.replace_extension(".jpg"); }, "--out");
+    expect_refusal([](Arguments& a) { a.linear = true; }, "--out: linear radiance");
+    expect_refusal([](Arguments& a) { a.noise_seed = 5; }, "--noise-seed");
+    expect_refusal([](Arguments& a) { a.velocity = "0,0,0,40,0,0"; },
+                   "--velocity: motion blur needs both");
+    expect_refusal([](Arguments& a) { a.shutter_ms = 1.0, a.velocity = "0,0,0,40,0"; },
+                   "--velocity");
+    expect_refusal([](Arguments& a) { a.camera = "/nowhere.yml"; }, "/nowhere.yml");
+    expect_refusal([](Arguments& a) { a.out = "/nowhere/out.png"; }, "/nowhere/out.png");
 }
 
 TEST_F(RenderCommand, BlursByTheMotionWhileTheShutterIsOpen) {
@@ -499,11 +500,12 @@ TEST_F(ShardedSet, IsNotMergedFromAShardThatIsNotFinished) {
 TEST_F(RenderSet, RefusesAFolderMadeWithOtherArgumentsAndNamesTheFirst) {
     render();
     const std::string before = read_bytes(image(0));
-    refuses([](Arguments& a) { a.noise_seed = 5; }, "its 'noise_seed' differs (see set.json)");
-    refuses([](Arguments& a) { a.tolerance_gray = 0.2; }, "'tolerance_gray'");
-    refuses([](Arguments& a) { a.exposure = 0.5; }, "'exposure'");
-    refuses([](Arguments& a) { a.background = "0.5"; }, "'background'");
-    refuses([](Arguments& a) { a.poses = {"0,0,0,0,0,1"}; }, "'markers'");
+    expect_refusal([](Arguments& a) { a.noise_seed = 5; },
+                   "its 'noise_seed' differs (see set.json)");
+    expect_refusal([](Arguments& a) { a.tolerance_gray = 0.2; }, "'tolerance_gray'");
+    expect_refusal([](Arguments& a) { a.exposure = 0.5; }, "'exposure'");
+    expect_refusal([](Arguments& a) { a.background = "0.5"; }, "'background'");
+    expect_refusal([](Arguments& a) { a.poses = {"0,0,0,0,0,1"}; }, "'markers'");
     write_text(folder_ / "poses.csv", std::string(poses) + "0,0,0,1,2,300\n");
     EXPECT_THAT(complaint(), HasSubstr("'poses.sha256'"));
     write_text(folder_ / "poses.csv", poses);

@@ -6,6 +6,7 @@
 
 #include "core/config/file_schema.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "mocks/ending_signals.h"
 #include "mocks/twin/twin.h"
 
@@ -59,7 +60,7 @@ int write_schema(const Arguments& arguments) {
 }
 
 int failed(int code, const std::exception& error) {
-    fmt::print(stderr, "etalon-twin: {}\n", error.what());
+    print_stderr("etalon-twin: {}\n", error.what());
     return code;
 }
 

@@ -8,6 +8,7 @@
 #include "compare/photo_pose.h"
 #include "core/config/csv_file.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/html.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
@@ -485,7 +486,7 @@ int run_characterise(const CharacteriseArguments& given) {
     const CharacteriseInput input = read_input(arguments);
     const Characterisation result = characterise(input);
     for (const std::string& remark : result.remarks)
-        fmt::print(stderr, "{}\n", remark);
+        print_stderr("{}\n", remark);
     write_camera(arguments.out, result.camera);
     if (!arguments.report.empty())
         write_characterise_report(arguments.report, input, result);

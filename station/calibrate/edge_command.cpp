@@ -6,6 +6,7 @@
 #include "calib/files/camera_file.h"
 #include "compare/photo_pose.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/html.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
@@ -159,9 +160,9 @@ int run_edge(const CharacteriseArguments& arguments) {
     if (arguments.photos.empty())
         throw ConfigError({"PHOTOS"}, "no photograph given");
     if (arguments.camera.empty())
-        fmt::print(stderr,
-                   "no camera file: pixel values are taken to be linear in light, which those of "
-                   "JPEG files\nare not\n");
+        print_stderr(
+            "no camera file: pixel values are taken to be linear in light, which those of "
+            "JPEG files\nare not\n");
     std::vector<PhotoEdge> edges;
     for (const auto& path : arguments.photos)
         for (FoundSlantedEdge& found : edges_in(path, linear(path, arguments), region))

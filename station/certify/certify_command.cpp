@@ -3,6 +3,7 @@
 #include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "station/certify/certificate.h"
 #include "station/qualify/recorded_run.h"
 #include "station/record/record_json.h"
@@ -58,7 +59,7 @@ int run_certify(const CertifyArguments& arguments) {
     write_text(arguments.out / "dcc.xml", dcc_xml(certificate));
     const std::string no_pdf = write_pdf(html, pdf);
     if (!no_pdf.empty())
-        fmt::print(stderr, "etalon: no PDF: {}; print {} in a browser\n", no_pdf, html.string());
+        print_stderr("etalon: no PDF: {}; print {} in a browser\n", no_pdf, html.string());
     const std::filesystem::path& shown = no_pdf.empty() ? pdf : html;
     if (arguments.json)
         fmt::print("{}", text_of({{"outcome", name(run.outcome)},

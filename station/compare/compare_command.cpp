@@ -5,6 +5,7 @@
 
 #include "compare/make_detector.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/svg_plot.h"
 #include "station/compare/commands.h"
 #include "station/compare/comparison.h"
@@ -238,7 +239,7 @@ void match(const CodeImage& image, const Job& job,
 void print_progress(const std::string& place, const ComparedPhoto& photo) {
     const std::string file = place + ": " + photo.photo.string();
     if (!photo.has_figures()) {
-        fmt::print(stderr, "{}: {}\n", file, photo.reason());
+        print_stderr("{}: {}\n", file, photo.reason());
         return;
     }
     std::string line =
@@ -246,7 +247,7 @@ void print_progress(const std::string& place, const ComparedPhoto& photo) {
                     photo.refined->scored.rms_gray);
     for (const std::string& finding : photo.names_of_findings())
         line += ", " + finding;
-    fmt::print(stderr, "{}: {}\n", file, line);
+    print_stderr("{}: {}\n", file, line);
 }
 
 // Second pass over the photographs that have a pose. A run whose last hope fails writes no report.
@@ -310,8 +311,8 @@ void write_files(const std::filesystem::path& folder, const Comparison& comparis
 void print_result(const CompareArguments& arguments, const Comparison& comparison) {
     const std::size_t compared = comparison.compared();
     if (compared < comparison.photos.size())
-        fmt::print(stderr, "{} of {} photographs could not be compared\n",
-                   comparison.photos.size() - compared, comparison.photos.size());
+        print_stderr("{} of {} photographs could not be compared\n",
+                     comparison.photos.size() - compared, comparison.photos.size());
     if (arguments.json) {
         std::puts(comparison_json(comparison).c_str());
         return;
@@ -324,7 +325,7 @@ void print_result(const CompareArguments& arguments, const Comparison& compariso
         fmt::print("edge shift {:.3f} px, {:.3f} px at the refined poses\n",
                    edges->first.shift.rms_px, edges->second.shift.rms_px);
     if (const std::string board = comparison.board_in_words(); !board.empty())
-        fmt::print(stderr, "{}\n", board);
+        print_stderr("{}\n", board);
     if (comparison.baseline)
         fmt::print("{}", baseline_text(*comparison.baseline));
 }
@@ -339,7 +340,7 @@ int run_compare(const CompareArguments& given) {
     const Projector projector(job.camera);
     FoundPoses found = find_poses(arguments, job, projector);
     if (!found.shown_as.empty()) {
-        fmt::print(stderr, "the board that is seen is {}: compared as that\n", found.shown_as);
+        print_stderr("the board that is seen is {}: compared as that\n", found.shown_as);
         arguments.board.clear();
         arguments.marker = found.shown_as;
         job = checked_job(arguments);

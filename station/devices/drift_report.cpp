@@ -7,6 +7,7 @@
 
 #include "capture/camera_recovery.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
@@ -282,10 +283,10 @@ public:
     void show(const DriftMonitor& monitor) {
         for (; jumps_ < monitor.jumps().size(); ++jumps_) {
             const DriftJump& jump = monitor.jumps()[jumps_];
-            fmt::print(stderr,
-                       "{}jump of {:.3f} px at {:.2f} min: target, camera or their base was "
-                       "touched; judged again\n",
-                       line_.is_terminal() ? "\r" : "", jump.size_px, jump.time.count());
+            print_stderr(
+                "{}jump of {:.3f} px at {:.2f} min: target, camera or their base was "
+                "touched; judged again\n",
+                line_.is_terminal() ? "\r" : "", jump.size_px, jump.time.count());
         }
         if (line_.is_terminal() || monitor.rates().size() > rates_ || monitor.frames().size() == 1)
             line_.show(drift_line(monitor));

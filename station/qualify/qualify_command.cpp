@@ -6,6 +6,7 @@
 
 #include "core/file/file_writing.h"
 #include "core/process/subprocess.h"
+#include "core/program/print_stderr.h"
 #include "station/qualify/runner.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
@@ -55,8 +56,8 @@ std::string found_lines(const QualifyResult& result) {
 int print_result(const QualifyResult& result, bool json) {
     const bool has_verdict = result.reason.empty();
     if (!has_verdict)
-        fmt::print(stderr, "etalon: {}\netalon: the record of this run is in {}\n", result.reason,
-                   result.folder.string());
+        print_stderr("etalon: {}\netalon: the record of this run is in {}\n", result.reason,
+                     result.folder.string());
     if (json)
         fmt::print("{}", run_json(result));
     else if (has_verdict)
@@ -137,7 +138,7 @@ int run_qualify(const QualifyArguments& arguments) {
             twin->wait_for(no_time_limit);
             return twin->result().exit_code;
         }
-        fmt::print(stderr, "{}", ready);
+        print_stderr("{}", ready);
     }
     std::stop_source stop;
     const StopOnSignals signals(stop);

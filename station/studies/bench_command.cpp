@@ -3,6 +3,7 @@
 
 #include "bench/bench_report.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "sim/scene/pose_volume.h"
 #include "station/shell/command.h"
 #include "station/studies/commands.h"
@@ -37,7 +38,7 @@ BenchPlan plan_of(const BenchArguments& arguments) {
 }
 
 void say(const std::string& words) {
-    fmt::print(stderr, "{}\n", words);
+    print_stderr("{}\n", words);
     std::fflush(stderr);
 }
 

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/json_text.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
@@ -92,8 +93,8 @@ int run_study_command(const StudyArguments& arguments) {
     StderrProgress progress;
     const StudyRun run = run_study(optics, shard, record, stop.get_token(), progress);
     if (!run.complete) {
-        fmt::print(stderr, "{} of {} poses are done; the same command goes on\n",
-                   record.poses_done(), shard.units(static_cast<std::size_t>(study.poses.count)));
+        print_stderr("{} of {} poses are done; the same command goes on\n", record.poses_done(),
+                     shard.units(static_cast<std::size_t>(study.poses.count)));
         throw Interrupted();
     }
     if (run.poses > 0)

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "core/config/file_schema.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/program/print_stderr.h"
 #include "mocks/ending_signals.h"
@@ -70,6 +71,7 @@ int main(int argc, char** argv) {
     Arguments arguments;
     CLI::App app("A virtual stage (Modbus) and camera (GigE Vision) on 127.0.0.1.");
     declare(app, arguments);
+    const etalon::InputGuard inputs;
     try {
         app.parse(argc, argv);
         return arguments.schema.empty() ? run(arguments) : write_schema(arguments);

@@ -6,6 +6,7 @@
 #include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/camera_consistency.h"
+#include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/print_stderr.h"
@@ -229,12 +230,13 @@ PhotometricRefinement photometric_refinement(const CalibrationRun& run) {
 }
 
 void write_report(const CalibrationRun& run, const std::filesystem::path& folder) {
-    make_folder(folder);
-    write_text(folder / "calibration.json", calibration_json(run) + "\n");
-    write_corners_csv(folder / "corners.csv", run);
+    ReportFolder report(folder, "calibrate");
+    write_text(report / "calibration.json", calibration_json(run) + "\n");
+    write_corners_csv(report / "corners.csv", run);
     if (run.calibration.board)
-        write_board_csv(folder / "board.csv", *run.calibration.board);
-    write_text(folder / "report.html", calibration_html(run));
+        write_board_csv(report / "board.csv", *run.calibration.board);
+    write_text(report / "report.html", calibration_html(run));
+    report.finish();
 }
 
 void print_words(const CalibrationRun& run, const std::filesystem::path& report) {

@@ -7,6 +7,7 @@
 #include "calib/files/camera_file.h"
 #include "compare/photo_pose.h"
 #include "core/config/csv_file.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/program/print_stderr.h"
 #include "report/html.h"
@@ -459,7 +460,7 @@ std::string with_uncertainty(const MeasuredValue& value) {
 
 void write_characterise_report(const std::filesystem::path& folder, const CharacteriseInput& input,
                                const Characterisation& result) {
-    make_folder(folder);
+    const FolderLock lock = claim_folder(folder);
     const std::string serial = input.camera.serial.empty() ? "" : " " + input.camera.serial;
     HtmlPage page(
         "Camera" + serial + " characterised",

@@ -5,6 +5,7 @@
 
 #include "calib/files/camera_file.h"
 #include "compare/photo_pose.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/program/print_stderr.h"
 #include "report/html.h"
@@ -168,7 +169,7 @@ int run_edge(const CharacteriseArguments& arguments) {
         for (FoundSlantedEdge& found : edges_in(path, linear(path, arguments), region))
             edges.push_back({path, found.region, std::move(found.edge)});
     if (!arguments.report.empty()) {
-        make_folder(arguments.report);
+        const FolderLock lock = claim_folder(arguments.report);
         write_text(arguments.report / "edges.csv", edges_csv(edges));
         write_text(arguments.report / "report.html", edges_page(edges));
     }

@@ -25,7 +25,7 @@ QualifyResult analysed(const std::filesystem::path& record) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
     StderrProgress progress;
-    const FileLock lock(record / log_file);
+    const FolderLock lock(record);
     return analyse_record(read_record(record, progress, stop.get_token()), progress,
                           stop.get_token());
 }
@@ -53,7 +53,7 @@ int run_certify(const CertifyArguments& arguments) {
     const Certificate certificate{run, form, utc_now().substr(0, 10),
                                   sha256_of_file(run.folder / log_file),
                                   sha256_of_file(run.folder / "run.json")};
-    make_folder(arguments.out);
+    const FolderLock lock = claim_folder(arguments.out);
     const auto html = arguments.out / "certificate.html", pdf = arguments.out / "certificate.pdf";
     write_text(html, certificate_html(certificate));
     write_text(arguments.out / "dcc.xml", dcc_xml(certificate));

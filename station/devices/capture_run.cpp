@@ -4,6 +4,7 @@
 
 #include "capture/camera_recovery.h"
 #include "capture/frame/frame_average.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/program/print_stderr.h"
 #include "station/devices/capture_help.txt.h"
@@ -139,8 +140,11 @@ CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Cloc
     const auto elapsed_s = [&] {
         return std::chrono::duration<double>(clock.now() - start).count();
     };
+    std::optional<FolderLock> lock;
     std::optional<RunRecord> record;
     if (!request.out.empty())
+        lock.emplace(claim_folder(request.out));
+    if (lock)
         record.emplace(request.out, std::initializer_list<const char*>{"frames"});
     const auto log = [&](const std::string& event, const std::string& detail) {
         if (record)

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "capture/camera_recovery.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/program/print_stderr.h"
 #include "report/html.h"
@@ -379,7 +380,8 @@ int run_capture_drift(const CaptureArguments& arguments) {
     VirtualClock recorded;
     Clock& clock = is_recording(arguments) ? static_cast<Clock&>(recorded) : real;
     const auto camera = opened_camera(arguments, clock, stop.get_token());
-    make_folder(arguments.out);
+    const FolderLock lock = claim_folder(arguments.out);
+    require_new_folder(arguments.out);  // still
     std::optional<DriftResult> result;
     {
         DriftPrinter printer;

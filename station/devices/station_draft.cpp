@@ -6,6 +6,7 @@
 #include <iostream>
 
 #include "compare/qualification/judged_quantities.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/program/print_stderr.h"
 #include "report/json_text.h"
@@ -128,7 +129,7 @@ int run_init(const InitArguments& arguments) {
     const StationTemplate draft = draft_of(arguments);
     const std::string text = drafted_station(draft);
     const std::filesystem::path station = arguments.folder / "station.yaml";
-    make_folder(arguments.folder);
+    const FolderLock lock = claim_folder(arguments.folder);
     write_new(station, text);
     write_new(arguments.folder / "limits.yaml", drafted_limits());
     const bool is_calibrated =

@@ -88,7 +88,7 @@ void require_recorded(const QualifyArguments& arguments, const std::vector<Input
 
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                      const std::stop_token& stop) {
-    const FileLock lock(arguments.resume / log_file);
+    const FolderLock lock(arguments.resume);
     const RecordedRun recorded = read_record(arguments.resume, progress, stop);
     announce(recorded, progress);
     const StationFile& station = recorded.result.station;
@@ -152,7 +152,7 @@ int run_report(const ReportArguments& arguments) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
     StderrProgress progress;
-    const FileLock lock(arguments.record / log_file);
+    const FolderLock lock(arguments.record);
     const RecordedRun recorded = read_record(arguments.record, progress, stop.get_token());
     announce(recorded, progress);
     return print_result(analyse_record(recorded, progress, stop.get_token()), arguments.json);

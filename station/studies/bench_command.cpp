@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "bench/bench_report.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/program/print_stderr.h"
 #include "sim/scene/pose_volume.h"
@@ -79,10 +80,12 @@ void write_files(const std::filesystem::path& folder, const BenchResult& result)
 
 bool print_checks(const std::vector<BenchCheck>& checks, std::FILE* stream) {
     bool all = true;
-    fmt::print(stream, "\npromised figures:\n");
+    std::fputs("\npromised figures:\n", stream);
     for (const BenchCheck& check : checks) {
-        fmt::print(stream, "  {:<4} {}: {}\n", check.reached ? "ok" : "FAIL", check.what,
-                   check.figure);
+        std::fputs(
+            fmt::format("  {:<4} {}: {}\n", check.reached ? "ok" : "FAIL", check.what, check.figure)
+                .c_str(),
+            stream);
         all = all && check.reached;
     }
     return all;
@@ -91,7 +94,7 @@ bool print_checks(const std::vector<BenchCheck>& checks, std::FILE* stream) {
 bool print_against(const BenchBefore& before, const BenchResult& result, double margin,
                    std::FILE* stream) {
     const std::vector<SpeedChange> changes = speed_changes(before, result, margin);
-    fmt::print(stream, "\n{}", against_text(before, changes));
+    std::fputs(("\n" + against_text(before, changes)).c_str(), stream);
     if (changes.empty())
         throw ConfigError({"--against"}, "has none of the scenes that were measured");
     return std::ranges::none_of(changes, &SpeedChange::is_slower);
@@ -105,8 +108,9 @@ int run_bench(const BenchArguments& arguments) {
     std::optional<BenchBefore> before;
     if (!arguments.against.empty())
         before = read_bench(arguments.against);
+    std::optional<FolderLock> lock;
     if (!arguments.out.empty())
-        make_folder(arguments.out);
+        lock.emplace(claim_folder(arguments.out));
     keep_freed_memory();
     const BenchResult result = measure(arguments, scenes);
     if (!arguments.out.empty())

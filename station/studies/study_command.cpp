@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/program/print_stderr.h"
 #include "report/json_text.h"
@@ -112,6 +113,7 @@ int run_study_command(const StudyArguments& arguments) {
 
 int run_study_merge(const StudyMergeArguments& arguments) {
     merge_shards(arguments.shards, arguments.out);
+    const FolderLock lock(arguments.out);
     finish(arguments.out, arguments.json);
     if (!arguments.json)
         print_report(arguments.out);

@@ -108,6 +108,9 @@ int run_bench(const BenchArguments& arguments) {
     std::optional<BenchBefore> before;
     if (!arguments.against.empty())
         before = read_bench(arguments.against);
+    std::error_code ignored;  // said now, not in six minutes
+    if (std::filesystem::equivalent(arguments.against, arguments.out / "bench.json", ignored))
+        throw ConfigError({"--against"}, "is the file of --out, which is written again");
     std::optional<FolderLock> lock;
     if (!arguments.out.empty())
         lock.emplace(claim_folder(arguments.out));

@@ -109,7 +109,8 @@ int run_bench(const BenchArguments& arguments) {
     if (!arguments.against.empty())
         before = read_bench(arguments.against);
     std::error_code ignored;  // said now, not in six minutes
-    if (std::filesystem::equivalent(arguments.against, arguments.out / "bench.json", ignored))
+    if (!arguments.out.empty() &&
+        std::filesystem::equivalent(arguments.against, arguments.out / "bench.json", ignored))
         throw ConfigError({"--against"}, "is the file of --out, which is written again");
     std::optional<FolderLock> lock;
     if (!arguments.out.empty())

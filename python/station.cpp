@@ -32,7 +32,7 @@ py::object qualify_station(const StationFile& station, const std::filesystem::pa
 
 py::object resume(const std::filesystem::path& record, bool homed, bool progress) {
     interruptible([&](std::stop_token stop) {
-        const FileLock lock(record / log_file);
+        const FolderLock lock(record);
         RunProgress shown(progress);
         const RecordedRun recorded = read_record(record, shown.progress(), stop);
         const StationLock held(recorded.result.station.stage, stage_holder("a qualification", ""));
@@ -46,7 +46,7 @@ py::object resume(const std::filesystem::path& record, bool homed, bool progress
 
 py::object analyse(const std::filesystem::path& record, bool progress) {
     interruptible([&](std::stop_token stop) {
-        const FileLock lock(record / log_file);
+        const FolderLock lock(record);
         RunProgress shown(progress);
         return analyse_record(read_record(record, shown.progress(), stop), shown.progress(), stop);
     });

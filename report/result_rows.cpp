@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "report/json_text.h"
 
@@ -39,7 +40,8 @@ bool is_only_begun(const std::filesystem::path& folder, const RowsDescription& d
             return name == std::string(description.work.description) + ".part" ||
                    name == std::string(results_file) + ".part" ||
                    (name == results_file && entry.is_regular_file() &&
-                    entry.file_size() == header.size() && read_text(entry.path()) == header);
+                    entry.file_size() == header.size() &&
+                    sha256_of_file(entry.path()) == sha256(header));
         });
 }
 
@@ -58,21 +60,20 @@ void require_same(const std::filesystem::path& folder, const RowsDescription& de
 
 RowRecord::RowRecord(const std::filesystem::path& folder, const RowsDescription& description)
     : folder_(folder) {
+    lock_.emplace(claim_folder(folder));  // before anything is looked at
     const std::filesystem::path file = folder / description.work.description;
     std::error_code error;
     if (std::filesystem::exists(file, error)) {
         require_same(folder, description);
-        lock_.emplace(folder / results_file);
+        results_.emplace(folder / results_file);
         keep_whole_units(description);
     } else {
-        make_folder(folder);
         if (!is_only_begun(folder, description))
             refuse(folder, fmt::format("is not empty and holds no {}", description.work.what));
         write_text(folder / results_file, description.header);
-        lock_.emplace(folder / results_file);
+        results_.emplace(folder / results_file);
         write_text(file, description.json + "\n");
     }
-    results_.emplace(folder / results_file);
 }
 
 // Lines are counted, not read: whoever reads the results checks them.
@@ -180,7 +181,7 @@ SourcePlace ShardRows::place(std::size_t i) const {
 void merge_rows(const std::vector<std::filesystem::path>& in_order, const RowsDescription& whole,
                 const std::filesystem::path& out) {
     ShardRows rows(in_order, whole);
-    RowRecord(out, whole);  // refuses a folder that holds something else
+    const RowRecord record(out, whole);  // refuses a folder that holds something else
     AtomicFile merged(out / results_file);
     merged.write(whole.header);
     for (std::size_t unit = 0; unit < whole.units; ++unit)

@@ -10,6 +10,8 @@
 #pragma once
 
 #include <cstddef>
+#include <fstream>
+#include <optional>
 #include <vector>
 
 #include "core/file/file_writing.h"
@@ -65,7 +67,7 @@ private:
 
     std::filesystem::path folder_;
     std::size_t units_done_ = 0;
-    std::optional<FileLock> lock_;  // on results.csv
+    std::optional<FolderLock> lock_;
     std::optional<AppendFile> results_;
 };
 

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "capture/frame/camera.h"
+#include "core/file/file_writing.h"
 #include "core/program/version.h"
 #include "report/software_versions.h"
 #include "station/commands.h"
@@ -50,6 +51,7 @@ int main(int argc, char** argv) {
         keep_memory();
     // A reader that goes away (`etalon qualify ... | head`) must not end a run with moving axes.
     std::signal(SIGPIPE, SIG_IGN);
+    const InputGuard inputs;
     try {
         const auto command = parse_command_line(
             argc, argv,

@@ -9,7 +9,7 @@
 
 namespace etalon {
 
-// The log, in a record's folder. Whoever writes to the record holds a FileLock on it.
+// The log, in a record's folder. Whoever writes to the record holds a FolderLock on it.
 inline constexpr const char* log_file = "events.jsonl";
 
 struct LogLength {

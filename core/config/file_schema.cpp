@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 
 namespace etalon {
@@ -187,7 +188,7 @@ std::map<std::string, std::string> file_schemas(const ReadTrace& trace) {
 }
 
 void write_schemas(const ReadTrace& trace, const std::filesystem::path& folder) {
-    make_folder(folder);
+    const FolderLock lock = claim_folder(folder);
     for (const auto& [kind, schema] : file_schemas(trace))
         write_text(folder / (kind.substr(0, kind.find('/')) + ".json"), schema);
 }

@@ -8,6 +8,8 @@
 #include <numeric>
 #include <sstream>
 
+#include "core/file/file_writing.h"
+
 namespace etalon {
 namespace {
 
@@ -166,6 +168,7 @@ std::ifstream open_text(const std::filesystem::path& path, std::uintmax_t most_b
     std::ifstream file(path, std::ios::binary);
     if (!file)
         throw ConfigError({path.string()}, "cannot be read");
+    note_input(path);
     return file;
 }
 

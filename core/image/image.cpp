@@ -75,6 +75,7 @@ FileBytes bytes_of(const std::filesystem::path& path) {
     std::ifstream file(path, std::ios::binary);
     if (!file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size)))
         throw ConfigError({path.string()}, "cannot be read");
+    note_input(path);
     return bytes;
 }
 

@@ -5,7 +5,9 @@
 #include <cstdio>
 
 #include "core/config/file_schema.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "mocks/ending_signals.h"
 #include "mocks/twin/twin.h"
 
@@ -59,7 +61,7 @@ int write_schema(const Arguments& arguments) {
 }
 
 int failed(int code, const std::exception& error) {
-    fmt::print(stderr, "etalon-twin: {}\n", error.what());
+    print_stderr("etalon-twin: {}\n", error.what());
     return code;
 }
 
@@ -69,6 +71,7 @@ int main(int argc, char** argv) {
     Arguments arguments;
     CLI::App app("A virtual stage (Modbus) and camera (GigE Vision) on 127.0.0.1.");
     declare(app, arguments);
+    const etalon::InputGuard inputs;
     try {
         app.parse(argc, argv);
         return arguments.schema.empty() ? run(arguments) : write_schema(arguments);

@@ -6,8 +6,10 @@
 #include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/camera_consistency.h"
+#include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "station/calibrate/calibrate_help.txt.h"
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"
@@ -40,8 +42,8 @@ void add_photo(const CalibrationTarget& target, const std::string& spec, const s
     ObservedTarget seen = observe(target, image);
     if (!seen.view) {
         run.without_target.push_back(photo);
-        fmt::print(stderr, "{}: no {} found: not used{}{}\n", photo, spec,
-                   seen.reason.empty() ? "" : "; ", seen.reason);
+        print_stderr("{}: no {} found: not used{}{}\n", photo, spec,
+                     seen.reason.empty() ? "" : "; ", seen.reason);
         return;
     }
     run.photos.push_back(photo);
@@ -76,7 +78,7 @@ Observations of_one_size(std::vector<Observations> groups) {
                                     "{} photos of {}; {}",
                                     count(*largest), pixels_of(*largest), fmt::join(others, "; ")));
     for (const std::string& other : others)
-        fmt::print(stderr, "not used, as most photos have {}; {}\n", pixels_of(*largest), other);
+        print_stderr("not used, as most photos have {}; {}\n", pixels_of(*largest), other);
     return std::move(*largest);
 }
 
@@ -88,8 +90,7 @@ Observations observe_all(const CalibrationTarget& target, const std::string& spe
     for (const auto& photo : photos) {
         const auto [first, is_new] = by_content.emplace(sha256_of_file(photo), photo.string());
         if (!is_new) {  // of a camera that was frozen: it would count as one more view
-            fmt::print(stderr, "not used: {} is the same picture as {}\n", photo.string(),
-                       first->second);
+            print_stderr("not used: {} is the same picture as {}\n", photo.string(), first->second);
             continue;
         }
         const CodeImage image = read_image(photo);
@@ -201,7 +202,7 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
     if (run.target.empty())
         run.target = spec;
     else
-        fmt::print(stderr, "the board that is seen is {}: taken as that\n", run.target);
+        print_stderr("the board that is seen is {}: taken as that\n", run.target);
     run.camera_file = arguments.out;
     return std::move(run);
 }
@@ -229,12 +230,13 @@ PhotometricRefinement photometric_refinement(const CalibrationRun& run) {
 }
 
 void write_report(const CalibrationRun& run, const std::filesystem::path& folder) {
-    make_folder(folder);
-    write_text(folder / "calibration.json", calibration_json(run) + "\n");
-    write_corners_csv(folder / "corners.csv", run);
+    ReportFolder report(folder, "calibrate");
+    write_text(report / "calibration.json", calibration_json(run) + "\n");
+    write_corners_csv(report / "corners.csv", run);
     if (run.calibration.board)
-        write_board_csv(folder / "board.csv", *run.calibration.board);
-    write_text(folder / "report.html", calibration_html(run));
+        write_board_csv(report / "board.csv", *run.calibration.board);
+    write_text(report / "report.html", calibration_html(run));
+    report.finish();
 }
 
 void print_words(const CalibrationRun& run, const std::filesystem::path& report) {
@@ -263,15 +265,15 @@ int run_calibrate(const CalibrateArguments& given) {
         throw ConfigError({"PHOTOS"}, "no photograph given");
     auto attempt = attempted([&] { return calibrated(arguments); });
     if (!attempt) {
-        fmt::print(stderr, "etalon: {}\n", attempt.cause);
+        print_stderr("etalon: {}\n", attempt.cause);
         return ExitCode::inconclusive;
     }
     CalibrationRun& run = *attempt;
     if (arguments.refine == "photometric")
         run.refinement = photometric_refinement(run);
-    fmt::print(stderr, "{}", calibration_tables(run));
+    print_stderr("{}", calibration_tables(run));
     for (const std::string& remark : calibration_remarks(run))
-        fmt::print(stderr, "\n{}", wrapped_text("", remark, 80));
+        print_stderr("\n{}", wrapped_text("", remark, 80));
     write_camera(arguments.out, run.camera());
     if (!arguments.report.empty())
         write_report(run, arguments.report);

@@ -8,6 +8,7 @@
 #include "calib/files/foreign_camera.h"
 #include "calib/intrinsics/camera_check.h"
 #include "core/config/strict_reader.h"
+#include "core/program/print_stderr.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
 
@@ -182,7 +183,7 @@ int run_camera_convert(const CameraFileArguments& arguments) {
         lost = lost_in_foreign_file(tool, camera);
     }
     if (!lost.empty())
-        fmt::print(stderr, "etalon: left out, having no place there: {}\n", fmt::join(lost, ", "));
+        print_stderr("etalon: left out, having no place there: {}\n", fmt::join(lost, ", "));
     if (arguments.json)
         fmt::print("{}\n",
                    nlohmann::json{{"file", arguments.out.string()}, {"left_out", lost}}.dump(2));

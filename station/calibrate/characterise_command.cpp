@@ -7,7 +7,9 @@
 #include "calib/files/camera_file.h"
 #include "compare/photo_pose.h"
 #include "core/config/csv_file.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/html.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
@@ -458,7 +460,7 @@ std::string with_uncertainty(const MeasuredValue& value) {
 
 void write_characterise_report(const std::filesystem::path& folder, const CharacteriseInput& input,
                                const Characterisation& result) {
-    make_folder(folder);
+    const FolderLock lock = claim_folder(folder);
     const std::string serial = input.camera.serial.empty() ? "" : " " + input.camera.serial;
     HtmlPage page(
         "Camera" + serial + " characterised",
@@ -485,7 +487,7 @@ int run_characterise(const CharacteriseArguments& given) {
     const CharacteriseInput input = read_input(arguments);
     const Characterisation result = characterise(input);
     for (const std::string& remark : result.remarks)
-        fmt::print(stderr, "{}\n", remark);
+        print_stderr("{}\n", remark);
     write_camera(arguments.out, result.camera);
     if (!arguments.report.empty())
         write_characterise_report(arguments.report, input, result);

@@ -5,7 +5,9 @@
 
 #include "calib/files/camera_file.h"
 #include "compare/photo_pose.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/html.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
@@ -159,15 +161,15 @@ int run_edge(const CharacteriseArguments& arguments) {
     if (arguments.photos.empty())
         throw ConfigError({"PHOTOS"}, "no photograph given");
     if (arguments.camera.empty())
-        fmt::print(stderr,
-                   "no camera file: pixel values are taken to be linear in light, which those of "
-                   "JPEG files\nare not\n");
+        print_stderr(
+            "no camera file: pixel values are taken to be linear in light, which those of "
+            "JPEG files\nare not\n");
     std::vector<PhotoEdge> edges;
     for (const auto& path : arguments.photos)
         for (FoundSlantedEdge& found : edges_in(path, linear(path, arguments), region))
             edges.push_back({path, found.region, std::move(found.edge)});
     if (!arguments.report.empty()) {
-        make_folder(arguments.report);
+        const FolderLock lock = claim_folder(arguments.report);
         write_text(arguments.report / "edges.csv", edges_csv(edges));
         write_text(arguments.report / "report.html", edges_page(edges));
     }

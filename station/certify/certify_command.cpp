@@ -3,6 +3,7 @@
 #include "core/file/file_writing.h"
 #include "core/file/sha256.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "station/certify/certificate.h"
 #include "station/qualify/recorded_run.h"
 #include "station/record/record_json.h"
@@ -24,7 +25,7 @@ QualifyResult analysed(const std::filesystem::path& record) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
     StderrProgress progress;
-    const FileLock lock(record / log_file);
+    const FolderLock lock(record);
     return analyse_record(read_record(record, progress, stop.get_token()), progress,
                           stop.get_token());
 }
@@ -52,13 +53,13 @@ int run_certify(const CertifyArguments& arguments) {
     const Certificate certificate{run, form, utc_now().substr(0, 10),
                                   sha256_of_file(run.folder / log_file),
                                   sha256_of_file(run.folder / "run.json")};
-    make_folder(arguments.out);
+    const FolderLock lock = claim_folder(arguments.out);
     const auto html = arguments.out / "certificate.html", pdf = arguments.out / "certificate.pdf";
     write_text(html, certificate_html(certificate));
     write_text(arguments.out / "dcc.xml", dcc_xml(certificate));
     const std::string no_pdf = write_pdf(html, pdf);
     if (!no_pdf.empty())
-        fmt::print(stderr, "etalon: no PDF: {}; print {} in a browser\n", no_pdf, html.string());
+        print_stderr("etalon: no PDF: {}; print {} in a browser\n", no_pdf, html.string());
     const std::filesystem::path& shown = no_pdf.empty() ? pdf : html;
     if (arguments.json)
         fmt::print("{}", text_of({{"outcome", name(run.outcome)},

@@ -4,7 +4,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/make_detector.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/svg_plot.h"
 #include "station/compare/commands.h"
 #include "station/compare/comparison.h"
@@ -204,9 +206,8 @@ std::vector<ResidualProfile> empty_profiles(const Comparison& comparison,
 // Fills in `photo`, whose pose under test is known, and adds to the profiles where it has figures.
 // Picture files go to `folder`, named by `number` (from 1) and the photograph.
 void match(const CodeImage& image, const Job& job,
-           const std::shared_ptr<const PhotometricCamera>& camera,
-           const std::filesystem::path& folder, std::size_t number, ComparedPhoto& photo,
-           std::vector<ResidualProfile>& profiles) {
+           const std::shared_ptr<const PhotometricCamera>& camera, ReportFolder& folder,
+           std::size_t number, ComparedPhoto& photo, std::vector<ResidualProfile>& profiles) {
     const Marker& marker = job.marker;
     const Projector& projector = camera->projector();
     photo.findings = examine_marker(image, marker, job.area, projector, photo.under_test);
@@ -238,7 +239,7 @@ void match(const CodeImage& image, const Job& job,
 void print_progress(const std::string& place, const ComparedPhoto& photo) {
     const std::string file = place + ": " + photo.photo.string();
     if (!photo.has_figures()) {
-        fmt::print(stderr, "{}: {}\n", file, photo.reason());
+        print_stderr("{}: {}\n", file, photo.reason());
         return;
     }
     std::string line =
@@ -246,23 +247,20 @@ void print_progress(const std::string& place, const ComparedPhoto& photo) {
                     photo.refined->scored.rms_gray);
     for (const std::string& finding : photo.names_of_findings())
         line += ", " + finding;
-    fmt::print(stderr, "{}: {}\n", file, line);
+    print_stderr("{}: {}\n", file, line);
 }
 
 // Second pass over the photographs that have a pose. A run whose last hope fails writes no report.
-void compare_all(const CompareArguments& arguments, const Job& job, Comparison& comparison) {
-    if (std::ranges::none_of(comparison.photos, &std::string::empty, &ComparedPhoto::failure))
-        fail_without_photos(comparison);
+void compare_all(const CompareArguments& arguments, const Job& job, ReportFolder& folder,
+                 Comparison& comparison) {
     const auto camera = std::make_shared<const PhotometricCamera>(job.camera);
     comparison.profiles = empty_profiles(comparison, job.area);
-    make_folder(arguments.out);
     for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
         ComparedPhoto& photo = comparison.photos[i];
         if (photo.failure.empty()) {
             const CodeImage image = read_photo(photo.photo, job.camera, arguments.camera);
-            const auto matched = attempted([&] {
-                match(image, job, camera, arguments.out, i + 1, photo, comparison.profiles);
-            });
+            const auto matched = attempted(
+                [&] { match(image, job, camera, folder, i + 1, photo, comparison.profiles); });
             if (!matched)
                 photo.failure = matched.cause;
             if (!photo.has_figures()) {  // the pictures may show why; numbers would mislead
@@ -286,7 +284,7 @@ void compare_all(const CompareArguments& arguments, const Job& job, Comparison& 
     comparison.board = board_shifts(edges, Projector(job.camera), job.area);
 }
 
-void write_files(const std::filesystem::path& folder, const Comparison& comparison) {
+void write_files(ReportFolder& folder, const Comparison& comparison) {
     const std::vector<ComparisonPlot> plots = comparison_plots(comparison);
     for (const ComparisonPlot& plot : plots)
         write_text(folder / plot.file, stand_alone_svg(plot.svg) + "\n");
@@ -305,13 +303,14 @@ void write_files(const std::filesystem::path& folder, const Comparison& comparis
         write_text(folder / "baseline.csv", baseline_csv(*comparison.baseline));
     write_text(folder / "comparison.json", comparison_json(comparison) + "\n");
     write_text(folder / "report.html", comparison_html(comparison, plots));
+    folder.finish();
 }
 
 void print_result(const CompareArguments& arguments, const Comparison& comparison) {
     const std::size_t compared = comparison.compared();
     if (compared < comparison.photos.size())
-        fmt::print(stderr, "{} of {} photographs could not be compared\n",
-                   comparison.photos.size() - compared, comparison.photos.size());
+        print_stderr("{} of {} photographs could not be compared\n",
+                     comparison.photos.size() - compared, comparison.photos.size());
     if (arguments.json) {
         std::puts(comparison_json(comparison).c_str());
         return;
@@ -324,7 +323,7 @@ void print_result(const CompareArguments& arguments, const Comparison& compariso
         fmt::print("edge shift {:.3f} px, {:.3f} px at the refined poses\n",
                    edges->first.shift.rms_px, edges->second.shift.rms_px);
     if (const std::string board = comparison.board_in_words(); !board.empty())
-        fmt::print(stderr, "{}\n", board);
+        print_stderr("{}\n", board);
     if (comparison.baseline)
         fmt::print("{}", baseline_text(*comparison.baseline));
 }
@@ -339,7 +338,7 @@ int run_compare(const CompareArguments& given) {
     const Projector projector(job.camera);
     FoundPoses found = find_poses(arguments, job, projector);
     if (!found.shown_as.empty()) {
-        fmt::print(stderr, "the board that is seen is {}: compared as that\n", found.shown_as);
+        print_stderr("the board that is seen is {}: compared as that\n", found.shown_as);
         arguments.board.clear();
         arguments.marker = found.shown_as;
         job = checked_job(arguments);
@@ -353,11 +352,14 @@ int run_compare(const CompareArguments& given) {
     comparison.poses = arguments.poses.string();
     comparison.margin = margin_of(arguments, job.marker);
     comparison.photos = std::move(found.photos);
-    compare_all(arguments, job, comparison);
+    if (std::ranges::none_of(comparison.photos, &std::string::empty, &ComparedPhoto::failure))
+        fail_without_photos(comparison);
+    ReportFolder folder(arguments.out, "compare");
+    compare_all(arguments, job, folder, comparison);
     if (job.baseline)
         comparison.baseline =
             compare_with_baseline(*job.baseline, comparison.summary(), arguments.baseline);
-    write_files(arguments.out, comparison);
+    write_files(folder, comparison);
     print_result(arguments, comparison);
     return 0;
 }

@@ -6,6 +6,7 @@
 #include "compare/edges/edge_summary.h"
 #include "compare/match/photo_findings.h"
 #include "compare/photo_pose.h"
+#include "core/file/file_writing.h"
 #include "station/compare/compare_baseline.h"
 
 namespace etalon {
@@ -111,7 +112,7 @@ inline constexpr double residual_map_scale_gray = 30.0;  // full colour of the r
 inline constexpr double significance_map_scale = 6.0;    // standard deviations, full colour
 
 // Writes picture files of photograph `number` (from 1) to `folder`; makes the report's elements.
-PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t number,
+PhotoPictures make_pictures(ReportFolder& folder, std::size_t number,
                             const std::filesystem::path& photo, const PhotoFit& calibrated,
                             const PhotoFit& refined);
 // Of a photograph that was not compared: the whole of it, for the report only.

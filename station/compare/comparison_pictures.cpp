@@ -54,7 +54,7 @@ cv::Rect surroundings(const cv::Mat& use) {
 
 }  // namespace
 
-PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t number,
+PhotoPictures make_pictures(ReportFolder& folder, std::size_t number,
                             const std::filesystem::path& photo, const PhotoFit& calibrated,
                             const PhotoFit& refined) {
     const cv::Mat gray = calibrated.predicted + calibrated.residual;

@@ -9,6 +9,7 @@
 #include "compare/match/photo_findings.h"
 #include "compare/photo_pose.h"
 #include "core/program/errors.h"
+#include "core/program/print_stderr.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
 #include "station/compare/commands.h"
@@ -194,18 +195,18 @@ int finish(const Marker& marker, const std::vector<Result>& all) {
         throw NumericalError(fmt::format("{} is not found in any of {} photographs ({}: {})",
                                          marker.spec, photos.size(), all.front().photo.string(),
                                          all.front().failure));
-    fmt::print(stderr, "found in {} of {} photographs\n", found.size(), photos.size());
+    print_stderr("found in {} of {} photographs\n", found.size(), photos.size());
     return 0;
 }
 
 void print_remarks(const std::vector<PhotoPose>& all) {
     for (std::size_t i = 0; i < all.size(); ++i) {
         if (!all[i].shown_as.empty())
-            fmt::print(stderr, "{}: the board that is seen is {}\n", all[i].photo.string(),
-                       all[i].shown_as);
+            print_stderr("{}: the board that is seen is {}\n", all[i].photo.string(),
+                         all[i].shown_as);
         if (i > 0 && all[i].photo == all[i - 1].photo)
-            fmt::print(stderr, "{}: the marker is seen more than once: a line for each\n",
-                       all[i].photo.string());
+            print_stderr("{}: the marker is seen more than once: a line for each\n",
+                         all[i].photo.string());
     }
 }
 
@@ -271,7 +272,7 @@ int run_corner_detect(const DetectArguments& arguments) {
         print_table(all, "  RMS px  corners");
     print_remarks(all);
     if (arguments.camera.empty())
-        fmt::print(stderr, "corners only: poses need a calibration: --camera FILE\n");
+        print_stderr("corners only: poses need a calibration: --camera FILE\n");
     return finish(marker, all);
 }
 

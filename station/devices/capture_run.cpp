@@ -4,7 +4,9 @@
 
 #include "capture/camera_recovery.h"
 #include "capture/frame/frame_average.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "station/devices/capture_help.txt.h"
 #include "station/devices/live_view.h"
 #include "station/record/record_json.h"
@@ -138,8 +140,11 @@ CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Cloc
     const auto elapsed_s = [&] {
         return std::chrono::duration<double>(clock.now() - start).count();
     };
+    std::optional<FolderLock> lock;
     std::optional<RunRecord> record;
     if (!request.out.empty())
+        lock.emplace(claim_folder(request.out));
+    if (lock)
         record.emplace(request.out, std::initializer_list<const char*>{"frames"});
     const auto log = [&](const std::string& event, const std::string& detail) {
         if (record)
@@ -192,21 +197,21 @@ void use_camera(Camera& camera, CameraUse& use, const std::function<void()>& wor
 
 void print_remarks(const CameraUse& use) {
     if (!use.reason.empty())
-        fmt::print(stderr, "etalon: {}\n", use.reason);
+        print_stderr("etalon: {}\n", use.reason);
     for (const std::string& remark : use.remarks)
-        fmt::print(stderr, "etalon: {}\n", remark);
+        print_stderr("etalon: {}\n", remark);
 }
 
 StatusLine::~StatusLine() {
     if (is_terminal_ && is_drawn_)
-        fmt::print(stderr, "\n");
+        print_stderr("\n");
 }
 
 void StatusLine::show(const std::string& text) {
     if (is_terminal_)
-        fmt::print(stderr, "\r{:<79}", text);
+        print_stderr("\r{:<79}", text);
     else
-        fmt::print(stderr, "{}\n", text);
+        print_stderr("{}\n", text);
     std::fflush(stderr);
     is_drawn_ = true;
 }
@@ -224,7 +229,7 @@ std::unique_ptr<Camera> opened_camera(const CaptureArguments& arguments, Clock& 
     CameraLink link = arguments.link;
     link.frame_timeout = std::chrono::milliseconds(arguments.frame_timeout_ms);
     return open_when_free([&] { return open_camera(arguments.camera, link, clock); }, clock, stop,
-                          [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
+                          [](const std::string& text) { print_stderr("{}\n", text); });
 }
 
 int run_capture(const CaptureArguments& arguments) {

@@ -6,7 +6,9 @@
 #include <cstdio>
 
 #include "capture/camera_recovery.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
@@ -282,10 +284,10 @@ public:
     void show(const DriftMonitor& monitor) {
         for (; jumps_ < monitor.jumps().size(); ++jumps_) {
             const DriftJump& jump = monitor.jumps()[jumps_];
-            fmt::print(stderr,
-                       "{}jump of {:.3f} px at {:.2f} min: target, camera or their base was "
-                       "touched; judged again\n",
-                       line_.is_terminal() ? "\r" : "", jump.size_px, jump.time.count());
+            print_stderr(
+                "{}jump of {:.3f} px at {:.2f} min: target, camera or their base was "
+                "touched; judged again\n",
+                line_.is_terminal() ? "\r" : "", jump.size_px, jump.time.count());
         }
         if (line_.is_terminal() || monitor.rates().size() > rates_ || monitor.frames().size() == 1)
             line_.show(drift_line(monitor));
@@ -378,7 +380,8 @@ int run_capture_drift(const CaptureArguments& arguments) {
     VirtualClock recorded;
     Clock& clock = is_recording(arguments) ? static_cast<Clock&>(recorded) : real;
     const auto camera = opened_camera(arguments, clock, stop.get_token());
-    make_folder(arguments.out);
+    const FolderLock lock = claim_folder(arguments.out);
+    require_new_folder(arguments.out);  // still
     std::optional<DriftResult> result;
     {
         DriftPrinter printer;

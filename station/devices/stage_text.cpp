@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/json_text.h"
 #include "station/devices/commands.h"
 #include "station/setup/station_lock.h"
@@ -90,7 +91,7 @@ public:
         : profile_(named_stage_profile(stage.profile)),
           stage_(open_stage(stage.link, stage.profile, stage.axes, clock_, opening), stage.rules) {
         if (trace)
-            stage_.set_trace([](const std::string& line) { fmt::print(stderr, "{}\n", line); });
+            stage_.set_trace([](const std::string& line) { print_stderr("{}\n", line); });
     }
 
     Stage& stage() { return stage_; }
@@ -121,11 +122,11 @@ void confirm_homing(const std::vector<Axis>& axes, bool yes) {
     if (isatty(STDIN_FILENO) == 0)
         throw ConfigError({"--yes"},
                           "is needed where nobody can be asked: homing moves every axis");
-    fmt::print(stderr,
-               "Homing moves {} until each has found its zero, by the controller's own way:\n"
-               "soft limits, forbidden boxes and slow zones do not hold. Is the way clear?\n"
-               "Type yes to go on: ",
-               names_of(axes));
+    print_stderr(
+        "Homing moves {} until each has found its zero, by the controller's own way:\n"
+        "soft limits, forbidden boxes and slow zones do not hold. Is the way clear?\n"
+        "Type yes to go on: ",
+        names_of(axes));
     std::string answer;
     std::getline(std::cin, answer);
     if (answer != "yes")
@@ -347,7 +348,7 @@ int run_stage_stop(const StageArguments& arguments) {
     const StopOnSignals signals(ignored);
     Session session(read_station_stage(arguments.station), arguments.trace, Opening::asks_nothing);
     if (!session.stage().stop()) {
-        fmt::print(stderr, "etalon: the stage did NOT confirm that its axes stand still\n");
+        print_stderr("etalon: the stage did NOT confirm that its axes stand still\n");
         return ExitCode::run_error;
     }
     session.show(arguments.json);

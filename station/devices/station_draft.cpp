@@ -6,7 +6,9 @@
 #include <iostream>
 
 #include "compare/qualification/judged_quantities.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/json_text.h"
 #include "station/devices/commands.h"
 #include "station/devices/new_station.yaml.h"
@@ -85,7 +87,7 @@ std::optional<std::string> found_camera() {
         for (const CameraIdentity& identity : backend.cameras)
             uris.push_back(identity.uri);
     for (const std::string& uri : uris)
-        fmt::print(stderr, "camera {}\n", uri);
+        print_stderr("camera {}\n", uri);
     return uris.size() == 1 ? std::optional(uris.front()) : std::nullopt;
 }
 
@@ -96,7 +98,7 @@ std::string asked(const std::optional<std::string>& given, const char* question,
         return *given;
     if (isatty(STDIN_FILENO) == 0)
         return otherwise;
-    fmt::print(stderr, "{} [{}]: ", question, otherwise);
+    print_stderr("{} [{}]: ", question, otherwise);
     std::string answer;
     std::getline(std::cin, answer);
     answer = trimmed(answer);
@@ -127,7 +129,7 @@ int run_init(const InitArguments& arguments) {
     const StationTemplate draft = draft_of(arguments);
     const std::string text = drafted_station(draft);
     const std::filesystem::path station = arguments.folder / "station.yaml";
-    make_folder(arguments.folder);
+    const FolderLock lock = claim_folder(arguments.folder);
     write_new(station, text);
     write_new(arguments.folder / "limits.yaml", drafted_limits());
     const bool is_calibrated =
@@ -140,7 +142,7 @@ int run_init(const InitArguments& arguments) {
         is_calibrated ? fmt::format("`etalon plan {}` says what it can see", station.string())
                       : fmt::format("{} is missing: `etalon calibrate` makes it",
                                     (arguments.folder / draft.calibration).string());
-    fmt::print(stderr, "next: set what is marked \"yours\" in {}; {}\n", station.string(), next);
+    print_stderr("next: set what is marked \"yours\" in {}; {}\n", station.string(), next);
     if (arguments.json)
         fmt::print("{}\n", text_of(Json{{"etalon", "init/1"}, {"station", station.string()}}));
     else

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include "core/program/print_stderr.h"
 #include "station/history/run_index.h"
 #include "station/record/run_record.h"
 #include "station/shell/command.h"
@@ -46,9 +47,9 @@ int run_history(const HistoryArguments& arguments) {
         RunIndex index(arguments.index);
         const IndexUpdate update = index.update();
         for (const std::string& refused : update.refused)  // one must not hide a fleet
-            fmt::print(stderr, "etalon: left out: {}\n", refused);
-        fmt::print(stderr, "{} runs in {}, {} re-read\n", update.runs,
-                   (arguments.index / run_index_file).string(), update.read);
+            print_stderr("etalon: left out: {}\n", refused);
+        print_stderr("{} runs in {}, {} re-read\n", update.runs,
+                     (arguments.index / run_index_file).string(), update.read);
         runs = index.runs();
     }
     const std::vector<QuantityHistory> charts = chart_history(runs);

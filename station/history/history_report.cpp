@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
@@ -213,7 +214,7 @@ std::string history_json(std::span<const HistoricRun> runs, std::span<const Quan
 void write_history_report(std::span<const HistoricRun> runs,
                           std::span<const QuantityHistory> charts,
                           std::span<const CameraState> fleet, const std::filesystem::path& folder) {
-    make_folder(folder);
+    ReportFolder report(folder, "history");
     HtmlPage page("Cameras over time", counted(runs.size(), "run"));
     std::vector<std::string> drifting;
     for (const QuantityHistory& history : charts)
@@ -241,13 +242,14 @@ void write_history_report(std::span<const HistoricRun> runs,
     int count = 0;
     for (const QuantityHistory& history : charts) {
         add_chart(page, runs, history);
-        write_text(folder / fmt::format("chart-{}.svg", ++count),
+        write_text(report / fmt::format("chart-{}.svg", ++count),
                    value_plot(columns_of(runs, history), history).svg(/*stand_alone=*/true));
     }
     page.add_notes({method_text() + " A new calibration begins a new baseline, of which the first "
                                     "two runs only tell the mean and the spread."});
-    write_text(folder / "report.html", page.finish());
-    write_text(folder / "history.json", history_json(runs, charts, fleet));
+    write_text(report / "report.html", page.finish());
+    write_text(report / "history.json", history_json(runs, charts, fleet));
+    report.finish();
 }
 
 }  // namespace etalon

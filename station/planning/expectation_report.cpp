@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/geometry/units.h"
 #include "report/json_text.h"
@@ -256,7 +257,7 @@ std::string expectation_csv(const Expectation& expectation) {
 
 void write_expectation(const ExpectationRequest& request, const Expectation& expectation,
                        const std::filesystem::path& folder) {
-    make_folder(folder);
+    const FolderLock lock = claim_folder(folder);
     HtmlPage page("Expected pose errors", request.scene.marker.spec);
     add_expectation(page, expectation);
     page.add_facts(

@@ -5,6 +5,7 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "report/json_text.h"
 #include "report/svg_plot.h"
@@ -184,8 +185,8 @@ std::string curve(const OperatingCharacteristic& result, const ErrorCharacterist
 
 void write_files(const std::filesystem::path& folder, const Json& json,
                  const OperatingCharacteristic& result) {
-    make_folder(folder);
-    write_text(folder / "operating-characteristic.json", json.dump(1) + "\n");
+    ReportFolder report(folder, "oc");
+    write_text(report / "operating-characteristic.json", json.dump(1) + "\n");
     for (const ErrorCharacteristic& error : result.errors)
         for (std::size_t k = 0; k < error.limit_size.size(); ++k) {
             if (!error.limit_size[k])
@@ -194,8 +195,9 @@ void write_files(const std::filesystem::path& folder, const Json& json,
             for (char& c : file)
                 if (!std::isalnum(static_cast<unsigned char>(c)))
                     c = '-';
-            write_text(folder / (file + ".svg"), curve(result, error, k));
+            write_text(report / (file + ".svg"), curve(result, error, k));
         }
+    report.finish();
 }
 
 void give(const StationCharacteristic& studied, const std::filesystem::path& out, bool json) {

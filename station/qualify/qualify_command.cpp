@@ -6,6 +6,7 @@
 
 #include "core/file/file_writing.h"
 #include "core/process/subprocess.h"
+#include "core/program/print_stderr.h"
 #include "station/qualify/runner.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
@@ -55,8 +56,8 @@ std::string found_lines(const QualifyResult& result) {
 int print_result(const QualifyResult& result, bool json) {
     const bool has_verdict = result.reason.empty();
     if (!has_verdict)
-        fmt::print(stderr, "etalon: {}\netalon: the record of this run is in {}\n", result.reason,
-                   result.folder.string());
+        print_stderr("etalon: {}\netalon: the record of this run is in {}\n", result.reason,
+                     result.folder.string());
     if (json)
         fmt::print("{}", run_json(result));
     else if (has_verdict)
@@ -87,7 +88,7 @@ void require_recorded(const QualifyArguments& arguments, const std::vector<Input
 
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                      const std::stop_token& stop) {
-    const FileLock lock(arguments.resume / log_file);
+    const FolderLock lock(arguments.resume);
     const RecordedRun recorded = read_record(arguments.resume, progress, stop);
     announce(recorded, progress);
     const StationFile& station = recorded.result.station;
@@ -137,7 +138,7 @@ int run_qualify(const QualifyArguments& arguments) {
             twin->wait_for(no_time_limit);
             return twin->result().exit_code;
         }
-        fmt::print(stderr, "{}", ready);
+        print_stderr("{}", ready);
     }
     std::stop_source stop;
     const StopOnSignals signals(stop);
@@ -151,7 +152,7 @@ int run_report(const ReportArguments& arguments) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
     StderrProgress progress;
-    const FileLock lock(arguments.record / log_file);
+    const FolderLock lock(arguments.record);
     const RecordedRun recorded = read_record(arguments.record, progress, stop.get_token());
     announce(recorded, progress);
     return print_result(analyse_record(recorded, progress, stop.get_token()), arguments.json);

@@ -558,8 +558,8 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     result.camera = camera->identity();
     require_same_camera(station, result.camera);
 
+    const FolderLock lock = claim_folder(folder);
     RunRecord record(folder);
-    const FileLock lock(folder / log_file);
     copy_inputs(result.station.inputs, folder);
     const RunSession session = new_session(open);
     result.started_utc = session.started_utc;

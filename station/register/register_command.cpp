@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
 #include "station/register/stage_registration.h"
@@ -136,7 +137,7 @@ int run_register(const RegisterArguments& arguments) {
         station, photos, arguments.detector.empty() ? station.detector : arguments.detector);
     for (const RegisteredPhoto& photo : result.photos)
         if (!photo.failure.empty())
-            fmt::print(stderr, "{}: {}\n", photo.photo.string(), photo.failure);
+            print_stderr("{}: {}\n", photo.photo.string(), photo.failure);
     if (arguments.json)
         print_json(station, result);
     else

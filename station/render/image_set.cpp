@@ -5,6 +5,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include <array>
+#include <limits>
+
 #include "core/file/sha256.h"
 #include "core/file/text.h"
 #include "core/program/ordered_pipeline.h"
@@ -37,11 +40,10 @@ bool is_set(const Json& json) {
            json["settings"].is_object();
 }
 
-// Makes the folder, or looks whether the set in it has these settings. Whether it was there.
-bool open_folder(const std::filesystem::path& folder, const Json& settings) {
+// Whether a set is there, which must have these settings; otherwise the folder must be empty.
+bool holds_set(const std::filesystem::path& folder, const Json& settings) {
     std::error_code error;
     if (!std::filesystem::exists(folder / settings_file, error)) {
-        make_folder(folder);
         if (!std::filesystem::is_empty(folder, error))
             refuse(folder, "is not empty and holds no image set");
         return false;
@@ -146,11 +148,11 @@ std::size_t count_poses(const std::filesystem::path& path) {
 
 ImageSet::ImageSet(const std::filesystem::path& folder, const std::string& settings,
                    const std::string& made_from, const std::string& extension, std::size_t poses)
-    : folder_(folder), extension_(extension), had_(poses) {
+    : lock_(claim_folder(folder)), folder_(folder), extension_(extension), had_(poses) {
     const Json set{{"etalon", kind},
                    {"settings", Json::parse(settings)},
                    {"made_from", Json::parse(made_from)}};
-    if (!open_folder(folder, set["settings"]))
+    if (!holds_set(folder, set["settings"]))
         write_text(folder / settings_file, text_of(set) + "\n");
     // Without lines of missing images, of refused poses (which cost nothing), and broken ones.
     const std::filesystem::path path = folder / manifest_file;
@@ -205,8 +207,9 @@ MergedImages merge_image_sets(const std::vector<std::filesystem::path>& shards,
     std::vector<ShardManifest> manifests;
     for (std::size_t i = 0; i < in_order.size(); ++i)
         manifests.emplace_back(in_order[i], poses, Shard{i + 1, in_order.size()});
-    open_folder(out, set["settings"]);
-    write_text(out / settings_file, text_of(set) + "\n");
+    const FolderLock lock = claim_folder(out);
+    if (!holds_set(out, set["settings"]))
+        write_text(out / settings_file, text_of(set) + "\n");
 
     MergedImages merged;
     AtomicFile manifest(out / manifest_file);
@@ -263,14 +266,17 @@ public:
     void write(const std::filesystem::path& to) const {
         if (!text_.empty())
             return write_text(to, text_);
-        const std::string part = to.string() + ".part";
-        std::error_code error;
-        std::filesystem::copy_file(path_, part, std::filesystem::copy_options::overwrite_existing,
-                                   error);
-        if (!error)
-            std::filesystem::rename(part, to, error);
-        if (error)
-            fail_writing(to, error);
+        std::error_code ignored;
+        if (std::filesystem::equivalent(path_, to, ignored))  // a set continued from its own poses
+            return;
+        std::ifstream from = open_text(path_, std::numeric_limits<std::uintmax_t>::max());
+        AtomicFile copy(to);
+        std::array<char, 1 << 16> bytes{};
+        while (from.read(bytes.data(), bytes.size()) || from.gcount() > 0)
+            copy.write({bytes.data(), static_cast<std::size_t>(from.gcount())});
+        if (!from.eof())
+            throw ConfigError({path_.string()}, "cannot be read");
+        copy.commit();
     }
 
 private:

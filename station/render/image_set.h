@@ -21,7 +21,8 @@ public:
     // Makes the folder, or continues the one that was made with the same settings. `settings` and
     // `made_from` are JSON objects as text; the latter is for people and not compared. A bit of
     // each of `poses` is kept. Throws ConfigError (place --out) when the folder holds something
-    // else, or a set with other settings: the first one that differs is named.
+    // else, or a set with other settings: the first one that differs is named; and while another
+    // program writes there.
     ImageSet(const std::filesystem::path& folder, const std::string& settings,
              const std::string& made_from, const std::string& extension, std::size_t poses);
 
@@ -39,6 +40,7 @@ public:
 private:
     bool keeps(const std::string& line);
 
+    FolderLock lock_;
     std::filesystem::path folder_;
     std::string extension_;
     std::vector<bool> had_;

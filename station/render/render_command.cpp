@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/program/errors.h"
+#include "core/program/print_stderr.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
 #include "sim/marker/marker_print.h"
@@ -65,12 +66,12 @@ void print_json(const RenderArguments& arguments, const CameraModel& camera,
 }
 
 void print_summary(const RenderArguments& arguments, const View& view, double seconds) {
-    fmt::print(stderr, "{}: {} ({:.2f} s)\n", arguments.out.string(), view.describe(), seconds);
+    print_stderr("{}: {} ({:.2f} s)\n", arguments.out.string(), view.describe(), seconds);
     if (view.pixels_without_ray > 0)
-        fmt::print(stderr,
-                   "{} pixels have no ray (the distortion model ends before them): they "
-                   "show the background\n",
-                   view.pixels_without_ray);
+        print_stderr(
+            "{} pixels have no ray (the distortion model ends before them): they "
+            "show the background\n",
+            view.pixels_without_ray);
 }
 
 int render_one(const RenderArguments& arguments) {
@@ -119,8 +120,8 @@ struct RenderMergeArguments {
 
 int run_render_merge(const RenderMergeArguments& arguments) {
     const MergedImages merged = merge_image_sets(arguments.shards, arguments.out);
-    fmt::print(stderr, "{}: {} images merged, {} poses refused\n", arguments.out.string(),
-               merged.images, merged.refused);
+    print_stderr("{}: {} images merged, {} poses refused\n", arguments.out.string(), merged.images,
+                 merged.refused);
     if (arguments.json)
         fmt::print("{}\n", text_of(Json{{"etalon", "render-merge/1"},
                                         {"folder", arguments.out.string()},
@@ -140,12 +141,12 @@ int run_render_set(const RenderArguments& arguments) {
     const SetResult result = render_set(arguments, stop.get_token(), progress);
     const double seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-    fmt::print(stderr, "{}: {} images rendered, {} were there, {} poses refused ({:.1f} s)\n",
-               arguments.out.string(), result.rendered, result.already_there, result.refused,
-               seconds);
+    print_stderr("{}: {} images rendered, {} were there, {} poses refused ({:.1f} s)\n",
+                 arguments.out.string(), result.rendered, result.already_there, result.refused,
+                 seconds);
     if (result.refused > 0)
-        fmt::print(stderr, "{}\nthe reasons are in {}\n", result.first_refusal,
-                   (arguments.out / "images.jsonl").string());
+        print_stderr("{}\nthe reasons are in {}\n", result.first_refusal,
+                     (arguments.out / "images.jsonl").string());
     if (!result.complete)
         throw Interrupted();
     if (result.rendered + result.already_there == 0)
@@ -239,8 +240,8 @@ void declare_render(Command& program) {
 int run_marker(const MarkerArguments& arguments) {
     const Marker marker = parse_marker(arguments.marker, "MARKER");
     const PrintPage page = print_marker(marker, arguments.out, arguments.dots_per_mm);
-    fmt::print(stderr, "{}: {:.6g} x {:.6g} mm; the bar must measure {} mm when printed\n",
-               arguments.out.string(), page.width_mm, page.height_mm, page.scale_bar_mm.width);
+    print_stderr("{}: {:.6g} x {:.6g} mm; the bar must measure {} mm when printed\n",
+                 arguments.out.string(), page.width_mm, page.height_mm, page.scale_bar_mm.width);
     if (arguments.json)
         fmt::print("{}\n", text_of(marker_json(marker, page, arguments)));
     return 0;

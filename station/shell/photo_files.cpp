@@ -5,6 +5,7 @@
 
 #include <set>
 
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
 #include "core/image/image.h"
 #include "core/image/opencv_plugin.h"
@@ -90,6 +91,7 @@ void PhotoFiles::add_film(const std::string& name) {
     };
     if (!opencv_plugin().read_film(of.file, of.every, keep))
         throw ConfigError({of.file}, "is not a film that can be read");
+    note_input(of.file);
     if (paths_.size() == before)
         throw ConfigError({of.file}, "holds no frame that can be read");
 }

@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 
 #include "bench/bench_report.h"
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "sim/scene/pose_volume.h"
 #include "station/shell/command.h"
 #include "station/studies/commands.h"
@@ -37,7 +39,7 @@ BenchPlan plan_of(const BenchArguments& arguments) {
 }
 
 void say(const std::string& words) {
-    fmt::print(stderr, "{}\n", words);
+    print_stderr("{}\n", words);
     std::fflush(stderr);
 }
 
@@ -78,10 +80,12 @@ void write_files(const std::filesystem::path& folder, const BenchResult& result)
 
 bool print_checks(const std::vector<BenchCheck>& checks, std::FILE* stream) {
     bool all = true;
-    fmt::print(stream, "\npromised figures:\n");
+    std::fputs("\npromised figures:\n", stream);
     for (const BenchCheck& check : checks) {
-        fmt::print(stream, "  {:<4} {}: {}\n", check.reached ? "ok" : "FAIL", check.what,
-                   check.figure);
+        std::fputs(
+            fmt::format("  {:<4} {}: {}\n", check.reached ? "ok" : "FAIL", check.what, check.figure)
+                .c_str(),
+            stream);
         all = all && check.reached;
     }
     return all;
@@ -90,7 +94,7 @@ bool print_checks(const std::vector<BenchCheck>& checks, std::FILE* stream) {
 bool print_against(const BenchBefore& before, const BenchResult& result, double margin,
                    std::FILE* stream) {
     const std::vector<SpeedChange> changes = speed_changes(before, result, margin);
-    fmt::print(stream, "\n{}", against_text(before, changes));
+    std::fputs(("\n" + against_text(before, changes)).c_str(), stream);
     if (changes.empty())
         throw ConfigError({"--against"}, "has none of the scenes that were measured");
     return std::ranges::none_of(changes, &SpeedChange::is_slower);
@@ -104,8 +108,13 @@ int run_bench(const BenchArguments& arguments) {
     std::optional<BenchBefore> before;
     if (!arguments.against.empty())
         before = read_bench(arguments.against);
+    std::error_code ignored;  // said now, not in six minutes
+    if (!arguments.out.empty() &&
+        std::filesystem::equivalent(arguments.against, arguments.out / "bench.json", ignored))
+        throw ConfigError({"--against"}, "is the file of --out, which is written again");
+    std::optional<FolderLock> lock;
     if (!arguments.out.empty())
-        make_folder(arguments.out);
+        lock.emplace(claim_folder(arguments.out));
     keep_freed_memory();
     const BenchResult result = measure(arguments, scenes);
     if (!arguments.out.empty())

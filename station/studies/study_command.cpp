@@ -4,7 +4,9 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "core/file/file_writing.h"
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "report/json_text.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
@@ -92,8 +94,8 @@ int run_study_command(const StudyArguments& arguments) {
     StderrProgress progress;
     const StudyRun run = run_study(optics, shard, record, stop.get_token(), progress);
     if (!run.complete) {
-        fmt::print(stderr, "{} of {} poses are done; the same command goes on\n",
-                   record.poses_done(), shard.units(static_cast<std::size_t>(study.poses.count)));
+        print_stderr("{} of {} poses are done; the same command goes on\n", record.poses_done(),
+                     shard.units(static_cast<std::size_t>(study.poses.count)));
         throw Interrupted();
     }
     if (run.poses > 0)
@@ -111,6 +113,7 @@ int run_study_command(const StudyArguments& arguments) {
 
 int run_study_merge(const StudyMergeArguments& arguments) {
     merge_shards(arguments.shards, arguments.out);
+    const FolderLock lock(arguments.out);
     finish(arguments.out, arguments.json);
     if (!arguments.json)
         print_report(arguments.out);

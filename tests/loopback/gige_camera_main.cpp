@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "core/program/print_stderr.h"
 #include "mocks/ending_signals.h"
 #include "tests/loopback/gige_rig.h"
 
@@ -50,7 +51,7 @@ int main(int argc, char** argv) {
     try {
         return run(options, number);
     } catch (const etalon::Error& error) {
-        fmt::print(stderr, "gige-camera: {}\n", error.what());
+        print_stderr("gige-camera: {}\n", error.what());
         return 4;
     }
 }

@@ -49,6 +49,24 @@ TEST_F(InterruptedRun, StopsTheAxesAndEndsWith130OnInterrupt) {
     EXPECT_EQ(run_of(record_)["outcome"], "ABORTED");
 }
 
+using SilencedRun = QuickRun;
+
+TEST_F(SilencedRun, WithATwinOfItsOwnComesToItsVerdict) {
+    twin_->send(SIGTERM);
+    twin_->exit_code();
+    write_text(folder_ / "twin.yaml", replaced(quick_twin, "port: 0", "port: " + port_));
+    for (const auto& [out, lost] : {std::pair("full", "2>/dev/full"), {"closed", "2>&-"}}) {
+        const int status = std::system(
+            fmt::format(
+                "cd '{}' && '{}' qualify station.yaml --twin twin.yaml --out {} >out.txt {}",
+                folder_.path().string(), built_program("etalon"), out, lost)
+                .c_str());
+        EXPECT_EQ(WEXITSTATUS(status), 0) << lost;
+        EXPECT_THAT(read_text(folder_ / "out.txt"), StartsWith("verdict PASS\n"));
+        EXPECT_EQ(run_of(folder_ / out)["outcome"], "PASS");
+    }
+}
+
 // ---- certify
 
 // The way to a certificate over the real protocols: a twin with a sensor in its room, a run that

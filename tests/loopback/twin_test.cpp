@@ -186,6 +186,31 @@ TEST(TwinProgram, EndsWith3OnAWrongCommandLine) {
     EXPECT_EQ(Program("etalon-twin", {"missing.yaml"}).exit_code(), 3);
 }
 
+// Sockets and files get other numbers than what is printed goes to.
+TEST(TwinProgram, ReservesClosedStandardDescriptorsAsEveryProgramDoes) {
+    const TwinFolder folder;
+    for (const std::string& command :
+         {built_program("etalon-twin") + " '" + folder.file("twin.yaml").string() + "'",
+          built_program("gige-camera") + " 64 48 8 1"}) {
+        Program shell("/bin/sh", {"-c", "'" + replaced(command, " ", "' ") + " <&- >&- 2>&-; :"});
+        const auto all_are_reserved = [&] {
+            const int child = shell.child();
+            std::error_code ended;
+            for (const int number : {0, 1, 2})
+                if (child == 0 || std::filesystem::read_symlink(
+                                      fmt::format("/proc/{}/fd/{}", child, number), ended) != "/")
+                    return false;
+            return true;
+        };
+        for (int i = 0; i < 2000 && !all_are_reserved(); ++i)
+            SteadyClock().wait_for(5ms, {});
+        EXPECT_TRUE(all_are_reserved()) << command;
+        if (const int child = shell.child(); child != 0)
+            kill(child, SIGTERM);
+        shell.exit_code();
+    }
+}
+
 TEST(TwinProgram, EndsWith4WhenTheCameraPortIsTaken) {
     const TwinFolder folder;
     const GigeCamera other({}, [](const CaptureSettings&) { return CodeImage{}; });

@@ -4,6 +4,8 @@ import ast
 import inspect
 import pickle
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import etalon
@@ -67,3 +69,10 @@ def test_errors_go_from_process_to_process():
     error = pickle.loads(pickle.dumps(etalon.ConfigError("a:3: b: wrong", "a", 3, "b")))
     assert (str(error), error.file, error.line, error.key) == ("a:3: b: wrong", "a", 3, "b")
     assert issubclass(etalon.DeviceError, etalon.Error) and issubclass(etalon.Error, RuntimeError)
+
+
+def test_no_file_takes_the_number_of_a_closed_standard_descriptor():
+    script = "import etalon, os; print(os.open(os.devnull, os.O_RDONLY))"
+    shell = f'exec "{sys.executable}" -c "{script}" <&- 2>&-'
+    opened = subprocess.run(["sh", "-c", shell], stdout=subprocess.PIPE, check=True, text=True)
+    assert int(opened.stdout) > 2

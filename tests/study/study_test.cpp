@@ -618,5 +618,21 @@ TEST_F(KilledStudy, IsNotHarmedWhereItWritesItsOtherFiles) {
     EXPECT_GE(kills, 3);  // of 7, as above
 }
 
+// Nothing that is printed gets into a file, which would else take the closed descriptor's number.
+TEST_F(KilledStudy, WithoutStandardDescriptorsWritesTheSameFiles) {
+    write_study(8);
+    finish("undisturbed");
+    for (const auto& [closed, exit_code] :
+         {std::pair("<&- 2>&-", 0), {"<&- >&- 2>&-", 4}}) {  // 4: nobody got the result
+        const std::string out = fmt::format("closed-{}", exit_code);
+        const int status =
+            std::system(fmt::format("cd '{}' && '{}' study study.yaml --out {} >out.txt {}",
+                                    folder_.path().string(), built_program("etalon"), out, closed)
+                            .c_str());
+        EXPECT_EQ(WEXITSTATUS(status), exit_code);
+        expect_like_undisturbed(out);
+    }
+}
+
 }  // namespace
 }  // namespace etalon

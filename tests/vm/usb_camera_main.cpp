@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "core/program/print_stderr.h"
 #include "mocks/ending_signals.h"
 #include "mocks/twin/twin.h"
 #include "tests/vm/device_events.h"
@@ -102,7 +103,7 @@ int main(int argc, char** argv) {
     try {
         return run(twin_file, sharpness);
     } catch (const Error& error) {
-        fmt::print(stderr, "usb-camera: {}\n", error.what());
+        print_stderr("usb-camera: {}\n", error.what());
         return 4;
     }
 }

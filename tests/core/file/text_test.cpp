@@ -1,5 +1,8 @@
 #include "core/file/text.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+
 #include <cerrno>
 
 #include "core/file/file_writing.h"
@@ -126,6 +129,159 @@ TEST(AppendFile, WritesNothingAgainOfWhatFailed) {
         EXPECT_THROW(file.write("second\n"), DiskError);
     }
     EXPECT_EQ(read_text(folder / "a.txt"), "first\nsec");
+}
+
+TEST(AppendFile, HasOneWriter) {
+    const TemporaryFolder folder;
+    std::optional<AppendFile> first(folder / "a.txt");
+    EXPECT_THAT(config_error_of([&] { AppendFile(folder / "a.txt"); }),
+                EndsWith("a.txt: is in use: another etalon is writing to it"));
+    first.reset();
+    AppendFile(folder / "a.txt").write("x");
+    EXPECT_EQ(read_text(folder / "a.txt"), "x");
+}
+
+TEST(AtomicFile, OfOnePathIsWrittenByOneAtATime) {
+    const TemporaryFolder folder;
+    AtomicFile first(folder / "a.txt");
+    first.write("first");
+    EXPECT_THAT(config_error_of([&] { write_text(folder / "a.txt", "second"); }),
+                EndsWith("a.txt: is being written by another program"));
+    first.commit();
+    EXPECT_EQ(read_text(folder / "a.txt"), "first");
+    write_text(folder / "a.txt", "third");  // the first still has its file
+    EXPECT_EQ(read_text(folder / "a.txt"), "third");
+}
+
+TEST(AtomicFile, ReplacesWhatALinkLeadsToAndNotTheLink) {
+    const TemporaryFolder folder;
+    std::filesystem::create_directory(folder / "there");
+    std::filesystem::create_symlink("there/a.txt", folder / "link");
+    std::filesystem::create_symlink(folder / "link", folder / "there/link of the link");
+    for (const char* text : {"made", "replaced"}) {
+        write_text(folder / "there/link of the link", text);
+        EXPECT_EQ(read_text(folder / "there/a.txt"), text);
+        EXPECT_TRUE(std::filesystem::is_regular_file(
+            std::filesystem::symlink_status(folder / "there/a.txt")));
+        for (const char* link : {"link", "there/link of the link"})
+            EXPECT_TRUE(std::filesystem::is_symlink(folder / link)) << text;
+    }
+    std::filesystem::create_symlink("round", folder / "round");
+    EXPECT_THAT(config_error_of([&] { write_text(folder / "round", "x"); }),
+                HasSubstr("Too many levels of symbolic links"));
+}
+
+TEST(AtomicFile, KeepsTheModeOfTheFile) {
+    using std::filesystem::perms;
+    const TemporaryFolder folder;
+    write_text(folder / "a.txt", "old");
+    const perms mode = perms::owner_read | perms::owner_write | perms::group_exec;
+    std::filesystem::permissions(folder / "a.txt", mode);
+    write_text(folder / "a.txt", "new");
+    EXPECT_EQ(std::filesystem::status(folder / "a.txt").permissions(), mode);
+}
+
+// POSIX: an open FIFO keeps what is written to it, at least 512 bytes, until it is read.
+TEST(AtomicFile, WritesToAPipeOrADeviceAndReplacesNeither) {
+    const TemporaryFolder folder;
+    const std::filesystem::path pipe = folder / "pipe";
+    ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+    const FileDescriptor reader(open(pipe.c_str(), O_RDWR | O_NONBLOCK));
+    write_text(pipe, "seven");
+    std::array<char, 9> bytes{};
+    EXPECT_EQ(read(reader.get(), bytes.data(), bytes.size()), 5);
+    EXPECT_STREQ(bytes.data(), "seven");
+    EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+    std::filesystem::create_symlink("/dev/full", folder / "full");
+    EXPECT_THROW(write_text(folder / "full", "x"), DiskError);
+    EXPECT_TRUE(std::filesystem::is_symlink(folder / "full"));
+    EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));
+    EXPECT_THAT(config_error_of([&] { write_text(folder / ".", "x"); }),
+                EndsWith("cannot be written: Is a directory"));
+}
+
+TEST(AtomicFile, RefusesTheFileThatStdoutGoesTo) {
+    const TemporaryFolder folder;
+    testing::internal::CaptureStdout();
+    const auto error = config_error_of([&] { write_text("/dev/stdout", "x"); });
+    EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+    EXPECT_THAT(error, HasSubstr("/dev/stdout: is where stdout or stderr goes"));
+}
+
+// ---- inputs
+
+TEST(InputGuard, KeepsWhatWasReadByWhateverNameItIsWritten) {
+    const TemporaryFolder folder;
+    write_text(folder / "a.txt", "input");
+    std::filesystem::create_symlink("a.txt", folder / "link");
+    std::filesystem::create_hard_link(folder / "a.txt", folder / "second name");
+    {
+        const InputGuard guard;
+        write_text(folder / "a.txt", "input");  // not read yet
+        std::filesystem::remove(folder / "second name");
+        std::filesystem::create_hard_link(folder / "a.txt", folder / "second name");
+        read_text(folder / "link");
+        for (const char* name : {"a.txt", "link", "second name"}) {
+            EXPECT_THAT(config_error_of([&] { write_text(folder / name, "x"); }),
+                        EndsWith("is an input of this command and stays: name another file to "
+                                 "write"));
+            EXPECT_THROW(AppendFile(folder / name), ConfigError);
+        }
+        write_text(folder / "b.txt", "output");
+        EXPECT_EQ(read_text(folder / "a.txt"), "input");
+    }
+    read_text(folder / "a.txt");  // of a library's user
+    write_text(folder / "a.txt", "changed");
+    EXPECT_EQ(read_text(folder / "a.txt"), "changed");
+}
+
+// ---- folders
+
+TEST(FolderLock, IsHeldByOne) {
+    const TemporaryFolder folder;
+    {
+        const FolderLock first = claim_folder(folder / "new/deep");
+        EXPECT_EQ(config_error_of([&] { claim_folder(folder / "new/deep"); }),
+                  (folder / "new/deep").string() +
+                      ": is in use: another etalon is writing to this folder");
+        EXPECT_NO_THROW(FolderLock(folder / "new"));
+        EXPECT_TRUE(std::filesystem::is_empty(folder / "new/deep"));
+    }
+    EXPECT_NO_THROW(FolderLock(folder / "new/deep"));
+    EXPECT_THAT(config_error_of([&] { FolderLock(folder / "none"); }),
+                EndsWith("none: no such folder"));
+}
+
+// The names of the files in it that do not begin with a point.
+std::set<std::string> seen_in(const std::filesystem::path& folder) {
+    std::set<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(folder))
+        if (const std::string name = entry.path().filename(); name[0] != '.')
+            names.insert(name);
+    return names;
+}
+
+TEST(ReportFolder, LosesTheEarlierReportsFilesAndNoOthers) {
+    const TemporaryFolder folder;
+    const auto report = [&](const char* kind, std::initializer_list<const char*> names) {
+        ReportFolder files(folder.path(), kind);
+        EXPECT_THROW(ReportFolder(folder.path(), kind), ConfigError) << "at once";
+        for (const char* name : names)
+            write_text(files / name, kind);
+        files.finish();
+    };
+    write_text(folder / "thesis.tex", "x");
+    report("compare", {"1.png", "2.png", "report.html"});
+    report("history", {"chart.svg"});
+    {
+        ReportFolder killed(folder.path(), "compare");
+        write_text(killed / "3.png", "x");
+    }
+    using Names = std::set<std::string>;
+    EXPECT_EQ(seen_in(folder.path()),
+              (Names{"thesis.tex", "1.png", "2.png", "3.png", "report.html", "chart.svg"}));
+    report("compare", {"1.png", "report.html"});
+    EXPECT_EQ(seen_in(folder.path()), (Names{"thesis.tex", "1.png", "report.html", "chart.svg"}));
 }
 
 // ---- sha256

@@ -192,6 +192,19 @@ TEST_F(CompareCommand, RefusesContradictoryArgumentsBeforeItWritesAnything) {
     EXPECT_THROW(run_compare(onto_a_file), ConfigError);
 }
 
+TEST_F(CompareCommand, ReplacesAnEarlierReportAndLeavesNothingOfIt) {
+    auto wanted = arguments({photo_of_tag("a.png", 7.0), photo_of_tag("b.png", -9.0)});
+    printed(run_compare, wanted);
+    EXPECT_TRUE(fs::exists(wanted.out / "02-b-overlay.png"));
+    write_text(wanted.out / "notes.txt", "mine");
+    wanted.photos.pop_back();
+    printed(run_compare, wanted);
+    for (const auto& entry : fs::directory_iterator(wanted.out))
+        EXPECT_THAT(entry.path().filename().string(), Not(StartsWith("02-")));
+    EXPECT_TRUE(fs::exists(wanted.out / "01-a-overlay.png"));
+    EXPECT_EQ(read_text(wanted.out / "notes.txt"), "mine");
+}
+
 std::map<std::string, std::string> contents(const fs::path& folder) {
     std::map<std::string, std::string> files;
     for (const auto& entry : fs::directory_iterator(folder))

@@ -93,6 +93,8 @@ TEST_F(History, BeginsANewBaselineWithANewCalibration) {
     EXPECT_THAT(chart, HasSubstr("new calibration"));
     EXPECT_THAT(chart, HasSubstr("2026-03-13T14:05:09Z, PASS, calibration bbbbbbbbbbbb"));
     EXPECT_THAT(chart, Not(HasSubstr("calibration aaaaaaaaaaaa")));
+    write_history_report(runs, {}, {}, folder / "report");  // has no chart any more
+    EXPECT_FALSE(std::filesystem::exists(folder / "report/chart-1.svg"));
 }
 
 TEST_F(History, KeepsCamerasStationsAndMarkersApart) {

@@ -535,6 +535,17 @@ TEST_F(RenderSet, HasTheSameBytesForAnyNumberOfThreadsAndNoiseOfItsOwnInEveryIma
     EXPECT_NE(parallel[0]["sha256"], parallel[2]["sha256"]);
 }
 
+// Its own copy of the poses is then the file that was given.
+TEST_F(RenderSet, GoesOnFromItsOwnPoses) {
+    render();
+    const std::string before = read_text(arguments_.out / "poses.csv");
+    std::filesystem::remove(image(1));
+    arguments_.pose_file = arguments_.out / "poses.csv";
+    const InputGuard guard;
+    EXPECT_EQ(render().rendered, 1u);
+    EXPECT_EQ(read_text(arguments_.out / "poses.csv"), before);
+}
+
 TEST_F(RenderSet, ListsPosesThatCannotBeRendered) {
     write_text(folder_ / "poses.csv",
                "rx,ry,rz,tx,ty,tz\n0,0,0,7,-5,100\n0,0,0,7,-5,-100\n0,0,0,1,2,300\n");
@@ -568,6 +579,17 @@ TEST_F(RenderSet, WritesRadianceAsTiff) {
     arguments_.linear = true;
     render();
     EXPECT_EQ(read_radiance(arguments_.out / "pose-000002.tiff").size(), cv::Size(80, 60));
+}
+
+TEST(ImageSetFolder, IsWrittenByOneAtATime) {
+    const TemporaryFolder folder;
+    const auto begin_set = [&] { ImageSet(folder / "set", R"({"seed": 7})", "{}", ".png", 3); };
+    {
+        const ImageSet first(folder / "set", R"({"seed": 7})", "{}", ".png", 3);
+        EXPECT_THAT(config_error_of(begin_set),
+                    HasSubstr("set: is in use: another etalon is writing"));
+    }
+    EXPECT_EQ(config_error_of(begin_set), "no error");
 }
 
 TEST(ImageSetFolder, AFullDiskIsADiskError) {

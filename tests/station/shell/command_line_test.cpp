@@ -110,7 +110,7 @@ TEST(CommandLine, ARecordInUseIsNeitherResumedNorReported) {
         return finished.err;
     };
     {
-        const FileLock held(folder / "record/events.jsonl");
+        const FolderLock held(folder / "record");
         for (const char* command : {"qualify --resume record", "report record"})
             EXPECT_EQ(first_line(command),
                       "etalon: record: is in use: another etalon is writing to this folder\n");
@@ -128,10 +128,103 @@ TEST(CommandLine, AResultThatCannotBeWrittenIsExitCode4) {
                                        .c_str());
     EXPECT_EQ(WEXITSTATUS(status), 4);
     EXPECT_EQ(read_text(folder / "err.txt"), "etalon: stdout: cannot be written\n");
-    std::filesystem::create_symlink("/dev/full", folder / "x.yml.part");
+    std::filesystem::create_symlink("/dev/full", folder / "x.yml");
     const Finished full = etalon_with(folder, "camera convert camera.yml --to etalon --out x.yml");
     EXPECT_EQ(full.exit_code, 4);
     EXPECT_THAT(full.err, HasSubstr("x.yml: cannot be written: No space left on device"));
+}
+
+constexpr const char* tag_in_view = "--marker apriltag:36h11:5@60mm --pose 0,0,0,5,-7,330 ";
+
+// What was done is done, whether or not somebody reads how far it is.
+TEST(CommandLine, ALostWordOfProgressEndsNothing) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    const std::string render =
+        fmt::format("render --camera camera.yml {}--out tag.png", tag_in_view);
+    ASSERT_EQ(etalon_with(folder, render).exit_code, 0);
+    const std::string picture = read_bytes(folder / "tag.png");
+    const std::string detect = "detect tag.png --marker apriltag:36h11:5@60mm";
+    const std::string corners = etalon_with(folder, detect).out;
+    EXPECT_NE(corners, "");
+    for (const char* lost : {"2>/dev/full", "2>&-"}) {
+        const auto exit_code_of = [&](const std::string& command) {
+            const int status =
+                std::system(fmt::format("cd '{}' && '{}' {} >out.txt {}", (folder / "").string(),
+                                        built_program("etalon"), command, lost)
+                                .c_str());
+            return WEXITSTATUS(status);
+        };
+        std::filesystem::remove(folder / "tag.png");
+        EXPECT_EQ(exit_code_of(render), 0) << lost;
+        EXPECT_EQ(read_bytes(folder / "tag.png"), picture) << lost;
+        EXPECT_EQ(exit_code_of(detect), 0) << lost;
+        EXPECT_EQ(read_text(folder / "out.txt"), corners) << lost;
+        EXPECT_EQ(exit_code_of("camera show none.yml"), 3) << lost;
+    }
+}
+
+// Under its own name, through a link and by a second name.
+TEST(CommandLine, AnInputIsNotWrittenOver) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    write_image(folder / "bg.png", {cv::Mat(240, 320, CV_8UC1, cv::Scalar(120)), 8});
+    const std::string camera = read_text(folder / "camera.yml");
+    const std::string background = read_bytes(folder / "bg.png");
+    std::filesystem::create_symlink("camera.yml", folder / "link.yml");
+    std::filesystem::create_hard_link(folder / "camera.yml", folder / "second.yml");
+    const std::string convert = "camera convert camera.yml --to etalon --out ";
+    const std::string render = fmt::format("render --camera camera.yml {}", tag_in_view);
+    for (const std::string& command :
+         {convert + "camera.yml", convert + "link.yml", convert + "second.yml",
+          convert + "./camera.yml", render + "--background bg.png --out bg.png",
+          std::string("marker bitmap:bg.png@64x48mm --out bg.png")}) {
+        const Finished finished = etalon_with(folder, command);
+        EXPECT_EQ(finished.exit_code, 3) << command;
+        EXPECT_THAT(finished.err, HasSubstr("is an input of this command and stays")) << command;
+    }
+    EXPECT_EQ(read_text(folder / "camera.yml"), camera);
+    EXPECT_EQ(read_bytes(folder / "bg.png"), background);
+    EXPECT_TRUE(std::filesystem::is_symlink(folder / "link.yml"));
+    EXPECT_EQ(etalon_with(folder, convert + "other.yml").exit_code, 0);
+}
+
+TEST(CommandLine, APipeIsWrittenToAndStays) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    const int status = std::system(
+        fmt::format("cd '{}' && '{}' camera convert camera.yml --to ros --out /dev/stdout "
+                    "2>err.txt | cat >out.txt",
+                    (folder / "").string(), built_program("etalon"))
+            .c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 0);
+    EXPECT_THAT(read_text(folder / "out.txt"), HasSubstr("distortion_model"));
+    EXPECT_TRUE(std::filesystem::is_symlink("/dev/stdout"));
+}
+
+// Whatever a command writes there.
+TEST(CommandLine, AFolderInUseIsWrittenByNoOtherProgram) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    write_text(folder / "poses.csv", "rx,ry,rz,tx,ty,tz\n0,0,0,5,-7,330\n");
+    ASSERT_EQ(
+        etalon_with(folder, fmt::format("render --camera camera.yml {}--out tag.png", tag_in_view))
+            .exit_code,
+        0);
+    const FolderLock held = claim_folder(folder / "out");
+    for (const char* command :
+         {"render --camera camera.yml --marker apriltag:36h11:5@60mm --poses poses.csv --out out",
+          "compare tag.png --camera camera.yml --marker apriltag:36h11:5@60mm --out out",
+          "capture --camera files:. --frames 1 --out out", "schema camera.yml --out out",
+          "init out --camera files:. --calibration camera.yml --stage 127.0.0.1:9 "
+          "--profile generic --axes x,y,z --marker apriltag:36h11:5@60mm"}) {
+        const Finished finished = etalon_with(folder, command);
+        EXPECT_EQ(finished.exit_code, 3) << command << finished.err;
+        EXPECT_THAT(finished.err,
+                    EndsWith("etalon: out: is in use: another etalon is writing to this folder\n"))
+            << command;
+    }
+    EXPECT_TRUE(std::filesystem::is_empty(folder / "out"));
 }
 
 // Nobody listens on port 9 of the loopback interface.

@@ -146,7 +146,7 @@ Selection select(std::span<const CalibrationView> views, cv::Size image_size,
                  const CalibrationOptions& options) {
     const std::vector<CalibrationModel> models = candidates(views, image_size, options);
     Selection selection;
-    selection.left_out = find_outlier_corners(views, image_size, models);
+    selection.left_out = find_outlier_corners(views, image_size, models, options.stop);
     for (;;) {
         refuse_many_outliers(views, selection.left_out);
         selection.kept = kept_views(views, selection.left_out);

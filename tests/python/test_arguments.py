@@ -109,7 +109,7 @@ def test_what_is_refused_is_told_in_our_words(camera, tag):
         etalon.SensorModel(camera).expose(RADIANCE, frame=-1)
     with pytest.raises(TypeError, match="^camera: must be Camera or None, is Marker$"):
         etalon.detect(PHOTO, tag, tag)
-    with pytest.raises(TypeError, match="^points_camera: must be an array of numbers that float64 holds, is float128$"):
+    with pytest.raises(TypeError, match=r"^points_camera: must be an array of numbers that float64 holds, is float[0-9]+$"):
         camera.project(numpy.ones((2, 3), numpy.longdouble))
     with pytest.raises(TypeError, match=r"^markers: \[1\] must be \(Marker, camera_from_marker\), is \(ndarray, Marker\)$"):
         etalon.Renderer(camera).render([(tag, POSE), (POSE, tag)])
@@ -165,12 +165,13 @@ def seconds_to_end(work):
             pytest.fail("it ended before the Ctrl-C: the work is too small for this machine")
         return time.monotonic() - sent[0]
     finally:
+        timer.cancel()
         timer.join()
         signal.signal(signal.SIGINT, before)
 
 
 def test_ctrl_c_ends_a_reference_render_at_once(tag):
-    large = etalon.Camera((4000, 3000), [[3400, 0, 1999.5], [0, 3400, 1499.5], [0, 0, 1]])
+    large = etalon.Camera((1600, 1200), [[1360, 0, 799.5], [0, 1360, 599.5], [0, 0, 1]])
     renderer = etalon.Renderer(large)
     scene = [(tag, pose(0.2, 0.1, 0, 0, 0, 150))]
     assert seconds_to_end(lambda: renderer.render(scene, method="reference", tolerance_gray=1e-4)) < 0.5

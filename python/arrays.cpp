@@ -33,7 +33,9 @@ NumberArray real_numbers(const py::object& values, const char* name) {
     }
     if (std::string_view("fiu").find(array.dtype().kind()) == std::string_view::npos)
         refuse_type(name, "an array of real numbers", array);
-    return NumberArray::ensure(array);
+    if (NumberArray numbers = NumberArray::ensure(array))
+        return numbers;
+    refuse_type(name, "an array of numbers that float64 holds", array);
 }
 
 template <int Size>
@@ -60,15 +62,20 @@ NumberArray array_of_vectors(const std::vector<Eigen::Matrix<double, Size, 1>>& 
 
 // `type` is OpenCV's, of the array's elements.
 cv::Mat over(const py::array& values, int type, const char* name) {
+    constexpr py::ssize_t most = std::numeric_limits<int>::max();
     const py::ssize_t item = values.itemsize();
-    if (values.ndim() != 2 || values.shape(0) < 1 || values.shape(1) < 1)
+    if (values.ndim() != 2 || values.shape(0) < 1 || values.shape(1) < 1 ||
+        values.shape(0) > most || values.shape(1) > most)
         refuse_shape(name, "(height, width), one channel", values);
-    if ((values.shape(1) > 1 && values.strides(1) != item) ||
-        values.strides(0) < item * values.shape(1))
+    const py::ssize_t row = item * values.shape(1);
+    const py::ssize_t step = values.shape(0) > 1 ? values.strides(0) : row;
+    const bool is_aligned = (values.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0;
+    if ((values.shape(1) > 1 && values.strides(1) != item) || step < row || !is_aligned)
         throw ConfigError(
-            {name}, "pixels of a row must lie side by side: numpy.ascontiguousarray makes them");
+            {name},
+            "pixels of a row must lie side by side and aligned: copy() of the array does it");
     return {static_cast<int>(values.shape(0)), static_cast<int>(values.shape(1)), type,
-            const_cast<void*>(values.data()), static_cast<std::size_t>(values.strides(0))};
+            const_cast<void*>(values.data()), static_cast<std::size_t>(step)};
 }
 
 template <class Type>
@@ -182,7 +189,7 @@ CodeImage code_image(const py::array& values, const char* name, int bits) {
         refuse_type(name, "uint8 or uint16", values);
     const int most = is_byte ? 8 : 16;
     if (bits != 0 && (bits < (is_byte ? 1 : 9) || bits > most))
-        throw ConfigError({"bits"}, fmt::format("{} does not go with {} bits", bits, most));
+        refuse_type(name, bits > 8 ? "uint16" : "uint8", values);
     return {over(values, is_byte ? CV_8UC1 : CV_16UC1, name), bits == 0 ? most : bits};
 }
 

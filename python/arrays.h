@@ -7,49 +7,18 @@
 #pragma once
 
 #include <pybind11/numpy.h>
-#include <pybind11/pybind11.h>
-#include <pybind11/stl.h>
-#include <pybind11/stl/filesystem.h>
 
 #include "calib/camera/camera_model.h"
 #include "core/geometry/rigid.h"
+#include "python/arguments.h"
 
 namespace etalon {
 
-namespace py = pybind11;
-using namespace py::literals;
+using NumberArray =
+    py::array_t<double, int{py::array::c_style} | int{py::detail::npy_api::NPY_ARRAY_ALIGNED_}>;
 
-// A class of Python: py::class_ with its read-only properties said in a line each.
-template <class Type, class... Options>
-class Bound : public py::class_<Type, Options...> {
-public:
-    using Base = py::class_<Type, Options...>;
-    using Base::Base;
-
-    // `getter`: what std::invoke() calls with an object, a member for instance.
-    template <class Getter>
-    Bound& get(const char* name, const char* doc, Getter getter) {
-        if constexpr (std::is_member_object_pointer_v<Getter>)
-            Base::def_readonly(name, getter, doc);
-        else
-            Base::def_property_readonly(name, getter, doc);
-        return *this;
-    }
-    template <class... Arguments>
-    Bound& def(Arguments&&... arguments) {
-        Base::def(std::forward<Arguments>(arguments)...);
-        return *this;
-    }
-    template <class... Arguments>
-    Bound& def_static(Arguments&&... arguments) {
-        Base::def_static(std::forward<Arguments>(arguments)...);
-        return *this;
-    }
-};
-
-using NumberArray = py::array_t<double, py::array::c_style>;
-
-// Real numbers (..., columns) in a line of memory, converted to double.
+// Real numbers (..., columns) in a line of memory, as double; a type that double does not hold
+// (numpy.longdouble) is refused.
 NumberArray number_rows(const py::object& values, py::ssize_t columns, const char* name);
 // `shape` with its last dimensions replaced: (..., 3) -> (..., 2).
 std::vector<py::ssize_t> shape_like(const NumberArray& rows, std::vector<py::ssize_t> last);
@@ -90,17 +59,17 @@ Radiance radiance_of(const py::array& values, const char* name);
 py::array shared_array(const cv::Mat& image, bool is_writable = true);
 
 // What each file of this folder adds to the module `etalon`: etalon/__init__.pyi, docs/python.md.
-void bind_transforms(py::module_& module);
-void bind_camera(py::module_& module);
-void bind_marker(py::module_& module);
-void bind_render(py::module_& module);
-void bind_detect(py::module_& module);
-void bind_photometric(py::module_& module);
-void bind_calibrate(py::module_& module);
-void bind_compare(py::module_& module);
-void bind_devices(py::module_& module);
-void bind_station(py::module_& module);
-void bind_study(py::module_& module);
-void bind_twin(py::module_& module);
+void bind_transforms(Module& module);
+void bind_camera(Module& module);
+void bind_marker(Module& module);
+void bind_render(Module& module);
+void bind_detect(Module& module);
+void bind_photometric(Module& module);
+void bind_calibrate(Module& module);
+void bind_compare(Module& module);
+void bind_devices(Module& module);
+void bind_station(Module& module);
+void bind_study(Module& module);
+void bind_twin(Module& module);
 
 }  // namespace etalon

@@ -19,8 +19,9 @@ CameraCalibration from_views(const std::vector<CalibrationView>& views,
                              const std::pair<int, int>& image_size,
                              const std::optional<std::string>& model, bool leave_one_out,
                              int resamples, bool fit_board) {
-    const CalibrationOptions options{model, leave_one_out, resamples, fit_board};
-    return without_gil([&] {
+    CalibrationOptions options{model, leave_one_out, resamples, fit_board};
+    return interruptible([&](std::stop_token stop) {
+        options.stop = std::move(stop);
         return calibrate_camera(views, {image_size.first, image_size.second}, options);
     });
 }
@@ -35,13 +36,16 @@ CameraCalibration from_photos(const std::vector<py::array>& photos, const Marker
     for (const CodeImage& image : images)
         if (image.pixels.size() != images.front().pixels.size())
             throw ConfigError({"photos"}, "must all have one size");
-    const CalibrationOptions options{model, leave_one_out, resamples, fit_board};
-    return without_gil([&] {
+    CalibrationOptions options{model, leave_one_out, resamples, fit_board};
+    return interruptible([&](std::stop_token stop) {
+        options.stop = stop;
         const CalibrationTarget board = calibration_target(target, "target");
         std::vector<CalibrationView> views;
-        for (const CodeImage& image : images)
+        for (const CodeImage& image : images) {
+            throw_if_stopped(stop);
             if (auto view = observe(board, image).view)
                 views.push_back(std::move(*view));
+        }
         const cv::Size size = images.empty() ? cv::Size() : images.front().pixels.size();
         return calibrate_camera(with_circle_centres(board, views, size, model), size, options);
     });
@@ -66,21 +70,24 @@ py::dict uncertainty(const CameraCalibration& result) {
                     "rotated_px"_a = array_of(rotated));
 }
 
+CalibrationView view_of(const py::object& points_mm, const py::object& pixels) {
+    CalibrationView view{point_list(points_mm, "points_mm"), pixel_list(pixels, "pixels")};
+    if (view.pixels.size() != view.points_mm.size())
+        throw ConfigError({"pixels"}, "must be as many as points_mm");
+    return view;
+}
+
 py::array_t<bool> left_out(const CalibratedView& view) {
     py::array_t<bool> flags(static_cast<py::ssize_t>(view.left_out.size()));
     std::copy(view.left_out.begin(), view.left_out.end(), flags.mutable_data());
     return flags;
 }
 
-void bind_views(py::module_& module) {
+void bind_views(Module& module) {
     Bound<CalibrationView>(module, "CalibrationView",
                            "Points of a planar target and where one photograph shows them.")
-        .def(py::init([](const py::object& points_mm, const py::object& pixels) {
-                 return CalibrationView{point_list(points_mm, "points_mm"),
-                                        pixel_list(pixels, "pixels")};
-             }),
-             "points_mm"_a, "pixels"_a,
-             R"(points_mm: (N, 3) in the target's frame and plane z = 0, mm. pixels: (N, 2).)")
+        .init(&view_of, "points_mm"_a, "pixels"_a,
+              R"(points_mm: (N, 3) in the target's frame and plane z = 0, mm. pixels: (N, 2).)")
         .get("points_mm", "(N, 3), mm.", as_array(&CalibrationView::points_mm))
         .get("pixels", "(N, 2), px.", as_array(&CalibrationView::pixels))
         .get("ids", "Index of each point on the target; empty: 0, 1, ...", &CalibrationView::ids);
@@ -107,7 +114,7 @@ void bind_views(py::module_& module) {
 
 }  // namespace
 
-void bind_calibrate(py::module_& module) {
+void bind_calibrate(Module& module) {
     bind_views(module);
     Bound<CameraCalibration>(module, "CameraCalibration",
                              "A camera's intrinsics, and what they are worth.")

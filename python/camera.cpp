@@ -42,8 +42,8 @@ void save(const Projector& camera, const std::filesystem::path& path, const std:
 Projector from_opencv(const std::pair<int, int>& image_size, const py::object& matrix,
                       const py::object& distortion) {
     const NumberArray k = number_rows(matrix, 3, "matrix");
-    if (k.size() != 9 || k.at(1, 0) != 0.0 || k.at(2, 0) != 0.0 || k.at(2, 1) != 0.0 ||
-        k.at(2, 2) != 1.0)
+    if (k.ndim() != 2 || k.shape(0) != 3 || k.at(1, 0) != 0.0 || k.at(2, 0) != 0.0 ||
+        k.at(2, 1) != 0.0 || k.at(2, 2) != 1.0)
         throw ConfigError({"matrix"}, "must be [fx skew cx; 0 fy cy; 0 0 1]");
     std::array<double, Distortion::count> coefficients{};  // k7, the last, is none of OpenCV's
     const std::vector<double> given = number_list(distortion, "distortion");
@@ -197,13 +197,13 @@ std::string text_of(const Projector& camera) {
 
 }  // namespace
 
-void bind_camera(py::module_& module) {
+void bind_camera(Module& module) {
     Bound<Projector>(module, "Camera",
                      R"(A calibrated camera. Immutable, safe from every thread.
 
 Camera frame: x right, y down, z forward, mm. Pixel (0, 0) is the centre of the top-left pixel.)")
-        .def(py::init(&from_opencv), "image_size"_a, "matrix"_a, "distortion"_a = py::tuple(),
-             R"(A perspective camera from OpenCV's numbers; others are read from files: load().
+        .init(&from_opencv, "image_size"_a, "matrix"_a, "distortion"_a = py::tuple(),
+              R"(A perspective camera from OpenCV's numbers; others are read from files: load().
 
 image_size: (width, height), px. matrix: (3, 3), [fx skew cx; 0 fy cy; 0 0 1], px.
 distortion: up to 14 coefficients in OpenCV's order. Raises ConfigError, NumericalError.)")

@@ -60,7 +60,7 @@ py::list model_parameters(const PhotoFit& fit) {
     return all;
 }
 
-void bind_findings(py::module_& module) {
+void bind_findings(Module& module) {
     Bound<Finding>(module, "Finding", "What speaks against a match.")
         .get("name", "occluded, glare, blur_differs, ...", &Finding::name)
         .get("sentence", "For a technician.", &Finding::sentence)
@@ -74,7 +74,7 @@ void bind_findings(py::module_& module) {
         });
 }
 
-void bind_fit(py::module_& module) {
+void bind_fit(Module& module) {
     const auto image = [](cv::Mat PhotoFit::*which) {
         return [which](const PhotoFit& fit) { return shared_array(fit.*which); };
     };
@@ -107,7 +107,7 @@ other.)")
 
 }  // namespace
 
-void bind_compare(py::module_& module) {
+void bind_compare(Module& module) {
     bind_findings(module);
     bind_fit(module);
     const auto fit = [](PhotoFit PhotoMatch::*which) {

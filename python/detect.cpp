@@ -74,7 +74,7 @@ PhotometricPose find(const PhotometricDetector& detector, const py::array& photo
     return without_gil([&] { return detector.find(image, near, start_error_px); });
 }
 
-void bind_estimate(py::module_& module) {
+void bind_estimate(Module& module) {
     Bound<PoseEstimate>(module, "PoseEstimate",
                         "A pose from corners, with the other planar solution.")
         .get("camera_from_marker", "(4, 4), mm.", as_array(&PoseEstimate::camera_from_marker))
@@ -92,7 +92,7 @@ Rotation (rad), then translation (mm), left perturbation in the camera frame.)",
 
 }  // namespace
 
-void bind_detect(py::module_& module) {
+void bind_detect(Module& module) {
     bind_estimate(module);
     Bound<PhotoPose>(module, "Detection", "A marker in one photograph, or why it is not there.")
         .get("found", "Whether it has corners.",
@@ -110,8 +110,11 @@ void bind_detect(py::module_& module) {
                           R"(A detector for one marker, for many photographs.
 
 Threads that share one take turns: one detector per thread is faster.)")
-        .def(
-            py::init<const Marker&, const std::string&>(), "marker"_a, "name"_a = "auto",
+        .init(
+            [](const Marker& marker, const std::string& name) {
+                return std::make_unique<SharedDetector>(marker, name);
+            },
+            "marker"_a, "name"_a = "auto",
             R"(name: auto, apriltag, aruco, topotag, chessboard, charuco, aprilgrid, circles, squares, stag.
 
 Raises ConfigError when there is none or it cannot see the marker.)")
@@ -132,7 +135,7 @@ None where they fix no pose in front of the camera. Raises NumericalError for a 
 camera.)");
 }
 
-void bind_photometric(py::module_& module) {
+void bind_photometric(Module& module) {
     Bound<PhotometricPose>(module, "PhotometricPose", "A pose from all of a marker's pixels.")
         .get("camera_from_marker", "(4, 4), mm.", as_array(&PhotometricPose::camera_from_marker))
         .get(
@@ -162,13 +165,14 @@ What a wrong calibration or size of the print does is not in it.)",
                                R"(Poses from all pixels of a marker or board, from a pose nearby.
 
 Safe from every thread.)")
-        .def(py::init([](const Projector& camera, const Marker& marker, double background) {
-                 return without_gil([&] {
-                     return PhotometricDetector(camera.camera(), marker, "marker", background);
-                 });
-             }),
-             "camera"_a, "marker"_a, "background"_a = 1.0,
-             R"(background: radiance beside the marker, whose white is 1.
+        .init(
+            [](const Projector& camera, const Marker& marker, double background) {
+                return without_gil([&] {
+                    return PhotometricDetector(camera.camera(), marker, "marker", background);
+                });
+            },
+            "camera"_a, "marker"_a, "background"_a = 1.0,
+            R"(background: radiance beside the marker, whose white is 1.
 
 Raises ConfigError, NumericalError.)")
         .def("find", &find, "photo"_a, "start"_a,

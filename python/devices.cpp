@@ -152,7 +152,7 @@ std::unique_ptr<SharedCamera> open_by_uri(const std::string& uri, double frame_t
     return std::make_unique<SharedCamera>(uri, link);
 }
 
-void bind_cameras(py::module_& module) {
+void bind_cameras(Module& module) {
     Bound<Frame>(module, "Frame", "A photograph with what is known of it.")
         .get("image", "(height, width) uint8 or uint16; None unless the frame is complete.",
              [](const Frame& frame) -> py::object {
@@ -215,7 +215,7 @@ py::list axes_list(const std::vector<Axis>& axes) {
     return list;
 }
 
-void bind_devices(py::module_& module) {
+void bind_devices(Module& module) {
     bind_cameras(module);
     Bound<SharedStage>(module, "Stage",
                        R"(A station's stage, within its soft limits, forbidden boxes and slow zones.

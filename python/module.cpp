@@ -33,8 +33,9 @@ void translate(std::exception_ptr thrown) {
 }  // namespace
 }  // namespace etalon
 
-PYBIND11_MODULE(_etalon, module) {
+PYBIND11_MODULE(_etalon, compiled) {
     using namespace etalon;
+    Module module(compiled);
     module.attr("__version__") = version;
     py::register_exception_translator(translate);
     for (const auto bind :

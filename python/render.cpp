@@ -1,5 +1,6 @@
 // etalon.Marker, Renderer, SensorModel: what a calibrated camera sees of a marker.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "calib/camera/projector.h"
 #include "core/program/errors.h"
@@ -19,14 +20,31 @@ std::pair<double, double> pair_of(const Eigen::Vector2d& vector) {
     return {vector.x(), vector.y()};
 }
 
+// "(ndarray, Marker)": what was given in place of a pair.
+std::string pair_words(py::handle item) {
+    if (!py::isinstance<py::tuple>(item))
+        return given_words(item);
+    std::vector<std::string> words;
+    for (const py::handle part : item)
+        words.push_back(given_words(part));
+    return fmt::format("({})", fmt::join(words, ", "));
+}
+
 // A list of (Marker, camera_from_marker (4, 4)).
 Scene scene_of(const py::object& markers, double background) {
     Scene scene;
     scene.background = background;
+    if (!py::isinstance<py::iterable>(markers))
+        throw py::type_error(
+            fmt::format("markers: must be a list of (Marker, camera_from_marker), is {}",
+                        given_words(markers)));
     for (const py::handle item : markers) {
-        if (!py::isinstance<py::tuple>(item) || py::len(item) != 2)
-            throw py::type_error("markers: must be (Marker, camera_from_marker) pairs");
-        const py::tuple placed = py::reinterpret_borrow<py::tuple>(item);
+        const py::tuple placed =
+            py::isinstance<py::tuple>(item) ? py::reinterpret_borrow<py::tuple>(item) : py::tuple();
+        if (placed.size() != 2 || !py::isinstance<Marker>(placed[0]))
+            throw py::type_error(
+                fmt::format("markers: [{}] must be (Marker, camera_from_marker), is {}",
+                            scene.markers.size(), pair_words(item)));
         scene.markers.push_back(
             {placed[0].cast<const Marker&>().grid, rigid_of(placed[1], "camera_from_marker")});
     }
@@ -50,7 +68,14 @@ RenderedImage render(const Renderer& renderer, const py::object& markers, double
     RenderOptions options;
     options.method = method_named(method);
     options.tolerance_gray = tolerance_gray;
-    return without_gil([&] { return renderer.render(scene, options); });
+    const auto& lens = renderer.camera().lens;
+    const bool is_wave = lens && lens->psf.kind == PointSpread::Kind::wave;
+    if (options.method != RenderMethod::reference && !is_wave)
+        return without_gil([&] { return renderer.render(scene, options); });
+    return interruptible([&](std::stop_token stop) {
+        options.stop = std::move(stop);
+        return renderer.render(scene, options);
+    });
 }
 
 py::array expose(const SensorModel& sensor, const py::array& radiance,
@@ -69,12 +94,12 @@ py::array linear_radiance(const SensorModel& sensor, const py::array& image) {
 
 }  // namespace
 
-void bind_marker(py::module_& module) {
+void bind_marker(Module& module) {
     Bound<Marker>(module, "Marker", R"(A marker or board by its name: docs/files.md, "Markers".
 
 Marker frame: x right, y down, z into the marker, as printed and seen from the front; mm.)")
-        .def(py::init(&marker_named), "spec"_a,
-             R"(spec: "apriltag:36h11:5@50mm", "chessboard:9x6@25mm", ... Raises ConfigError.)")
+        .init(&marker_named, "spec"_a,
+              R"(spec: "apriltag:36h11:5@50mm", "chessboard:9x6@25mm", ... Raises ConfigError.)")
         .get("spec", "The name, as given.", &Marker::spec)
         .get("id", "Of a single tag.", &Marker::id)
         .get("size_mm", "Side of the tag or of a board's square.", &Marker::size_mm)
@@ -90,7 +115,7 @@ Marker frame: x right, y down, z into the marker, as printed and seen from the f
              [](const Marker& marker) { return fmt::format("<etalon.Marker {}>", marker.spec); });
 }
 
-void bind_render(py::module_& module) {
+void bind_render(Module& module) {
     Bound<RenderedImage>(module, "RenderedImage", "What Renderer.render() makes.")
         .get("radiance", "(height, width) float32: linear radiance, 1 = full scale.",
              [](const RenderedImage& image) { return shared_array(image.radiance); })
@@ -103,10 +128,11 @@ void bind_render(py::module_& module) {
                     R"(Renders markers as a camera sees them, in linear radiance.
 
 One per camera: holds what it learns of it. Safe from every thread.)")
-        .def(py::init([](const Projector& camera) {
-                 return without_gil([&] { return Renderer(camera.camera()); });
-             }),
-             "camera"_a)
+        .init(
+            [](const Projector& camera) {
+                return without_gil([&] { return Renderer(camera.camera()); });
+            },
+            "camera"_a)
         .def("render", &render, "markers"_a, py::kw_only(), "background"_a = 1.0,
              "tolerance_gray"_a = 0.1, "method"_a = "automatic",
              R"(A RenderedImage of markers at their poses.
@@ -120,10 +146,11 @@ lens or hidden by another one.)");
                        R"(The sensor behind the lens: code values from radiance, and back.
 
 Safe from every thread. Raises ConfigError for a sensor section that contradicts itself.)")
-        .def(py::init([](const Projector& camera) {
-                 return without_gil([&] { return SensorModel(camera.camera()); });
-             }),
-             "camera"_a)
+        .init(
+            [](const Projector& camera) {
+                return without_gil([&] { return SensorModel(camera.camera()); });
+            },
+            "camera"_a)
         .def("expose", &expose, "radiance"_a, py::kw_only(), "seed"_a = py::none(), "frame"_a = 0,
              R"(Code values (height, width), uint8 or uint16, of radiance (height, width) float32.
 

@@ -54,21 +54,22 @@ py::object analyse(const std::filesystem::path& record, bool progress) {
 }
 
 StageRegistration registered(const StationFile& station, const std::vector<StagePhoto>& photos,
-                             const std::string& detector) {
-    return register_photos(station, photos, detector.empty() ? station.detector : detector);
+                             const std::string& detector, const std::stop_token& stop) {
+    return register_photos(station, photos, detector.empty() ? station.detector : detector, stop);
 }
 
 StageRegistration register_positions(const StationFile& station, const std::filesystem::path& csv,
                                      const std::string& detector) {
-    return without_gil(
-        [&] { return registered(station, read_stage_photos(csv, station.stage.axes), detector); });
+    return interruptible([&](std::stop_token stop) {
+        return registered(station, read_stage_photos(csv, station.stage.axes), detector, stop);
+    });
 }
 
 StageRegistration register_record(const std::filesystem::path& record,
                                   const std::string& detector) {
-    return without_gil([&] {
+    return interruptible([&](std::stop_token stop) {
         const StationFile station = read_station(station_of_record(record));
-        return registered(station, read_record_photos(record, station.stage.axes), detector);
+        return registered(station, read_record_photos(record, station.stage.axes), detector, stop);
     });
 }
 
@@ -94,7 +95,7 @@ NumberArray registration_covariance(const StageRegistration& result) {
     return array_of(Eigen::MatrixXd(result.scale * result.scale * result.registration.covariance));
 }
 
-void bind_registration(py::module_& module) {
+void bind_registration(Module& module) {
     Bound<StageRegistration>(module, "StageRegistration",
                              "Where a stage stands before the camera, and the marker on it.")
         .get("camera_from_base", "(4, 4), mm.",
@@ -176,12 +177,12 @@ py::object study_to(const std::filesystem::path& file, const std::filesystem::pa
 
 }  // namespace
 
-void bind_station(py::module_& module) {
+void bind_station(Module& module) {
     bind_registration(module);
     Bound<StationFile>(module, "Station",
                        "A camera, a stage and what they are to be told: station.yaml.")
-        .def(py::init(&read_file), "path"_a,
-             "Reads station.yaml; touches no device. Raises ConfigError with file, line and key.")
+        .init(&read_file, "path"_a,
+              "Reads station.yaml; touches no device. Raises ConfigError with file, line and key.")
         .get("id", "Names the station in records.", &StationFile::id)
         .get("marker", "The Marker on the stage.", &StationFile::marker)
         .get("camera", "The calibration under test, a Camera.",
@@ -226,7 +227,7 @@ Raises ConfigError for a record that is not what a run wrote.)");
                "progress"_a = false, R"(Resumes an unfinished run; as Station.qualify().)");
 }
 
-void bind_study(py::module_& module) {
+void bind_study(Module& module) {
     module.def(
         "run_study", &study_to, "study"_a, "out"_a, py::kw_only(),
         "ablate"_a = std::vector<std::string>(), "progress"_a = false,

@@ -41,7 +41,7 @@ void radiance_to_file(const std::filesystem::path& path, const py::array& radian
 
 }  // namespace
 
-void bind_transforms(py::module_& module) {
+void bind_transforms(Module& module) {
     module.def("rigid_from_vector", &from_vector, "pose"_a,
                R"(Transforms (..., 4, 4) of poses (..., 6): rx, ry, rz (rad), tx, ty, tz (mm).)");
     module.def(

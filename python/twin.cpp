@@ -27,14 +27,14 @@ struct EndWithoutGil {
 
 }  // namespace
 
-void bind_twin(py::module_& module) {
+void bind_twin(Module& module) {
     Bound<Twin, std::unique_ptr<Twin, EndWithoutGil>>(
         module, "_Twin", "A simulated stage and camera on 127.0.0.1, until it is deleted.")
-        .def(py::init(
-                 [](const std::filesystem::path& file, const std::optional<std::uint64_t>& seed) {
-                     return std::unique_ptr<Twin, EndWithoutGil>(start(file, seed).release());
-                 }),
-             "file"_a, "seed"_a = py::none())
+        .init(
+            [](const std::filesystem::path& file, const std::optional<std::uint64_t>& seed) {
+                return std::unique_ptr<Twin, EndWithoutGil>(start(file, seed).release());
+            },
+            "file"_a, "seed"_a = py::none())
         .get("stage_place", "Where the stage listens.", &Twin::stage_place);
 }
 

@@ -11,7 +11,10 @@ let state = null;
 
 // What all views share.
 export const page = {
-  get station() { return Math.min(Number(kept.get('station') ?? 0), session.stations.length - 1); },
+  get station() {  // what is kept may be anything
+    const index = Number(kept.get('station'));
+    return Number.isInteger(index) && index in session.stations ? index : 0;
+  },
   set station(index) { kept.set('station', index); redraw(); },
   get operator() { return kept.get('operator') ?? ''; },
   set operator(name) { kept.set('operator', name); },

@@ -134,12 +134,14 @@ export const kept = {
   set: (name, value) => { try { localStorage.setItem(name, value); } catch { /* as said */ } },
 };
 
-let chosen = kept.get('language') ?? (navigator.language.startsWith('de') ? 'de' : 'en');
+const known = name => Object.hasOwn(strings, name) ? name : null;
+
+let chosen = known(kept.get('language')) ?? (navigator.language.startsWith('de') ? 'de' : 'en');
 
 export function language() { return chosen; }
 
 export function speak(name) {
-  chosen = name in strings ? name : 'en';
+  chosen = known(name) ?? 'en';
   kept.set('language', chosen);
 }
 

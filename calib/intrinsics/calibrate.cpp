@@ -146,13 +146,13 @@ Selection select(std::span<const CalibrationView> views, cv::Size image_size,
                  const CalibrationOptions& options) {
     const std::vector<CalibrationModel> models = candidates(views, image_size, options);
     Selection selection;
-    selection.left_out = find_outlier_corners(views, image_size, models);
+    selection.left_out = find_outlier_corners(views, image_size, models, options.stop);
     for (;;) {
         refuse_many_outliers(views, selection.left_out);
         selection.kept = kept_views(views, selection.left_out);
-        selection.advice = compare_models(
-            score_models(selection.kept.views, image_size, models, options.leave_one_out),
-            selection.kept.views);
+        selection.advice = compare_models(score_models(selection.kept.views, image_size, models,
+                                                       options.leave_one_out, options.stop),
+                                          selection.kept.views);
         refuse_foreign_lens(selection.advice, selection.kept.views);
         const ModelScore& score = chosen_score(selection.advice, options);
         selection.chosen = static_cast<std::size_t>(&score - selection.advice.models.data());
@@ -244,12 +244,14 @@ std::vector<CalibratedView> calibrated_views(std::span<const CalibrationView> vi
 // Resamples that fail are those in which the views differ least: leaving out more than a few would
 // flatter the rest.
 std::optional<Eigen::MatrixXd> bootstrap_covariance(std::span<const CalibrationView> views,
-                                                    const CameraFit& fit, int resamples) {
+                                                    const CameraFit& fit,
+                                                    const CalibrationOptions& options) {
     constexpr double max_share_without_result = 0.05;
-    if (resamples < 2 || views.size() < min_bootstrap_views)
+    if (options.resamples < 2 || views.size() < min_bootstrap_views)
         return std::nullopt;
-    const Bootstrap bootstrap = bootstrap_calibrations(views, fit, resamples);
-    if (bootstrap.without_result > max_share_without_result * resamples)
+    const Bootstrap bootstrap =
+        bootstrap_calibrations(views, fit, options.resamples, 1, options.stop);
+    if (bootstrap.without_result > max_share_without_result * options.resamples)
         return std::nullopt;
     return bootstrap.covariance(views.size());
 }
@@ -281,10 +283,12 @@ BoardShape select_with_board(std::span<const CalibrationView> views, cv::Size im
 
 // Squares of each used view's residuals with camera and board fitted without it, the widths of the
 // board's prior held.
-std::vector<double> squares_without_view(const Selection& selection, const BoardShape& board) {
+std::vector<double> squares_without_view(const Selection& selection, const BoardShape& board,
+                                         const std::stop_token& stop) {
     const std::vector<CalibrationView>& used = selection.kept.views;
     std::vector<double> squares(used.size());
     for (std::size_t i = 0; i < used.size(); ++i) {
+        throw_if_stopped(stop);
         std::vector<CalibrationView> others = used;
         CameraFit start = selection.fit();
         others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
@@ -299,11 +303,12 @@ std::vector<double> squares_without_view(const Selection& selection, const Board
     return squares;
 }
 
-void set_left_out_of_board(CameraCalibration& calibration, const Selection& selection) {
+void set_left_out_of_board(CameraCalibration& calibration, const Selection& selection,
+                           const std::stop_token& stop) {
     if (!calibration.leave_one_out_rms_px)
         return;
     const auto squares =
-        attempted([&] { return squares_without_view(selection, *calibration.board); });
+        attempted([&] { return squares_without_view(selection, *calibration.board, stop); });
     calibration.leave_one_out_rms_px.reset();
     double sum = 0.0;
     for (std::size_t k = 0; k < selection.kept.indices.size(); ++k) {
@@ -408,9 +413,9 @@ CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv
     calibration.condition_number = fit.condition_number;
     calibration.views = calibrated_views(shaped, selection);
     if (calibration.board)
-        set_left_out_of_board(calibration, selection);
+        set_left_out_of_board(calibration, selection, options.stop);
     calibration.covariances = covariances_of(view_equations(used, fit), fit.model, fit.variance);
-    calibration.covariances.bootstrap = bootstrap_covariance(used, fit, options.resamples);
+    calibration.covariances.bootstrap = bootstrap_covariance(used, fit, options);
     if (calibration.board)
         add_board(calibration.covariances, *calibration.board, fit.variance);
     calibration.deviations = deviations_of(calibration.model, calibration.covariances);

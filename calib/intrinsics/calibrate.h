@@ -59,6 +59,7 @@ struct CalibrationOptions {
     bool leave_one_out = true;
     int resamples = bootstrap_resamples;  // 0: no bootstrap
     bool fit_board = false;               // the board's shape with the camera
+    std::stop_token stop = {};            // ends it between two fits: Interrupted is thrown
 };
 
 // A ratio of the stated standard deviation to the formal one that is worth a warning.

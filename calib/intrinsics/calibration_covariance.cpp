@@ -261,12 +261,14 @@ Eigen::MatrixXd Bootstrap::covariance(std::size_t views) const {
 }
 
 Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, const CameraFit& fit,
-                                 int resamples, std::uint64_t seed) {
+                                 int resamples, std::uint64_t seed, const std::stop_token& stop) {
     std::vector<std::optional<Eigen::VectorXd>> all(static_cast<std::size_t>(resamples));
     cv::parallel_for_(cv::Range(0, resamples), [&](const cv::Range& range) {
-        for (int i = range.start; i < range.end; ++i)
+        for (int i = range.start; i < range.end; ++i) {
+            throw_if_stopped(stop);
             all[static_cast<std::size_t>(i)] =
                 resampled(views, fit, drawn_views(views.size(), seed, i));
+        }
     });
     Bootstrap bootstrap;
     for (const auto& each : all)

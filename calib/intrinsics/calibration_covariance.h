@@ -14,6 +14,8 @@
 // by about 1 / sqrt(2 (n - 1)); of fewer views than parameters some combinations only look certain.
 #pragma once
 
+#include <stop_token>
+
 #include "calib/intrinsics/camera_fit.h"
 
 namespace etalon {
@@ -53,9 +55,11 @@ inline constexpr int bootstrap_resamples = 400;  // sd uncertain by 1 / sqrt(2 *
 inline constexpr std::size_t min_bootstrap_views = 6;
 
 // `fit` is of all views and starts every search. Resamples with less than three different views are
-// drawn again. 0.5 s for 13 views of 54 points; on all cores, same result for any number.
+// drawn again. A stop throws Interrupted. 0.5 s for 13 views of 54 points; on all cores, same
+// result for any number.
 Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, const CameraFit& fit,
-                                 int resamples = bootstrap_resamples, std::uint64_t seed = 1);
+                                 int resamples = bootstrap_resamples, std::uint64_t seed = 1,
+                                 const std::stop_token& stop = {});
 
 // Whether views determine the camera that was fitted to them well enough to be used at all.
 

@@ -46,10 +46,12 @@ Residuals robust_residuals(std::span<const CalibrationView> views, cv::Size imag
 }
 
 Residuals best_robust_residuals(std::span<const CalibrationView> views, cv::Size image_size,
-                                std::span<const CalibrationModel> models) {
+                                std::span<const CalibrationModel> models,
+                                const std::stop_token& stop) {
     std::optional<Residuals> best;
     std::string failure;
     for (const CalibrationModel& model : models) {
+        throw_if_stopped(stop);
         auto residuals = attempted([&] { return robust_residuals(views, image_size, model); });
         if (!residuals)
             failure = residuals.cause;
@@ -87,13 +89,14 @@ std::vector<bool> are_no_planes(std::span<const CalibrationView> views) {
 }
 
 CornerMask find_outlier_corners(std::span<const CalibrationView> views, cv::Size image_size,
-                                std::span<const CalibrationModel> models) {
+                                std::span<const CalibrationModel> models,
+                                const std::stop_token& stop) {
     const std::vector<bool> no_plane = are_no_planes(views);
     std::vector<CalibrationView> planes;
     for (std::size_t v = 0; v < views.size(); ++v)
         if (!no_plane[v])
             planes.push_back(views[v]);
-    const Residuals residuals = best_robust_residuals(planes, image_size, models);
+    const Residuals residuals = best_robust_residuals(planes, image_size, models, stop);
     const double scale = robust_scale(residuals);
     CornerMask mask;
     auto of_plane = residuals.begin();

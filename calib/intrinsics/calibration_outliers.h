@@ -11,6 +11,8 @@
 //    target's plane than a tenth of its extent, and than five times the median view.
 #pragma once
 
+#include <stop_token>
+
 #include "calib/intrinsics/camera_fit.h"
 
 namespace etalon {
@@ -26,9 +28,11 @@ inline constexpr double no_plane_misfit =
 using CornerMask = std::vector<std::vector<bool>>;
 
 // Corners by the first rule, under the model with the smallest scale; all of a view that is an
-// outlier or no view of the target. Throws NumericalError, from the last model, when none fits.
+// outlier or no view of the target. Throws NumericalError, from the last model, when none fits, and
+// Interrupted after a stop.
 CornerMask find_outlier_corners(std::span<const CalibrationView> views, cv::Size image_size,
-                                std::span<const CalibrationModel> models);
+                                std::span<const CalibrationModel> models,
+                                const std::stop_token& stop = {});
 
 // By view, by the third rule. Such a view has no pose that a robust fit could hold on to.
 std::vector<bool> are_no_planes(std::span<const CalibrationView> views);

@@ -275,11 +275,13 @@ CrossValidation cross_validate(std::span<const CalibrationView> views, const Cam
 // Every fit is a problem of its own and has its own place for the result, so that the number of
 // threads cannot change it.
 std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv::Size image_size,
-                                     std::span<const CalibrationModel> models,
-                                     bool leave_out_views) {
+                                     std::span<const CalibrationModel> models, bool leave_out_views,
+                                     const std::stop_token& stop) {
     std::vector<ModelScore> scores(models.size());
-    for_each_index(models.size(),
-                   [&](std::size_t i) { scores[i] = fitted_score(views, image_size, models[i]); });
+    for_each_index(models.size(), [&](std::size_t i) {
+        throw_if_stopped(stop);
+        scores[i] = fitted_score(views, image_size, models[i]);
+    });
     set_doubts_about_kind(scores, models);
     const auto is_asked = [&](std::size_t i) { return scores[i].fit && scores[i].doubt.empty(); };
     if (!leave_out_views || views.size() < 4)
@@ -287,6 +289,7 @@ std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv:
     std::vector<ViewLeftOut> left_out(models.size() * views.size());
     for_each_index(left_out.size(), [&](std::size_t i) {
         const std::size_t model = i / views.size(), view = i % views.size();
+        throw_if_stopped(stop);
         if (is_asked(model))
             left_out[i] = leave_out(views, *scores[model].fit, view);
     });

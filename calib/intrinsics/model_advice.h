@@ -8,6 +8,8 @@
 // the projection is undetermined, or two halves disagree about it. More: docs/calibration.md.
 #pragma once
 
+#include <stop_token>
+
 #include "calib/intrinsics/camera_fit.h"
 #include "calib/intrinsics/projection_uncertainty.h"
 
@@ -86,11 +88,12 @@ inline constexpr double max_projection_deviation = 2.0, max_halves_difference = 
 inline constexpr double max_above_other_kind = 2.0;
 
 // Fits and, from four views on, leaves every view out under each model. A model that cannot be
-// fitted has a failure for a score. Needs checked views. About 1 ms times models times views
-// squared (54 points); on all cores, with the same result for any number of them.
+// fitted has a failure for a score. Needs checked views. A stop throws Interrupted. About 1 ms
+// times models times views squared (54 points); on all cores, with the same result for any number
+// of them.
 std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv::Size image_size,
                                      std::span<const CalibrationModel> models,
-                                     bool leave_out_views = true);
+                                     bool leave_out_views = true, const std::stop_token& stop = {});
 
 // The rule of one standard error on such scores, which stand from the simplest model on.
 ModelAdvice compare_models(std::vector<ModelScore> scores, std::span<const CalibrationView> views);

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <system_error>
 #include <type_traits>
@@ -101,6 +102,12 @@ class Interrupted : public Error {
 public:
     Interrupted() : Error("interrupted") {}
 };
+
+// For loops that may take long.
+inline void throw_if_stopped(const std::stop_token& stop) {
+    if (stop.stop_requested())
+        throw Interrupted();
+}
 
 // What a program of this project ends with.
 

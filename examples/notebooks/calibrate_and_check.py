@@ -70,4 +70,5 @@ figure.savefig("calibrate_and_check.png", dpi=100)
 result.camera.save("calibrated.yml")
 result.camera.save("calibrated-opencv.yml", "opencv")
 again = etalon.Camera.load("calibrated.yml")
+assert again.covariance
 print("read back:", again, "covariance of", again.covariance[0])

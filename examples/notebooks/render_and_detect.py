@@ -31,6 +31,7 @@ print("codes", photo.dtype, photo.shape, photo.min(), "to", photo.max())
 
 # %%
 found = etalon.detect(photo, tag, camera)
+assert found.corners is not None and found.pose, found.reason
 truth = camera.project(tag.points_mm @ camera_from_marker[:3, :3].T + camera_from_marker[:3, 3])
 print("corners less truth, px\n", np.round(found.corners - truth, 3))
 print("position less truth, mm", np.round((found.pose.camera_from_marker - camera_from_marker)[:3, 3], 3))
@@ -51,6 +52,7 @@ left.imshow(photo, cmap="gray")
 left.plot(*found.corners.T, "r+", markersize=10)
 left.set_title("photograph, and the corners found")
 comparison = etalon.compare(photo, tag, camera, pose.camera_from_marker, background=0.6)
+assert comparison.refined, comparison.failure
 shown = right.imshow(np.where(comparison.refined.use > 0, comparison.refined.residual, np.nan), cmap="RdBu", vmin=-6, vmax=6)
 right.set_xlim(150, 400)
 right.set_ylim(300, 80)

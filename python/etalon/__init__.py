@@ -4,6 +4,7 @@ Lengths in mm, angles in rad, pixel (0, 0) is the centre of the top-left pixel; 
 frames: camera_from_marker is a (4, 4) matrix that takes points of the marker's frame to the camera's.
 """
 
+from etalon import copies  # noqa: F401
 from etalon._etalon import *  # noqa: F401,F403
 from etalon._etalon import __version__  # noqa: F401
 from etalon.errors import (  # noqa: F401

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 from pathlib import Path
 
 import numpy
@@ -9,10 +10,17 @@ import numpy
 from etalon.errors import ConfigError
 
 
+def path_of(given, name):
+    """A Path of an argument, which a TypeError names where it is none."""
+    if not isinstance(given, (str, os.PathLike)):
+        raise TypeError(f"{name}: must be a path, is {type(given).__name__}")
+    return Path(given)
+
+
 def _text(path):
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeError) as error:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, ValueError) as error:  # a zero in the name is a ValueError
         raise ConfigError(f"{path}: {error}", str(path)) from None
 
 
@@ -35,6 +43,9 @@ def read_table(path, text=()):
 
     text: names of columns that are str whatever they hold. Raises ConfigError with file and line.
     """
+    path = path_of(path, "path")
+    if not isinstance(text, (list, tuple, set)) or not all(isinstance(name, str) for name in text):
+        raise TypeError(f"text: must be a list of columns' names, is {type(text).__name__}")
     rows = csv.reader(_text(path).splitlines())
     header = next(rows, None)
     if not header or len(set(header)) != len(header):
@@ -73,8 +84,9 @@ def read_record(folder):
     Units stand in the columns' names; linear axes in mm, rotary axes in deg, biases in mm and mrad. Reads
     what was written: etalon.analyse_record() analyses the photographs again. Raises ConfigError.
     """
-    record = _json(Path(folder) / "run.json", "run/1")
-    record["poses"] = read_table(Path(folder) / "poses.csv", text=("split",))
+    folder = path_of(folder, "folder")
+    record = _json(folder / "run.json", "run/1")
+    record["poses"] = read_table(folder / "poses.csv", text=("split",))
     return record
 
 
@@ -83,7 +95,7 @@ def read_results(folder):
 
     Errors are estimated minus true, in mm and deg (docs/study.md). Raises ConfigError.
     """
-    folder = Path(folder)
+    folder = path_of(folder, "folder")
     study = _json(folder / "study.json", "study-record/1")
     words = ("variant", "detector", "failure", "set", "measure", "unit")
     study["results"] = read_table(folder / "results.csv", text=words)

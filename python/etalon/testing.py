@@ -5,6 +5,7 @@ from pathlib import Path
 
 from etalon import _etalon
 from etalon.errors import Error
+from etalon.records import path_of
 
 demo: Path = Path(__file__).parent / "demo"  # camera.yml, station.yaml, twin.yaml and limits.yaml
 
@@ -20,8 +21,9 @@ def twin(file=None, station=None, *, seed=None):
     """
     if not hasattr(_etalon, "_Twin"):
         raise Error("this build has no twin: Aravis was missing when it was made")
-    told = _etalon.Station(station or demo / "station.yaml")
-    running = _etalon._Twin(file or demo / "twin.yaml", seed)
+    file = demo / "twin.yaml" if file is None else path_of(file, "file")
+    told = _etalon.Station(demo / "station.yaml" if station is None else path_of(station, "station"))
+    running = _etalon._Twin(file, seed)
     try:
         yield told
     finally:

@@ -270,6 +270,7 @@ std::vector<ReferencePixel> integrate_reference(const CameraModel& camera, const
     const Integrator integrator(camera, scene, options);
     std::vector<ReferencePixel> results(pixels.size(), {scene.background, 0.0});
     tbb::parallel_for(std::size_t{0}, pixels.size(), [&](std::size_t i) {
+        throw_if_stopped(options.stop);
         if (const auto ray = integrator.ray(pixels[i])) {
             Sums sums;
             integrator.extend(*ray, options.samples_per_scramble, sums);
@@ -294,6 +295,7 @@ ReferenceImage integrate_reference(const CameraModel& camera, const Scene& scene
             for (int x = 0; x < region.width; ++x) {
                 if (unfinished.at<uchar>(y, x) == 0)
                     continue;
+                throw_if_stopped(options.stop);
                 const auto ray = integrator.ray(region.tl() + cv::Point(x, y));
                 if (!ray)
                     continue;

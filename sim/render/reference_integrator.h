@@ -15,6 +15,7 @@ struct ReferenceOptions {
     // For whole images: a pixel is finished early, with a quarter, a 16th ... of the samples, when
     // it and its neighbours have this standard error. 0: never, which alone is unbiased.
     double stop_at_gray = 0.0;
+    std::stop_token stop = {};  // heeded from pixel to pixel; throws Interrupted
 };
 
 // One value per pixel, linear radiance. Parallel; the same bytes for any number of threads.

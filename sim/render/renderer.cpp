@@ -382,7 +382,7 @@ Renderer::Drawn Renderer::draw_wave(const Scene& scene, const RenderOptions& opt
     set_outside({}, region, static_cast<float>(scene.background), drawn.pixels);
     if (options.method != RenderMethod::reference)
         drawn.pixels += wave_difference(view, cache_->along_axis->rays, *cache_->wave, region,
-                                        options.tolerance_gray);
+                                        options.tolerance_gray, options.stop);
     const BlurRange blur = blur_over_marker(view, cache_->camera.intrinsics);
     const bool is_reference = options.method == RenderMethod::reference;
     drawn.plan = {.method = is_reference ? RenderMethod::reference : RenderMethod::wave,
@@ -407,7 +407,8 @@ RenderPlan Renderer::draw(const Scene& scene, const RenderOptions& options,
         integrate_reference(cache_->camera, scene, region,
                             {.scrambles = 8,
                              .samples_per_scramble = options.reference_samples / 8,
-                             .stop_at_gray = options.tolerance_gray})
+                             .stop_at_gray = options.tolerance_gray,
+                             .stop = options.stop})
             .mean.copyTo(drawn.pixels);
     if (cache_->invalid_pixels > 0)
         drawn.pixels.setTo(scene.background, cache_->valid(drawn.region) == 0);

@@ -2,6 +2,8 @@
 // diffraction, pixel integration (docs/rendering.md). The sensor: sim/sensor/sensor_model.h.
 #pragma once
 
+#include <stop_token>
+
 #include "sim/scene/scene.h"
 #include "sim/sensor/sensor_model.h"
 
@@ -23,6 +25,8 @@ struct RenderOptions {
     // Of RenderMethod::reference: at most this many samples a pixel, a power of two of at least 8;
     // a pixel stops early when its standard error is below tolerance_gray.
     int reference_samples = 1024;
+    // Ends a reference or a wave-optical render, in less than 0.5 s: Interrupted is thrown.
+    std::stop_token stop = {};
 };
 
 // One per camera: holds its undistortion map, filters and bounds. Safe from every thread.

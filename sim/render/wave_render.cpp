@@ -194,7 +194,8 @@ cv::Mat blur_radii(const MarkerView& view, const Projector& projector, const cv:
 
 // Adds the tail, interpolated for each pixel between blur radii a pixel or less apart.
 void add_tail(const WaveFilter& filter, const cv::Mat& means, const cv::Rect& pixels,
-              const cv::Rect& region, const cv::Mat& radii, int reach, cv::Mat& difference) {
+              const cv::Rect& region, const cv::Mat& radii, int reach, const std::stop_token& stop,
+              cv::Mat& difference) {
     double least = 0.0, most = 0.0;
     cv::minMaxLoc(radii, &least, &most);
     const int levels = std::max(2, static_cast<int>(std::ceil(most - least)) + 1);
@@ -203,6 +204,7 @@ void add_tail(const WaveFilter& filter, const cv::Mat& means, const cv::Rect& pi
     const auto tall = static_cast<int>(std::ceil(reach / filter.pitch_y()));
     const cv::Size half(std::min(all.width, reach), std::min(all.height, tall));
     for (int level = 0; level < levels; ++level) {
+        throw_if_stopped(stop);
         const double blur = least + level * step;
         const cv::Mat share = cv::max(1.0 - cv::abs(radii - blur) / step, 0.0);
         if (cv::countNonZero(share) == 0)
@@ -232,7 +234,8 @@ void check_wave_scene(const Scene& scene, const CameraModel& camera) {
 }
 
 cv::Mat wave_difference(const MarkerView& view, const UndistortionMap& map,
-                        const WaveFilter& filter, const cv::Rect& region, double tolerance_gray) {
+                        const WaveFilter& filter, const cv::Rect& region, double tolerance_gray,
+                        const std::stop_token& stop) {
     const Projector& projector = map.projector();
     const CameraModel& camera = projector.camera();
     const double contrast = std::max(view.contrast(), 1e-6);
@@ -248,7 +251,7 @@ cv::Mat wave_difference(const MarkerView& view, const UndistortionMap& map,
     const cv::Rect far = marker_box(view, projector, grown(region, reach, reach));
     if (far.empty())
         return difference;
-    add_tail(filter, BoxAverages{view, map, far, 1}.values(), far, region, radii, reach,
+    add_tail(filter, BoxAverages{view, map, far, 1}.values(), far, region, radii, reach, stop,
              difference);
 
     double most = 0.0;
@@ -259,6 +262,7 @@ cv::Mat wave_difference(const MarkerView& view, const UndistortionMap& map,
     const cv::Rect reached = region & grown(near, core.width / k + 1, core.height / k + 1);
     tbb::parallel_for(0, (reached.height + tile_px - 1) / tile_px, [&](int j) {
         for (int x = reached.x; x < reached.br().x; x += tile_px) {
+            throw_if_stopped(stop);
             const cv::Rect tile = cv::Rect(x, reached.y + j * tile_px, tile_px, tile_px) & reached;
             const cv::Point middle(tile.x + tile.width / 2 - region.x,
                                    tile.y + tile.height / 2 - region.y);

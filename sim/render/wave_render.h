@@ -4,6 +4,8 @@
 // the model.
 #pragma once
 
+#include <stop_token>
+
 #include "sim/psf/wave_point_spread.h"
 #include "sim/tiles/undistortion_map.h"
 
@@ -18,8 +20,9 @@ void check_wave_scene(const Scene& scene, const CameraModel& camera);
 // The tail's finite reach leaves out at most half the tolerance. Parallel, the same bytes for any
 // number of threads. 50 ms of CPU time for each step of the blur radius on the first call, some us
 // a pixel that is not constant, and an FFT of twice marker and region for each pixel of change in
-// blur radius.
+// blur radius. A stop throws Interrupted.
 cv::Mat wave_difference(const MarkerView& view, const UndistortionMap& map,
-                        const WaveFilter& filter, const cv::Rect& region, double tolerance_gray);
+                        const WaveFilter& filter, const cv::Rect& region, double tolerance_gray,
+                        const std::stop_token& stop = {});
 
 }  // namespace etalon

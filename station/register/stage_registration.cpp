@@ -61,11 +61,13 @@ struct Sighting {
 
 std::vector<Sighting> sightings(const StationFile& station, const std::vector<StagePhoto>& photos,
                                 Detector& detector, const Projector& projector,
+                                const std::stop_token& stop,
                                 std::vector<RegisteredPhoto>& results) {
     std::vector<Sighting> seen;
     const std::filesystem::path calibration =
         station.inputs.size() > 1 ? station.inputs[1].path : std::filesystem::path();
     for (std::size_t i = 0; i < photos.size(); ++i) {
+        throw_if_stopped(stop);
         const CodeImage image = read_photo(photos[i].photo, station.camera.model, calibration);
         PhotoPose found =
             find_as_drawn(photos[i].photo, image, detector, projector, station.marker);
@@ -91,7 +93,8 @@ void require_full_motion(const std::vector<Sighting>& seen, const std::vector<Ax
 }
 
 void register_corners(const StationFile& station, std::vector<Sighting>& seen,
-                      const Projector& projector, StageRegistration& result) {
+                      const Projector& projector, const std::stop_token& stop,
+                      StageRegistration& result) {
     std::vector<RegistrationPose> poses;
     for (const Sighting& one : seen)
         poses.push_back({one.base_from_carriage, one.found.estimate->camera_from_marker,
@@ -99,7 +102,10 @@ void register_corners(const StationFile& station, std::vector<Sighting>& seen,
     const RenderedCorners rendered(expected_scene(station), station.plan.frames, station.plan.seed);
     const BiasCorrectedRegistration corrected = register_bias_corrected(
         projector, station.marker.points_mm, poses, station.carriage_from_marker_nominal,
-        [&](const Rigid& camera_from_marker) { return rendered.at(camera_from_marker); });
+        [&](const Rigid& camera_from_marker) {
+            throw_if_stopped(stop);
+            return rendered.at(camera_from_marker);
+        });
     result.registration = corrected.registration;
     result.rounds = corrected.rounds;
     result.used = static_cast<int>(corrected.used.size());
@@ -108,12 +114,13 @@ void register_corners(const StationFile& station, std::vector<Sighting>& seen,
 
 // Replaces the estimates by photometric poses; a pose that is refused takes no part.
 void register_photometric(const StationFile& station, std::vector<Sighting>& seen,
-                          StageRegistration& result) {
+                          const std::stop_token& stop, StageRegistration& result) {
     const PhotometricDetector photometric(station.camera.model, station.marker,
                                           station.marker.spec);
     std::vector<MeasuredPose> poses;
     std::vector<Sighting> kept;
     for (Sighting& one : seen) {
+        throw_if_stopped(stop);
         auto pose = attempted([&] {
             return photometric.find(one.image, one.found.estimate->camera_from_marker,
                                     PhotometricDetector::detector_error_px);
@@ -183,19 +190,20 @@ std::vector<StagePhoto> read_record_photos(const std::filesystem::path& record,
 }
 
 StageRegistration register_photos(const StationFile& station, const std::vector<StagePhoto>& photos,
-                                  const std::string& detector) {
+                                  const std::string& detector, const std::stop_token& stop) {
     const bool photometric = detector == "photometric";
     const auto corners =
         make_detector(photometric ? "auto" : detector, station.marker, "--detector");
     const Projector projector(station.camera.model);
     StageRegistration result;
     result.detector = photometric ? detector : corners->name();
-    std::vector<Sighting> seen = sightings(station, photos, *corners, projector, result.photos);
+    std::vector<Sighting> seen =
+        sightings(station, photos, *corners, projector, stop, result.photos);
     require_full_motion(seen, station.stage.axes);
     if (photometric)
-        register_photometric(station, seen, result);
+        register_photometric(station, seen, stop, result);
     else
-        register_corners(station, seen, projector, result);
+        register_corners(station, seen, projector, stop, result);
     result.deviations = result.scale * result.registration.covariance.diagonal().cwiseSqrt();
     for (const Sighting& one : seen)
         result.photos[one.index].residual =

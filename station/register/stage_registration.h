@@ -47,8 +47,9 @@ struct StageRegistration {
 };
 
 // `detector` as make_detector() knows it, or "photometric". Throws ConfigError for a photograph
-// that cannot be read, NumericalError for a degenerate plan and whatever registration throws.
+// that cannot be read, NumericalError for a degenerate plan and whatever registration throws,
+// Interrupted after a stop.
 StageRegistration register_photos(const StationFile& station, const std::vector<StagePhoto>& photos,
-                                  const std::string& detector);
+                                  const std::string& detector, const std::stop_token& stop = {});
 
 }  // namespace etalon

@@ -33,13 +33,6 @@ std::string bearer_of(const WebRequest& request) {
                                                     : "";
 }
 
-std::string lower(std::string_view text) {
-    std::string small(text);
-    std::ranges::transform(small, small.begin(),
-                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return small;
-}
-
 // "127.0.0.1:7530", "[::1]:7530", and each of the names with the port.
 bool is_this_server(const AccessRules& rules, const WebRequest& request, std::string_view asked) {
     const std::string host = lower(asked);
@@ -61,6 +54,24 @@ bool is_own_origin(const AccessRules& rules, const WebRequest& request) {
            is_this_server(rules, request, origin.substr(scheme.size()));
 }
 
+// "/home/anna/cameras/a.yml:3: key: text" -> "a.yml:3: key: text"; a URI (v4l2:/dev/video0) stays.
+std::string without_folders(std::string_view text) {
+    constexpr std::string_view ends = " \t\n\"'()[],;=";
+    std::string told;
+    for (std::size_t at = 0; at < text.size();) {
+        if (text[at] != '/' || (at > 0 && ends.find(text[at - 1]) == std::string_view::npos)) {
+            told += text[at++];
+            continue;
+        }
+        const std::string_view path = text.substr(at, text.find_first_of(ends, at) - at);
+        const std::size_t last = path.find_last_not_of("/:");
+        const bool is_path = last != std::string_view::npos;  // no stroke alone: "mm / s"
+        told += is_path ? path.substr(path.rfind('/', last) + 1) : path;
+        at += path.size();
+    }
+    return told;
+}
+
 std::optional<WebReply> refused_action(const AccessRules& rules, const WebRequest& request) {
     if (!request.origin.empty() && !is_own_origin(rules, request))
         return error_reply(403, "this page belongs to another server");
@@ -72,6 +83,13 @@ std::optional<WebReply> refused_action(const AccessRules& rules, const WebReques
 }
 
 }  // namespace
+
+std::string lower(std::string_view text) {
+    std::string small(text);
+    std::ranges::transform(small, small.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return small;
+}
 
 std::string random_token() {
     std::array<unsigned char, 32> bytes{};
@@ -119,7 +137,7 @@ std::optional<WebReply> token_link(const AccessRules& rules, const WebRequest& r
 }
 
 WebReply error_reply(int status, const std::string& text) {
-    return {status, "application/json", text_of({{"error", text}}, -1)};
+    return {status, "application/json", text_of({{"error", without_folders(text)}}, -1)};
 }
 
 }  // namespace etalon

@@ -42,7 +42,8 @@ struct WebReply {
     std::function<bool(const WebSink&)> stream = {};
 };
 
-// An error as every route answers it: {"error": text}.
+// An error as every route answers it: {"error": text}. Of an absolute path in the text only the
+// last part is told: where the server's files lie is not for everybody who sees the page.
 WebReply error_reply(int status, const std::string& text);
 
 // ---- access
@@ -52,6 +53,9 @@ struct AccessRules {
     std::string action_token;             // of requests that change something
     std::vector<std::string> host_names;  // besides the address itself: "localhost"
 };
+
+// In ASCII's small letters.
+std::string lower(std::string_view text);
 
 // 256 bits from the kernel, as 64 hexadecimal digits.
 std::string random_token();

@@ -9,10 +9,12 @@
 #include <unistd.h>
 #undef _res  // of <resolv.h>: Eigen has variables of this name
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdlib>
 
+#include "core/file/text.h"
 #include "core/program/errors.h"
 #include "core/time/clock.h"
 
@@ -112,10 +114,25 @@ bool has_doubled_header(const httplib::Request& request) {
     return false;
 }
 
+// Two lengths of a body, or one that is no number: the library takes "abc" for 0.
+bool has_doubtful_length(const httplib::Request& request) {
+    if (!request.has_header("Content-Length"))
+        return false;
+    const std::string length = request.get_header_value("Content-Length");
+    return request.has_header("Transfer-Encoding") || length.empty() || length.size() > 18 ||
+           !std::ranges::all_of(length, [](char c) { return c >= '0' && c <= '9'; });
+}
+
 // Nothing that the library would unpack: parts, forms, compressed bytes.
 bool has_plain_json(const httplib::Request& request) {
-    return request.get_header_value("Content-Type").starts_with("application/json") &&
+    const std::string type = request.get_header_value("Content-Type");
+    return lower(trimmed(type.substr(0, type.find(';')))) == "application/json" &&
            !request.has_header("Content-Encoding");
+}
+
+// RFC 9110, 14.2: a server may ignore it. The library would cut every answer, errors too.
+void ignore_range(httplib::Request& request) {
+    request.ranges.clear();
 }
 
 WebRequest request_of(const httplib::Request& request) {
@@ -152,9 +169,11 @@ public:
         });
         // Before any route: none of the library's own is reached. A POST's body is read after it.
         set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& reply) {
-            if (request.method == "POST" && has_plain_json(request))
+            const bool is_doubtful = has_doubtful_length(request);
+            if (request.method == "POST" && has_plain_json(request) && !is_doubtful)
                 return HandlerResponse::Unhandled;
-            reply_with(request.method == "POST"
+            reply_with(is_doubtful ? error_reply(400, "Content-Length must be one whole number")
+                       : request.method == "POST"
                            ? error_reply(415, "a POST has application/json, as it is")
                            : answered(request),
                        reply);
@@ -241,15 +260,15 @@ private:
     template <class Base>
     static bool processed(Base& server, BoundedStream& stream) {
         bool closed = false;
-        if constexpr (requires { server.process_request(stream, true, closed, nullptr); }) {
-            return server.process_request(stream, true, closed, nullptr);
+        if constexpr (requires { server.process_request(stream, true, closed, ignore_range); }) {
+            return server.process_request(stream, true, closed, ignore_range);
         } else {
             std::string remote, local;
             int remote_port = 0, local_port = 0;
             stream.get_remote_ip_and_port(remote, remote_port);
             stream.get_local_ip_and_port(local, local_port);
             return server.process_request(stream, remote, remote_port, local, local_port, true,
-                                          closed, nullptr);
+                                          closed, ignore_range);
         }
     }
 

@@ -188,9 +188,12 @@ struct PageServer::Routes {
          })},
         {"POST /api/live/set", action([](StationControl& control, const WebRequest& request) {
              const JsonEntry body = body_of(request, {"exposure_us", "gain_db"});
-             if (const auto live = control.live())
-                 live->set(body.at("exposure_us").number({1.0, 60e6}),
-                           body.at("gain_db").number({0.0, 100.0}));
+             const double exposure_us = body.at("exposure_us").number({1.0, 60e6});
+             const double gain_db = body.at("gain_db").number({0.0, 100.0});
+             const auto live = control.live();
+             if (!live || live->has_ended())
+                 throw NotNow("the live picture is off");
+             live->set(exposure_us, gain_db);
          })},
         {"POST /api/live/end",
          action([](StationControl& control, const WebRequest&) { control.end_live(); })}};

@@ -40,8 +40,11 @@ Workplace workplace_of(const ServeArguments& arguments) {
         workplace.stations.push_back({std::filesystem::absolute(file), read_station(file)});
     make_folder(arguments.records);
     workplace.records = std::filesystem::absolute(arguments.records);
-    if (!arguments.calibrations.empty())
+    if (!arguments.calibrations.empty()) {
         workplace.calibrations = std::filesystem::absolute(arguments.calibrations);
+        for (const std::string& file : read_calibrations(arguments.calibrations).skipped)
+            fmt::print(stderr, "etalon serve: skipped: {}\n", file);
+    }
     return workplace;
 }
 

@@ -17,20 +17,31 @@ namespace {
 
 using Path = std::filesystem::path;
 
-std::vector<Path> camera_files(const Path& folder) {
+std::vector<Path> files_of(const Path& folder) {
     std::vector<Path> files;
     std::error_code error;
     for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
         const std::string kind = entry.path().extension().string();
         std::error_code ignored;
         if ((kind == ".yml" || kind == ".yaml" || kind == ".json") &&
-            entry.is_regular_file(ignored) && is_etalon_file(entry.path()))
+            entry.is_regular_file(ignored))
             files.push_back(entry.path());
     }
     if (error)
         throw ConfigError({folder.string()}, "cannot be read: " + error.message());
     std::ranges::sort(files);
     return files;
+}
+
+// The words after `head`, not all of a long list; nothing of an empty one.
+std::string some_of(const std::string& head, const std::vector<std::string>& words,
+                    const char* between) {
+    constexpr std::size_t most = 8;
+    if (words.empty())
+        return "";
+    const auto end = words.begin() + static_cast<std::ptrdiff_t>(std::min(words.size(), most));
+    return head + fmt::format("{}", fmt::join(words.begin(), end, between)) +
+           (words.size() > most ? fmt::format(" and {} more", words.size() - most) : "");
 }
 
 using namespace std::chrono_literals;
@@ -67,21 +78,29 @@ std::string reason_of(const SubprocessResult& ended) {
 
 }  // namespace
 
+Calibrations read_calibrations(const Path& folder) {
+    Calibrations read;
+    for (const Path& file : files_of(folder)) {
+        try {
+            if (is_etalon_file(file))
+                read.cameras.emplace_back(file, read_any_camera(file).serial);
+        } catch (const ConfigError& error) {
+            if (error.place().key != "etalon")  // of another kind: a station's file, for instance
+                read.skipped.emplace_back(error.what());
+        }
+    }
+    return read;
+}
+
 Path calibration_of(const Path& folder, const std::string& serial) {
-    constexpr std::size_t most_named = 8;
+    const Calibrations read = read_calibrations(folder);
     std::vector<Path> found;
     std::vector<std::string> others;
-    for (const Path& file : camera_files(folder)) {
-        std::string there;
-        try {
-            there = read_any_camera(file).serial;
-        } catch (const ConfigError&) {  // a station's file, for instance
-        }
+    for (const auto& [file, there] : read.cameras)
         if (!there.empty() && there == serial)
             found.push_back(file);
         else if (!there.empty())
             others.push_back(there);
-    }
     if (found.size() == 1)
         return found.front();
     if (found.size() > 1)
@@ -89,13 +108,11 @@ Path calibration_of(const Path& folder, const std::string& serial) {
             {folder.string()},
             fmt::format("{} and {} are both of camera {}: keep one", found[0].filename().string(),
                         found[1].filename().string(), serial));
-    const std::size_t named = std::min(others.size(), most_named);
-    std::string those = named > 0 ? "; there are those of " : "";
-    those += fmt::format("{}", fmt::join(others.begin(), others.begin() + named, ", "));
-    if (others.size() > named)
-        those += fmt::format(" and {} more", others.size() - named);
-    throw ConfigError({folder.string()},
-                      fmt::format("has no calibration of camera {}{}", serial, those));
+    throw ConfigError(
+        {folder.string()},
+        fmt::format("has no calibration of camera {}{}{}", serial,
+                    some_of("; there are those of ", others, ", "),
+                    some_of("; skipped, as it cannot be read: ", read.skipped, "; ")));
 }
 
 StationControl::StationControl(Workplace workplace)
@@ -362,7 +379,7 @@ Path StationControl::record_named(const std::string& name) const {
     const Path record = workplace_.records / name;
     if (!is_plain || !is_own(record, std::filesystem::file_type::directory) ||
         !is_own(record / log_file, std::filesystem::file_type::regular))
-        throw ConfigError({name}, "is no record of this page");
+        throw ConfigError({"record"}, "is no record of this page");
     return record;
 }
 

@@ -15,8 +15,17 @@
 
 namespace etalon {
 
-// The file (`etalon: camera/1`) in the folder that has this serial number. Throws ConfigError when
-// none has it, naming those there, or several. Reads them all, 0.2 ms each.
+// The files (`etalon: camera/1`) of a folder with their serial numbers. One that cannot be read
+// (broken, not UTF-8, not permitted) is skipped: no other camera waits for it. 0.2 ms each. Throws
+// ConfigError for a folder that cannot be read.
+struct Calibrations {
+    std::vector<std::pair<std::filesystem::path, std::string>> cameras;
+    std::vector<std::string> skipped;  // "FILE:line: why"
+};
+Calibrations read_calibrations(const std::filesystem::path& folder);
+
+// The one that has this serial number. Throws ConfigError when none has it, naming those there and
+// those skipped, or several.
 std::filesystem::path calibration_of(const std::filesystem::path& folder,
                                      const std::string& serial);
 

@@ -148,6 +148,19 @@ def set_up(browser, address):
     browser.wait("hidden", lambda: not browser.all("[data-part=picture] img"))
 
 
+def whatever_is_kept(browser, address):
+    """What other pages or versions left in the browser's storage does not empty the page."""
+    for station, language in (("NaN", "xx"), ("-1", "constructor"), ("0.5", ""), ("99", "NaN")):
+        browser.run(f"localStorage.station = '{station}'; localStorage.language = '{language}'")
+        browser.open("about:blank")
+        browser.open(address)
+        browser.wait("the form", lambda: browser.find("#run input[name=serial]"))
+        browser.open(address + "#setup")
+        browser.wait("the stage", lambda: browser.all("#setup .axis"))
+    browser.run("localStorage.removeItem('station'); localStorage.removeItem('language')")
+    browser.open("about:blank")
+
+
 def start_by_keyboard(browser, address):
     browser.open(address)
     browser.wait("the form", lambda: browser.find("#run input[name=serial]"))
@@ -223,6 +236,7 @@ def main():
         browser = Browser()
         try:
             set_up(browser, programs.address)
+            whatever_is_kept(browser, programs.address)
             start_by_keyboard(browser, programs.address)
             stop_and_go_on(browser, programs.address)
             complaints = browser.complaints()

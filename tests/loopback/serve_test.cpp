@@ -142,7 +142,40 @@ TEST_F(ServedPage, NoPathReachesTheFileSystem) {
         const WebAnswer answer = get(path);
         EXPECT_TRUE(answer.status == 404 || answer.status == 422) << path << " " << answer.status;
         EXPECT_THAT(answer.body, Not(HasSubstr("station/1"))) << path;
+        EXPECT_THAT(answer.body, testing::ContainsRegex("\"error\": ?\"[a-z/]")) << path;
+        EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string()))) << path;
     }
+}
+
+TEST_F(ServedPage, AnswersARangeWithTheWholeBody) {
+    const std::string whole = get("/page.js").body;
+    ASSERT_GT(whole.size(), 1000u);
+    for (const char* range :
+         {"bytes=0-5", "bytes=-6", "bytes=7-", "bytes=0-1,5-9", "bytes=9999999-"}) {
+        const WebAnswer answer = get("/page.js", fmt::format("Range: {}\r\n", range));
+        EXPECT_EQ(answer.status, 200) << range;
+        EXPECT_EQ(answer.body, whole) << range;
+    }
+    const WebAnswer missing = get("/nowhere", "Range: bytes=0-5\r\n");
+    EXPECT_EQ(missing.status, 404);
+    EXPECT_EQ(missing.body, get("/nowhere").body);
+}
+
+TEST_F(ServedPage, RefusesABodyWhoseLengthOrTypeIsNone) {
+    const auto posted = [&](const std::string& type, const std::string& length) {
+        return ask(request("POST /api/run/pause",
+                           fmt::format("Content-Type: {}\r\nContent-Length: {}\r\n"
+                                       "X-Etalon-Action: {}\r\n",
+                                       type, length, action_)) +
+                   "{}")
+            .status;
+    };
+    EXPECT_EQ(posted("application/json", "2"), 409) << "no run goes on";
+    EXPECT_EQ(posted("Application/JSON ; charset=utf-8", "2"), 409);
+    for (const char* length : {"abc", "-2", "+2", "0x2", "2.0", "2 2", "99999999999999999999"})
+        EXPECT_EQ(posted("application/json", length), 400) << length;
+    for (const char* type : {"application/jsonevil", "application/json-patch", "text/json", ""})
+        EXPECT_EQ(posted(type, "2"), 415) << type;
 }
 
 TEST_F(ServedPage, CutsOffWhatIsTooLarge) {
@@ -378,7 +411,11 @@ TEST_F(ServedPage, TheCalibrationIsThatOfTheSerialNumberAndOfTheDevice) {
     const auto start = [&](const std::string& serial) {
         return post("/api/run/start", {{"station", 0}, {"serial", serial}, {"operator", "Anna"}});
     };
+    std::ofstream(folder_ / "cameras/latin1.yml", std::ios::binary)
+        << "etalon: camera/1\nserial: \"M\xFCller\"\n";
     EXPECT_THAT(start("CAM-12").body, HasSubstr("no calibration of camera CAM-12"));
+    EXPECT_THAT(start("CAM-12").body, HasSubstr("skipped, as it cannot be read: latin1.yml:2"));
+    EXPECT_THAT(start("CAM-12").body, Not(HasSubstr(folder_.path().string())));
     EXPECT_EQ(start("").status, 422);
     write_text(folder_ / "cameras/other.yml",
                replaced(read_text(folder_ / "camera.yml"), "CAM-7", "CAM-12"));
@@ -390,14 +427,17 @@ TEST_F(ServedPage, TheCalibrationIsThatOfTheSerialNumberAndOfTheDevice) {
 
 TEST_F(ServedPage, ShowsAndSetsTheLivePictureUntilItIsHidden) {
     EXPECT_EQ(get("/api/live.mjpg").status, 404);
+    const Json settings = {{"exposure_us", 3000}, {"gain_db", 0}};
+    EXPECT_EQ(post("/api/live/set", settings).status, 409) << "nothing is live";
     EXPECT_EQ(post("/api/live/start", {{"station", 0}}).status, 200);
     TcpConnection reader(web_port_);
     reader.send(request("GET /api/live.mjpg"));
     wait_until([&] { return state()["live"].is_object() && state()["live"]["mean"] > 0.0; });
     EXPECT_EQ(state()["live"]["exposure_us"], 2000.0);
-    EXPECT_EQ(post("/api/live/set", {{"exposure_us", 3000}, {"gain_db", 0}}).status, 200);
+    EXPECT_EQ(post("/api/live/set", settings).status, 200);
     wait_until([&] { return state()["live"]["exposure_us"] == 3000.0; });
     EXPECT_EQ(post("/api/live/end", Json::object()).status, 200);
+    EXPECT_EQ(post("/api/live/set", settings).status, 409);
     const std::string pictures = reader.read_all();
     EXPECT_THAT(pictures, HasSubstr("multipart/x-mixed-replace"));
     EXPECT_THAT(pictures, HasSubstr("\xFF\xD8\xFF"));

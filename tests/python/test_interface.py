@@ -23,7 +23,7 @@ def public(thing):
 
 
 def test_the_interface_is_what_is_there():
-    modules = {"errors", "records", "testing"}  # where the parts in Python live
+    modules = {"copies", "errors", "records", "testing"}  # where the parts in Python live
     assert members(STUB.body) == public(etalon) - modules
     for node in STUB.body:
         if isinstance(node, ast.ClassDef) and not issubclass(getattr(etalon, node.name), Exception):

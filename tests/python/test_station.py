@@ -9,6 +9,7 @@ import numpy
 import pytest
 from conftest import pose
 from quick_station import write_quick_station
+from signatures import check, functions
 
 import etalon
 
@@ -102,6 +103,14 @@ def test_the_rules_of_the_station_hold(station):
             etalon.open_camera("polaroid:1")
     with station.open_camera() as camera, pytest.raises(etalon.ConfigError, match="retries"):
         camera.frame(retries=-3)
+
+
+def test_wrong_arguments_of_a_stage_are_refused_by_their_names(station, camera, tag):
+    with station.open_stage() as stage:
+        for (owner, name), arguments in functions().items():
+            if owner == "Stage":
+                right = {"target": numpy.zeros(4), "share": 1.0}
+                check(getattr(stage, name), {one: right[one] for one in arguments}, arguments, camera, tag)
 
 
 @pytest.mark.parametrize("how", ["ctrl-c", "stop"])

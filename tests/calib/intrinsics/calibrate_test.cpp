@@ -124,6 +124,13 @@ TEST(Calibrate, ThreeViewsHaveNoLeaveOneOut) {
     EXPECT_EQ(calibration.model.name, "standard");
 }
 
+TEST(Calibrate, EndsAtAStop) {
+    std::stop_source stop;
+    stop.request_stop();
+    const auto views = synthetic_views(calibration_truth(), 7, 0.1, 1);
+    EXPECT_THROW(calibrate_camera(views, image_size, {.stop = stop.get_token()}), Interrupted);
+}
+
 TEST(Calibrate, RefusesAModelThatIsNone) {
     const auto views = synthetic_views(calibration_truth(), 4, 0.1, 2);
     EXPECT_THROW(calibrate_camera(views, image_size, {.model = "fisheye"}), ConfigError);

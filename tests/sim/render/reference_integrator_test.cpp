@@ -78,6 +78,16 @@ TEST(ReferenceIntegrator, GivesTheSameBytesForAnyNumberOfThreads) {
     EXPECT_EQ(static_cast<float>(listed[0].mean), one.mean.at<float>(3, 3));
 }
 
+TEST(ReferenceIntegrator, EndsAtAStop) {
+    const CameraModel camera = camera_with(20, 16, {400.0, 300.0, 9.0, 7.0}, {});
+    std::stop_source stop;
+    stop.request_stop();
+    const ReferenceOptions options{.stop = stop.get_token()};
+    EXPECT_THROW(integrate_reference(camera, {{}, 0.9}, {{9, 7}}, options), Interrupted);
+    EXPECT_THROW(integrate_reference(camera, {{}, 0.9}, cv::Rect(0, 0, 20, 16), options),
+                 Interrupted);
+}
+
 TEST(ReferenceIntegrator, RefusesOptionsWithoutAnError) {
     const auto scene = benchmark_scene("webcam-500");
     EXPECT_THROW(integrate_reference(scene.camera, scene.scene, {{1, 1}}, {.scrambles = 1}),

@@ -278,9 +278,28 @@ TEST_F(CalibrationFolder, RefusesTwoOfOneCamera) {
     EXPECT_THAT(refusal("CAM-7"), HasSubstr("camera.yml and second.yml are both of camera CAM-7"));
 }
 
-TEST_F(CalibrationFolder, PassesOverAFileThatIsNoCamera) {
+TEST_F(CalibrationFolder, SkipsAndNamesWhatCannotBeRead) {
     write_text(folder_ / "broken.yml", "etalon: camera/1\nserial: [");
+    std::ofstream(folder_ / "latin1.yml", std::ios::binary)
+        << "etalon: camera/1\nserial: \"M\xFCller\"\n";
     EXPECT_EQ(calibration_of(folder_ / ".", "CAM-7").filename(), "camera.yml");
+    const std::vector<std::string> skipped = read_calibrations(folder_ / ".").skipped;
+    ASSERT_EQ(skipped.size(), 2u) << "the station and its limits are no trouble";
+    EXPECT_THAT(skipped[0], HasSubstr("broken.yml:"));
+    EXPECT_THAT(skipped[1], HasSubstr("latin1.yml:2"));
+    EXPECT_THAT(refusal("CAM-1"), HasSubstr("; skipped, as it cannot be read: " + skipped[0] +
+                                            "; " + skipped[1]));
+}
+
+TEST(Access, AnErrorTellsNoFolderOfTheServer) {
+    const auto told = [](const std::string& text) {
+        return nlohmann::json::parse(error_reply(422, text).body)["error"].get<std::string>();
+    };
+    EXPECT_EQ(told("/home/anna/cameras/a.yml:3: serial: twice"), "a.yml:3: serial: twice");
+    EXPECT_EQ(told("/home/anna/cameras/: has no calibration"), "cameras/: has no calibration");
+    EXPECT_EQ(told("cannot open [/srv/runs/x] or \"/srv/y\""), "cannot open [x] or \"y\"");
+    EXPECT_EQ(told("v4l2:/dev/video0: 5 mm / s and/or 3"), "v4l2:/dev/video0: 5 mm / s and/or 3");
+    EXPECT_EQ(told(std::string(60000, '/')).size(), 60000u);
 }
 
 // ---- page text

@@ -94,7 +94,8 @@ void require_sound_keys(const YAML::Node& mapping, const std::string& path,
     std::map<std::string, int> first_line;
     for (const auto& entry : mapping) {
         const YAML::Node& key = entry.first;
-        if (!key.IsScalar() || key.Scalar().size() > max_key_bytes)
+        if (!key.IsScalar() || key.Scalar().size() > max_key_bytes ||
+            printable(key.Scalar()) != key.Scalar())
             throw ConfigError({file, line_of(key), path}, "a key must be a word");
         const auto [seen, is_new] = first_line.emplace(key.Scalar(), line_of(key));
         if (!is_new)
@@ -238,7 +239,12 @@ std::string Value::text() const {
 std::string Value::scalar() const {
     if (!node_->IsScalar())
         fail("must be a single word or text");
-    return node_->Scalar();
+    std::string text = node_->Scalar();
+    if (text.ends_with('\n'))  // of a block, "about: >"
+        text.pop_back();
+    if (printable(text) != text)
+        fail(fmt::format("must be a line of text: '{}' holds a control character", text));
+    return text;
 }
 
 std::string Value::one_of(std::initializer_list<std::string_view> words) const {

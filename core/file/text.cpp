@@ -82,6 +82,15 @@ std::optional<long long> parse_integer(std::string_view text) {
     return parse_whole<long long>(text);
 }
 
+std::string number_hint(std::string_view text) {
+    const std::size_t comma = text.find(',');
+    std::string dotted(text);
+    if (comma != std::string_view::npos)
+        dotted[comma] = '.';
+    const bool is_meant = comma != std::string_view::npos && parse_number(dotted);
+    return is_meant ? "; a decimal point is a dot: " + dotted : "";
+}
+
 std::vector<double> parse_numbers(std::string_view text, std::size_t count,
                                   const std::string& place) {
     std::vector<double> numbers;
@@ -92,7 +101,8 @@ std::vector<double> parse_numbers(std::string_view text, std::size_t count,
         numbers.push_back(*number);
     }
     if (numbers.size() != count)
-        throw ConfigError({place}, fmt::format("expected {} numbers separated by commas, got {}",
+        throw ConfigError({place}, fmt::format("expected {} numbers separated by commas, with dots "
+                                               "as decimal points, got {}",
                                                count, numbers.size()));
     return numbers;
 }
@@ -120,7 +130,8 @@ std::string nearest_word(std::string_view word, const std::vector<std::string>& 
     std::string nearest;
     std::size_t best = word.size() / 2 + 2;  // farther than that is no misspelling
     for (const std::string& candidate : candidates) {
-        const std::size_t distance = edit_distance(word, candidate);
+        const bool is_begun = !word.empty() && candidate.starts_with(word);
+        const std::size_t distance = is_begun ? 0 : edit_distance(word, candidate);
         if (distance < best) {
             best = distance;
             nearest = candidate;
@@ -202,7 +213,7 @@ void make_folder(const std::filesystem::path& folder) {
 
 std::string escape_html(std::string_view text) {
     std::string escaped;
-    for (const char c : text)
+    for (const char c : printable(text, "\n"))
         escaped += c == '&'   ? "&amp;"
                    : c == '<' ? "&lt;"
                    : c == '>' ? "&gt;"

@@ -21,7 +21,11 @@ std::vector<double> parse_numbers(std::string_view text, std::size_t count,
 std::string_view trimmed(std::string_view text);
 std::vector<std::string> split(std::string_view text, char separator);
 
-// The candidate that `word` was most likely meant to be; empty if none is near.
+// "; a decimal point is a dot: 1.5" for "1,5"; empty for what is no such number.
+std::string number_hint(std::string_view text);
+
+// The candidate that `word` was most likely meant to be, first one that it begins; empty if none is
+// near.
 std::string nearest_word(std::string_view word, const std::vector<std::string>& candidates);
 
 // A number with enough digits to be read back as the same double, and no more.
@@ -56,7 +60,7 @@ void write_text(const std::filesystem::path& path, std::string_view text);
 // The folder and those above it, where they are missing. Throws ConfigError when it cannot be made.
 void make_folder(const std::filesystem::path& folder);
 
-// Escapes &, <, >, and quotes for HTML and SVG.
+// Escapes &, <, >, quotes, and control characters but line ends, for HTML and SVG.
 std::string escape_html(std::string_view text);
 
 }  // namespace etalon

@@ -367,7 +367,7 @@ void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<S
         result.reason = error.what();
     } catch (const std::exception& error) {
         result.outcome = RunOutcome::error;
-        result.reason = error.what();
+        result.reason = printable(error.what());
     }
     run.progress.end();
 }

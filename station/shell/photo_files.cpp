@@ -71,11 +71,15 @@ PhotoFiles::~PhotoFiles() {
 void PhotoFiles::add_pattern(const std::string& pattern) {
     glob_t found{};
     const int result = glob(pattern.c_str(), 0, nullptr, &found);
-    for (std::size_t i = 0; result == 0 && i < found.gl_pathc; ++i)
-        paths_.emplace_back(found.gl_pathv[i]);
+    const std::vector<std::string> names(found.gl_pathv, found.gl_pathv + found.gl_pathc);
     globfree(&found);
     if (result != 0)
         throw ConfigError({pattern}, "no file has a name like that");
+    for (const std::string& name : names) {
+        if (printable(name) != name)
+            throw ConfigError({name}, "holds a control character: give the file another name");
+        paths_.emplace_back(name);
+    }
 }
 
 void PhotoFiles::add_film(const std::string& name) {

@@ -6,6 +6,7 @@
 
 #include "core/config/csv_file.h"
 #include "core/config/file_schema.h"
+#include "core/config/json_entry.h"
 #include "core/config/yaml_text.h"
 #include "tests/paths.h"
 #include "tests/test.h"
@@ -77,6 +78,28 @@ TEST(StrictReader, RefusesAnotherKindAndBrokenYaml) {
     EXPECT_NE(config_error_of([] { StrictFile::from_text("", "c.yml", "test/1"); }), "no error");
     EXPECT_NE(config_error_of([] { StrictFile::from_text("- a\n", "c.yml", "test/1"); }),
               "no error");
+}
+
+TEST(StrictReader, RefusesNamesThatWouldForgeLines) {
+    const auto refused = [](const std::string& text) {
+        return config_error_of([&] { open("id: " + text).root().at("id").text(); });
+    };
+    EXPECT_EQ(
+        refused("\"a\\nverdict PASS\""),
+        "test.yml:2: id: must be a line of text: 'a\\nverdict PASS' holds a control character");
+    // ESC, DEL, NEL, line separator, right-to-left override
+    for (const char* control : {"\\e[2J", "\\x7f", "\\N", "\\L", "\\u202e"})
+        EXPECT_THAT(refused("\"a" + std::string(control) + "\""), HasSubstr("control character"));
+    EXPECT_THAT(refused("|\n  a\n  verdict PASS\n"), HasSubstr("'a\\nverdict PASS'"));
+    EXPECT_EQ(open("id: >\n  one\n  line\n").root().at("id").text(), "one line");
+    EXPECT_EQ(open("id: \"µm ± 雪\"\n").root().at("id").text(), "µm ± 雪");
+    EXPECT_EQ(config_error_of([] { open("\"a\\nb\": 1\n"); }), "test.yml:2: a key must be a word");
+}
+
+// Of records: what others wrote there is shown, on its line.
+TEST(JsonEntry, GivesTextThatStaysOnItsLine) {
+    const JsonEntry entry(R"({"serial": "7\ndue camera 8"})", {"run.json"});
+    EXPECT_EQ(entry.at("serial").text(), R"(7\ndue camera 8)");
 }
 
 TEST(StrictReader, RefusesAliasesOfThemselvesAndTextBehindTheDocument) {

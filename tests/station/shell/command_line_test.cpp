@@ -47,6 +47,41 @@ TEST(CommandLine, UsageErrorsAreOneLineAndExitCode3) {
                           3, "--square-mm");
 }
 
+// Words that programs read from stdout, docs/files.md.
+TEST(CommandLine, NoNameForgesALine) {
+    const TemporaryFolder folder;
+    write_station(folder, replaced(station_text, "id: test-station", "id: \"a\\nverdict PASS\""));
+    expect_one_line_error(etalon_with(folder, "plan station.yaml"), 3,
+                          "station.yaml:2: id: must be a line of text: 'a\\nverdict PASS'");
+    expect_one_line_error(etalon_with(folder, "detect \"$(printf 'a\\nverdict PASS')\" --marker x"),
+                          3, "'a\\nverdict PASS' holds a control character");
+    write_text(folder / "a\nverdict PASS.png", "");
+    expect_one_line_error(etalon_with(folder, "detect '*.png' --marker apriltag:36h11:5@50mm"), 3,
+                          "a\\nverdict PASS.png: holds a control character");
+}
+
+TEST(CommandLine, SaysWhatIsNotKnownAndWhatWasMeant) {
+    const TemporaryFolder folder;
+    const auto refused = [&](const std::string& arguments, const std::string& message) {
+        const Finished finished = etalon_with(folder, arguments);
+        expect_one_line_error(finished, 3, "");
+        EXPECT_EQ(finished.err, "etalon: " + message + "\n");
+    };
+    refused("qualfy", "'qualfy' is no command of etalon; did you mean 'qualify'?");
+    refused("cal", "'cal' is no command of etalon; did you mean 'calibrate'?");
+    refused("stage stat x", "'stat' is no command of stage; did you mean 'status'?");
+    refused("--versoin", "'--versoin' is no option of etalon; did you mean '--version'?");
+    // before what is missing, which it may be meant to be
+    refused("calibrate a.png --ot=x", "'--ot' is no option of calibrate; did you mean '--out'?");
+    refused("qualify a.yaml b.yaml", "'b.yaml' is one argument too many");
+    refused("render --camera a --camera b", "--camera is given more than once: it takes one value");
+    refused("study a.yaml --shard", "--shard needs a value");
+    EXPECT_THAT(etalon_with(folder, "stage").err,
+                StartsWith("etalon: stage needs one of status, "));
+    EXPECT_THAT(etalon_with(folder, "calibrate a.png --board 9x6 --square-mm 1,5 --out c").err,
+                EndsWith("not '1,5'; a decimal point is a dot: 1.5\n"));
+}
+
 TEST(CommandLine, NamesTheLineAndKeyOfABadCameraFile) {
     const TemporaryFolder folder;
     write_station(folder);

@@ -168,10 +168,37 @@ std::string wrapped_text(const std::string& head, std::string_view text, std::si
     return wrapped_words(head, split(text, ' '), " ", head.size(), columns);
 }
 
+std::string no_file_cause(const std::filesystem::path& path) {
+    using enum std::filesystem::file_type;
+    std::error_code error;
+    switch (std::filesystem::status(path, error).type()) {
+        case regular:
+            return "";
+        case not_found:
+            return "no such file";
+        case directory:
+            return "is a folder, not a file";
+        case fifo:
+            return "is a FIFO, not a file";
+        case socket:
+            return "is a socket, not a file";
+        case block:
+        case character:
+            return "is a device, not a file";
+        default:
+            return "cannot be read: " +
+                   error.message();  // a loop of links, a folder without access
+    }
+}
+
+void require_file(const std::filesystem::path& path) {
+    if (const std::string cause = no_file_cause(path); !cause.empty())
+        throw ConfigError({path.string()}, cause);
+}
+
 std::ifstream open_text(const std::filesystem::path& path, std::uintmax_t most_bytes) {
     std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error))
-        throw ConfigError({path.string()}, "no such file");
+    require_file(path);
     if (std::filesystem::file_size(path, error) > most_bytes)
         throw ConfigError({path.string()}, fmt::format("is larger than {} MiB", most_bytes >> 20));
     std::ifstream file(path, std::ios::binary);

@@ -40,6 +40,12 @@ std::string wrapped_words(std::string line, const std::vector<std::string>& word
 // The text's words after `head`, further lines below its text.
 std::string wrapped_text(const std::string& head, std::string_view text, std::size_t columns = 79);
 
+// Why there is no regular file to read: "no such file", "is a folder, not a file"; empty where one
+// is. Links are followed.
+std::string no_file_cause(const std::filesystem::path& path);
+// Throws ConfigError with that cause.
+void require_file(const std::filesystem::path& path);
+
 // Whole file as text, without the byte order mark that some programs put before it. Throws
 // ConfigError when it cannot be read, is larger than 64 MiB, or is not UTF-8.
 std::string read_text(const std::filesystem::path& path);

@@ -414,6 +414,8 @@ void carry_out_session(const Run& run, RunSession session, std::unique_ptr<Camer
     run.record.write(run.result);
     for (const std::string& each : dropped)
         run.log("dropped", each);
+    if (const std::string exact = exact_knowledge(run.result.station); !exact.empty())
+        run.remark(exact);
     carry_out(run, std::move(camera), std::move(stage));
     close_record(run);
 }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <glob.h>
 
+#include <algorithm>
 #include <set>
 
 #include "core/file/text.h"
@@ -60,6 +61,13 @@ PhotoFiles::PhotoFiles(const std::vector<std::filesystem::path>& given) {
         else
             paths_.push_back(path);
     }
+    require_distinct(paths_);
+    if (const auto rotated = std::ranges::count_if(paths_, is_marked_rotated); rotated > 0)
+        fmt::print(
+            stderr,
+            "{} of {} photographs are marked as rotated (EXIF): their pixels are read as the "
+            "sensor has them\n",
+            rotated, paths_.size());
 }
 
 PhotoFiles::~PhotoFiles() {
@@ -100,9 +108,12 @@ void PhotoFiles::add_film(const std::string& name) {
 
 void require_distinct(const std::vector<std::filesystem::path>& photos) {
     std::set<std::filesystem::path> seen;
-    for (const std::filesystem::path& photo : photos)
-        if (!seen.insert(photo.lexically_normal()).second)
+    for (const std::filesystem::path& photo : photos) {
+        std::error_code error;
+        const std::filesystem::path file = weakly_canonical(photo, error);
+        if (!seen.insert(error ? photo : file).second)
             throw ConfigError({photo.string()}, "is given twice");
+    }
 }
 
 }  // namespace etalon

@@ -55,6 +55,25 @@ TEST(StrictReader, NamesFileLineAndKeyOfEveryFault) {
               "test.yml:4: a.fx: doubled key, first given in line 3");
 }
 
+TEST(StrictReader, KnowsDecimalCommasTabsAndAMissingFirstLine) {
+    const auto number = [](const std::string& body) {
+        return config_error_of([&] {
+            const StrictFile file = open(body);
+            file.root().at("a").at("fx").number(positive);
+            file.finish();
+        });
+    };
+    EXPECT_EQ(number("a:\n  fx: 275,5\n"),
+              "test.yml:3: a.fx: must be a finite number, not '275,5'; a decimal point is a dot: "
+              "275.5");
+    EXPECT_EQ(number("a: {fx: 275,5}\n"), "test.yml:2: a.5: unknown key; a decimal point is a dot");
+    EXPECT_EQ(config_error_of([] { open("a: [1,5, 2,5]\n").root().at("a").numbers(2, positive); }),
+              "test.yml:2: a: must have 2 numbers, not 4; a decimal point is a dot");
+    EXPECT_EQ(number("a:\n\tfx: 7\n"), "test.yml:3: is indented by a tab: YAML takes spaces");
+    EXPECT_EQ(config_error_of([] { StrictFile::from_text("id: 5\n", "c.yml", "camera/1"); }),
+              "c.yml:1: must begin with 'etalon: camera/1'");
+}
+
 TEST(StrictReader, AnUnreadSectionIsAnUnknownKey) {
     const StrictFile file = open("a: 1\nextra: {b: 2}\n");
     file.root().at("a").number(any_number);
@@ -199,9 +218,19 @@ TEST_F(CsvFileTest, IsTheSameWithAByteOrderMarkCarriageReturnsAndEmptyLines) {
 }
 
 TEST_F(CsvFileTest, NamesTheLineOfWhatIsWrong) {
-    EXPECT_EQ(error_of([&] { read("", {"a,b", "c"}); }), ":1: the first line must be 'a,b' or 'c'");
+    EXPECT_EQ(error_of([&] {
+                  read("", {"a,b", "c"});
+              }),
+              ":1: the first line must be 'a,b' or 'c', not ''");
+    EXPECT_EQ(error_of([&] {
+                  read(
+                      "\xef\xbb\xbf"
+                      "a;b\r\n1;2\n",
+                      {"a,b"});
+              }),
+              ":1: the first line must be 'a,b', not 'a;b'");
     EXPECT_EQ(error_of([&] { read("a,b\n1,2\n\n1,2,3\n"); }),
-              ":4: has 3 cells, not the header's 2");
+              ":4: has 3 cells, not the header's 2; a decimal point is a dot");
     EXPECT_EQ(error_of([&] { read("a\n3\n").column("b"); }), ":1: the header lacks the column 'b'");
     EXPECT_EQ(error_of([&] { read("a\n3\nnan\n").rows[1].number(0); }),
               ":3: 'nan' is not a finite number");

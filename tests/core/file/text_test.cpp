@@ -1,5 +1,7 @@
 #include "core/file/text.h"
 
+#include <sys/stat.h>
+
 #include <cerrno>
 
 #include "core/file/file_writing.h"
@@ -52,6 +54,26 @@ TEST(Text, FilesLoseTheirByteOrderMarkAndMustBeUtf8) {
     EXPECT_EQ(read_text(folder / "t"), "x\n\xef\xbb\xbf");
     write_text(folder / "t", "\xff\xfex\0");
     EXPECT_THROW(read_text(folder / "t"), ConfigError);
+}
+
+TEST(Text, SaysWhatStandsInPlaceOfAFile) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(mkfifo((folder / "fifo").c_str(), 0600), 0);
+    std::filesystem::create_symlink("loop", folder / "loop");
+    write_text(folder / "file", "");
+    std::filesystem::create_symlink("file", folder / "link");
+    const std::pair<std::filesystem::path, std::string> all[] = {
+        {folder / "none", "no such file"},
+        {folder / "", "is a folder, not a file"},
+        {folder / "fifo", "is a FIFO, not a file"},
+        {"/dev/null", "is a device, not a file"},
+        {folder / "loop", "cannot be read: Too many levels of symbolic links"}};
+    for (const auto& one : all) {
+        const std::string wanted = one.first.string() + ": " + one.second;
+        EXPECT_EQ(config_error_of([&] { read_text(one.first); }), wanted);
+        EXPECT_EQ(config_error_of([&] { sha256_of_file(one.first); }), wanted);
+    }
+    EXPECT_EQ(read_text(folder / "link"), "");
 }
 
 TEST(Text, ExactNumbersReadBackAsTheSameDouble) {

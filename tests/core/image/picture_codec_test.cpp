@@ -221,7 +221,6 @@ TEST(Image, RefusesWhatIsNoImageAndNamesTheFile) {
     EXPECT_THROW(read_image(temporary("missing.png")), ConfigError);
 }
 
-// What follows is no element of DICOM: its reader would end the program.
 // An APP1 segment with an Exif structure of one tag, Orientation (CIPA DC-008, 4.6.2), either way
 // round.
 Bytes marked_jpeg(unsigned char orientation, bool low_first) {
@@ -258,6 +257,7 @@ TEST(Image, TellsWhatViewersShowRotatedAndReadsItAsTheSensorHasIt) {
     EXPECT_FALSE(is_marked_rotated(folder / "none.jpg"));
 }
 
+// What follows is no element of DICOM: its reader would end the program.
 TEST(Image, RefusesDicom) {
     const auto path = temporary("scan.png");
     std::ofstream(path) << std::string(128, '\0') << "DICM" << std::string(40, '\xff');

@@ -67,6 +67,8 @@ bool CsvReader::next_line() {
     }
     line_.resize(static_cast<std::size_t>(file_.gcount()) - (file_.eof() ? 0 : 1));
     require_utf8(line_, place);
+    if (printable(line_, "\t\r") != line_)  // blanks around cells, line ends
+        throw ConfigError(place, "holds a control character");
     return true;
 }
 

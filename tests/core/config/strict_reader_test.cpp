@@ -231,6 +231,7 @@ TEST_F(CsvFileTest, NamesTheLineOfWhatIsWrong) {
               ":1: the first line must be 'a,b', not 'a;b'");
     EXPECT_EQ(error_of([&] { read("a,b\n1,2\n\n1,2,3\n"); }),
               ":4: has 3 cells, not the header's 2; a decimal point is a dot");
+    EXPECT_EQ(error_of([&] { read("photo\na\x1b[2J\n"); }), ":2: holds a control character");
     EXPECT_EQ(error_of([&] { read("a\n3\n").column("b"); }), ":1: the header lacks the column 'b'");
     EXPECT_EQ(error_of([&] { read("a\n3\nnan\n").rows[1].number(0); }),
               ":3: 'nan' is not a finite number");

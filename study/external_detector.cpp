@@ -42,7 +42,7 @@ std::optional<ExternalAnswer> external_answer(const std::string& line) {
     const auto failure = json.find("failure");
     if (failure == json.end() || !failure->is_string())
         return std::nullopt;
-    return ExternalAnswer{std::nullopt, failure->get<std::string>()};
+    return ExternalAnswer{std::nullopt, printable(failure->get<std::string>())};
 }
 
 ExternalDetector::ExternalDetector(std::vector<std::string> command, milliseconds time_out,

@@ -340,8 +340,7 @@ StudyRun run_study(const StudyOptics& optics, const Shard& shard, StudyRecord& r
         progress.step();
     };
     if (before < of)
-        progress.begin("study", static_cast<int>(of - before),
-                       std::chrono::milliseconds(20) * (of - before));
+        progress.begin("study", static_cast<int>(of - before));
     process_in_order(next_pose, evaluate, keep);
     progress.end();
 

@@ -460,16 +460,13 @@ void settle_image_size(CameraModel& camera, const std::filesystem::path& path,
     }
 }
 
-// As YAML's double-quoted text, which any byte survives.
+// As YAML's double-quoted text.
 std::string quoted(const std::string& text) {
     std::string result = "\"";
-    for (const char c : text) {
+    for (const char c : printable(text)) {
         if (c == '"' || c == '\\')
-            result += std::string("\\") + c;
-        else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
-            result += fmt::format("\\x{:02x}", static_cast<unsigned char>(c));
-        else
-            result += c;
+            result += '\\';
+        result += c;
     }
     return result + "\"";
 }

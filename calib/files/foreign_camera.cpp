@@ -105,6 +105,8 @@ CalibrationTool tool_of(const std::filesystem::path& path) {
         return kalibr;
     if (has_line(text, "model:"))
         return boofcv;
+    if (has_line(text, "image:") && has_line(text, "intrinsics:"))
+        throw ConfigError({path.string(), 1}, "must begin with 'etalon: camera/1'");
     return ros;
 }
 

@@ -29,7 +29,7 @@ void drop_flag(gpointer flag, GClosure*) {
 }  // namespace
 
 std::string text_or_empty(const char* text) {
-    return text ? text : "";
+    return text ? printable(text) : "";
 }
 
 ErrorSlot::~ErrorSlot() {

@@ -13,7 +13,7 @@ typedef struct _GError GError;
 
 namespace etalon {
 
-// "" where the library has no text.
+// Printable; "" where the library has no text.
 std::string text_or_empty(const char* text);
 
 // Receives an error of the library.

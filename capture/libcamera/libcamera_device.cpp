@@ -136,9 +136,9 @@ LibcameraValues values_in(const libcamera::ControlList& list) {
 }
 
 CameraIdentity identity_of(const libcamera::Camera& camera) {
-    CameraIdentity identity{"libcamera:" + camera.id(), "", "", ""};
+    CameraIdentity identity{"libcamera:" + printable(camera.id()), "", "", ""};
     if (const auto model = camera.properties().get(libcamera::properties::Model))
-        identity.model = std::string(*model);
+        identity.model = printable(*model);
     return identity;
 }
 

@@ -327,7 +327,7 @@ private:
             found.push_back(fmt::format("{}: {}", i,
                                         control.type == V4L2_CTRL_TYPE_INTEGER_MENU
                                             ? std::to_string(number)
-                                            : std::string(name, strnlen(name, 32))));
+                                            : printable({name, strnlen(name, 32)})));
         }
         return found;
     }

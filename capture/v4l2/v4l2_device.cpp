@@ -88,7 +88,7 @@ constexpr double max_rate_hz = 1e5;
 template <std::size_t size>
 std::string text(const __u8 (&field)[size]) {
     const auto* begin = reinterpret_cast<const char*>(field);
-    return {begin, strnlen(begin, size)};
+    return printable({begin, strnlen(begin, size)});
 }
 
 std::uint32_t fourcc_of(const PixelFormat& format) {

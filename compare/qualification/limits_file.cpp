@@ -1,5 +1,7 @@
 #include "compare/qualification/limits_file.h"
 
+#include <fmt/format.h>
+
 #include "compare/qualification/judged_quantities.h"
 #include "core/config/strict_reader.h"
 
@@ -10,6 +12,22 @@ DecisionRule read_rule(const Value& value) {
     if (value.is_mapping())
         return {value.at("guard_band").number({0.0, 3.0})};
     return {value.one_of({"guarded", "simple"}) == "simple" ? 0.0 : 1.0};
+}
+
+// A maximum is never below its RMS: with a lower limit the RMS' own would say nothing.
+void require_order(const Limits& limits, const Value& root) {
+    constexpr std::pair<const char*, const char*> pairs[] = {
+        {quantity::position_rms, quantity::position_max},
+        {quantity::rotation_rms, quantity::rotation_max},
+        {quantity::photometric_rms, quantity::photometric_max}};
+    for (const auto& [rms, max] : pairs) {
+        const auto of_rms = limits.by_quantity.find(rms), of_max = limits.by_quantity.find(max);
+        if (of_rms != limits.by_quantity.end() && of_max != limits.by_quantity.end() &&
+            of_max->second < of_rms->second)
+            root.at(max).at("limit").fail(
+                fmt::format("is {}, below the limit of {}, {}: no maximum is below its RMS",
+                            of_max->second, rms, of_rms->second));
+    }
 }
 
 }  // namespace
@@ -46,6 +64,7 @@ Limits read_limits(const std::filesystem::path& path) {
     if (const auto days = root.find("due_after_days"))
         limits.due_after_days = days->integer(1, 36500);
     file.finish();
+    require_order(limits, root);
     return limits;
 }
 

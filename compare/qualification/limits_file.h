@@ -55,7 +55,8 @@ struct Limits {
 };
 
 // Throws ConfigError with file, line and key: unknown, missing or doubled keys, a limit that is not
-// a positive number, a unit other than the one in the quantity's name.
+// a positive number, a unit other than the one in the quantity's name, a maximum's limit below that
+// of its RMS.
 Limits read_limits(const std::filesystem::path& path);
 
 // Sets outcome, risk and, where it is INCONCLUSIVE, the reason. Without an uncertainty, as in a

@@ -50,8 +50,8 @@ CsvReader::CsvReader(const std::filesystem::path& path,
     header_ = cells_of(line_);
     const std::string header = fmt::format("{}", fmt::join(header_, ","));
     if (headers.size() > 0 && std::ranges::find(headers, header) == headers.end())
-        throw ConfigError(place_,
-                          fmt::format("the first line must be '{}'", fmt::join(headers, "' or '")));
+        throw ConfigError(place_, fmt::format("the first line must be '{}', not '{:.200}'",
+                                              fmt::join(headers, "' or '"), trimmed(line_)));
 }
 
 bool CsvReader::next_line() {
@@ -67,6 +67,8 @@ bool CsvReader::next_line() {
     }
     line_.resize(static_cast<std::size_t>(file_.gcount()) - (file_.eof() ? 0 : 1));
     require_utf8(line_, place);
+    if (printable(line_, "\t\r") != line_)  // blanks around cells, line ends
+        throw ConfigError(place, "holds a control character");
     return true;
 }
 
@@ -76,8 +78,10 @@ std::optional<CsvRow> CsvReader::next() {
             continue;
         CsvRow row{{place_.file, number_}, cells_of(line_)};
         if (row.cells.size() != header_.size())
-            throw ConfigError(row.place, fmt::format("has {} cells, not the header's {}",
-                                                     row.cells.size(), header_.size()));
+            throw ConfigError(
+                row.place,
+                fmt::format("has {} cells, not the header's {}{}", row.cells.size(), header_.size(),
+                            row.cells.size() > header_.size() ? "; a decimal point is a dot" : ""));
         return row;
     }
     return std::nullopt;

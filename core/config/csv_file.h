@@ -51,7 +51,8 @@ private:
 };
 
 // Throws ConfigError with file and line when the file cannot be read, is larger than 64 MiB, not
-// UTF-8, has none of `headers` (any if empty), or a row of another length.
+// UTF-8, holds a control character, has none of `headers` (any if empty), or a row of another
+// length.
 CsvFile read_csv(const std::filesystem::path& path,
                  std::initializer_list<std::string_view> headers = {});
 

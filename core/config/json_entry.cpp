@@ -116,7 +116,7 @@ bool JsonEntry::flag() const {
 std::string JsonEntry::text() const {
     if (!json_at(json_).is_string())
         fail("must be text");
-    return json_at(json_).get<std::string>();
+    return printable(json_at(json_).get<std::string>());
 }
 
 std::vector<double> JsonEntry::numbers(std::size_t count, Range range) const {

@@ -29,7 +29,7 @@ public:
     long long integer(long long low, long long high) const;
     std::uint64_t whole() const;
     bool flag() const;
-    std::string text() const;
+    std::string text() const;  // printable(), whoever wrote it
     // A list of exactly `count` numbers.
     std::vector<double> numbers(std::size_t count, Range range = any_number) const;
 

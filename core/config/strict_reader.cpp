@@ -94,7 +94,8 @@ void require_sound_keys(const YAML::Node& mapping, const std::string& path,
     std::map<std::string, int> first_line;
     for (const auto& entry : mapping) {
         const YAML::Node& key = entry.first;
-        if (!key.IsScalar() || key.Scalar().size() > max_key_bytes)
+        if (!key.IsScalar() || key.Scalar().size() > max_key_bytes ||
+            printable(key.Scalar()) != key.Scalar())
             throw ConfigError({file, line_of(key), path}, "a key must be a word");
         const auto [seen, is_new] = first_line.emplace(key.Scalar(), line_of(key));
         if (!is_new)
@@ -207,7 +208,8 @@ double Value::finite_number(Range range) const {
         fail("must be a number");
     const auto value = parse_number(node_->Scalar());
     if (!value)
-        fail(fmt::format("must be a finite number, not '{}'", node_->Scalar()));
+        fail(fmt::format("must be a finite number, not '{}'{}", node_->Scalar(),
+                         number_hint(node_->Scalar())));
     if (!range.contains(*value))
         fail(fmt::format("must be {}, not {}", range.words(), *value));
     return *value;
@@ -238,7 +240,12 @@ std::string Value::text() const {
 std::string Value::scalar() const {
     if (!node_->IsScalar())
         fail("must be a single word or text");
-    return node_->Scalar();
+    std::string text = node_->Scalar();
+    if (text.ends_with('\n'))  // of a block, "about: >"
+        text.pop_back();
+    if (printable(text) != text)
+        fail(fmt::format("must be a line of text: '{}' holds a control character", text));
+    return text;
 }
 
 std::string Value::one_of(std::initializer_list<std::string_view> words) const {
@@ -259,7 +266,8 @@ std::vector<double> Value::numbers(std::size_t count, Range range) const {
     for (const Value& item : items())
         numbers.push_back(item.number(range));
     if (count != 0 && numbers.size() != count)
-        fail(fmt::format("must have {} numbers, not {}", count, numbers.size()));
+        fail(fmt::format("must have {} numbers, not {}{}", count, numbers.size(),
+                         numbers.size() > count ? "; a decimal point is a dot" : ""));
     return numbers;
 }
 
@@ -300,6 +308,8 @@ StrictFile::StrictFile(const std::string& text, const std::filesystem::path& pat
     });
     if (!root_.node_->IsMap())
         throw ConfigError({path.string(), 1}, fmt::format("must begin with 'etalon: {}'", kind));
+    if (!root_.look_up("etalon"))
+        throw ConfigError({path.string(), 1}, fmt::format("must begin with 'etalon: {}'", kind));
     const Value declared = root_.at("etalon");
     if (declared.text() != kind)
         declared.fail(fmt::format("must be '{}', not '{}'", kind, declared.text()));
@@ -322,9 +332,12 @@ void StrictFile::finish() const {
             const std::string meant = known == shared.known.end()
                                           ? ""
                                           : nearest_word(entry.first.Scalar(), known->second);
-            throw ConfigError(
-                {shared.file, line_of(entry.first), full},
-                meant.empty() ? "unknown key" : "unknown key; did you mean '" + meant + "'?");
+            // "{fx: 275,5}" is fx of 275 and a key 5 without a value.
+            const bool is_decimals = entry.second.IsNull() && parse_number(entry.first.Scalar());
+            throw ConfigError({shared.file, line_of(entry.first), full},
+                              is_decimals     ? "unknown key; a decimal point is a dot"
+                              : meant.empty() ? "unknown key"
+                                              : "unknown key; did you mean '" + meant + "'?");
         }
     });
 }

@@ -106,7 +106,8 @@ public:
     // Of a list.
     std::vector<Value> items() const;
 
-    // Of a scalar. A quoted number is text.
+    // Of a scalar. A quoted number is text. Text is one line without control characters: it is
+    // printed beside words that programs read.
     double number(Range range) const;
     int integer(int low, int high) const;
     bool flag() const;  // true or false

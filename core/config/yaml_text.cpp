@@ -9,7 +9,7 @@
 #include <sstream>
 #include <vector>
 
-#include "core/program/errors.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {
@@ -112,6 +112,18 @@ void require_limits(const std::string& text, const std::string& file) {
         throw ConfigError({file}, "holds more than one YAML document");
 }
 
+// The first line, from 1, that a tab indents, which YAML's parsers call by many names; 0: none.
+int line_with_tab(const std::string& text) {
+    int number = 0;
+    for (const std::string& line : split(text, '\n')) {
+        ++number;
+        if (line.substr(0, line.find_first_not_of(" \t")).find('\t') != std::string::npos &&
+            !trimmed(line).empty())
+            return number;
+    }
+    return 0;
+}
+
 }  // namespace
 
 YAML::Node parse_yaml(const std::string& text, const std::string& file) {
@@ -119,6 +131,8 @@ YAML::Node parse_yaml(const std::string& text, const std::string& file) {
         require_limits(text, file);
         return YAML::Load(text);
     } catch (const YAML::Exception& error) {
+        if (const int line = line_with_tab(text); line > 0)
+            throw ConfigError({file, line}, "is indented by a tab: YAML takes spaces");
         throw ConfigError({file, error.mark.line + 1}, error.msg);
     }
 }

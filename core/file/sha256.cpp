@@ -9,6 +9,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/file/text.h"
 #include "core/program/errors.h"
 
 namespace etalon {
@@ -41,6 +42,7 @@ std::string sha256(std::string_view bytes) {
 }
 
 std::string sha256_of_file(const std::filesystem::path& path) {
+    require_file(path);
     std::ifstream file(path, std::ios::binary);
     Sha256 hash;
     std::vector<char> buffer(65'536);

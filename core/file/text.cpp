@@ -84,6 +84,15 @@ std::optional<long long> parse_integer(std::string_view text) {
     return parse_whole<long long>(text);
 }
 
+std::string number_hint(std::string_view text) {
+    const std::size_t comma = text.find(',');
+    std::string dotted(text);
+    if (comma != std::string_view::npos)
+        dotted[comma] = '.';
+    const bool is_meant = comma != std::string_view::npos && parse_number(dotted);
+    return is_meant ? "; a decimal point is a dot: " + dotted : "";
+}
+
 std::vector<double> parse_numbers(std::string_view text, std::size_t count,
                                   const std::string& place) {
     std::vector<double> numbers;
@@ -94,7 +103,8 @@ std::vector<double> parse_numbers(std::string_view text, std::size_t count,
         numbers.push_back(*number);
     }
     if (numbers.size() != count)
-        throw ConfigError({place}, fmt::format("expected {} numbers separated by commas, got {}",
+        throw ConfigError({place}, fmt::format("expected {} numbers separated by commas, with dots "
+                                               "as decimal points, got {}",
                                                count, numbers.size()));
     return numbers;
 }
@@ -122,7 +132,8 @@ std::string nearest_word(std::string_view word, const std::vector<std::string>& 
     std::string nearest;
     std::size_t best = word.size() / 2 + 2;  // farther than that is no misspelling
     for (const std::string& candidate : candidates) {
-        const std::size_t distance = edit_distance(word, candidate);
+        const bool is_begun = !word.empty() && candidate.starts_with(word);
+        const std::size_t distance = is_begun ? 0 : edit_distance(word, candidate);
         if (distance < best) {
             best = distance;
             nearest = candidate;
@@ -159,10 +170,37 @@ std::string wrapped_text(const std::string& head, std::string_view text, std::si
     return wrapped_words(head, split(text, ' '), " ", head.size(), columns);
 }
 
+std::string no_file_cause(const std::filesystem::path& path) {
+    using enum std::filesystem::file_type;
+    std::error_code error;
+    switch (std::filesystem::status(path, error).type()) {
+        case regular:
+            return "";
+        case not_found:
+            return "no such file";
+        case directory:
+            return "is a folder, not a file";
+        case fifo:
+            return "is a FIFO, not a file";
+        case socket:
+            return "is a socket, not a file";
+        case block:
+        case character:
+            return "is a device, not a file";
+        default:
+            return "cannot be read: " +
+                   error.message();  // a loop of links, a folder without access
+    }
+}
+
+void require_file(const std::filesystem::path& path) {
+    if (const std::string cause = no_file_cause(path); !cause.empty())
+        throw ConfigError({path.string()}, cause);
+}
+
 std::ifstream open_text(const std::filesystem::path& path, std::uintmax_t most_bytes) {
     std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error))
-        throw ConfigError({path.string()}, "no such file");
+    require_file(path);
     if (std::filesystem::file_size(path, error) > most_bytes)
         throw ConfigError({path.string()}, fmt::format("is larger than {} MiB", most_bytes >> 20));
     std::ifstream file(path, std::ios::binary);
@@ -205,7 +243,7 @@ void make_folder(const std::filesystem::path& folder) {
 
 std::string escape_html(std::string_view text) {
     std::string escaped;
-    for (const char c : text)
+    for (const char c : printable(text, "\n"))
         escaped += c == '&'   ? "&amp;"
                    : c == '<' ? "&lt;"
                    : c == '>' ? "&gt;"

@@ -21,7 +21,11 @@ std::vector<double> parse_numbers(std::string_view text, std::size_t count,
 std::string_view trimmed(std::string_view text);
 std::vector<std::string> split(std::string_view text, char separator);
 
-// The candidate that `word` was most likely meant to be; empty if none is near.
+// "; a decimal point is a dot: 1.5" for "1,5"; empty for what is no such number.
+std::string number_hint(std::string_view text);
+
+// The candidate that `word` was most likely meant to be, first one that it begins; empty if none is
+// near.
 std::string nearest_word(std::string_view word, const std::vector<std::string>& candidates);
 
 // A number with enough digits to be read back as the same double, and no more.
@@ -35,6 +39,12 @@ std::string wrapped_words(std::string line, const std::vector<std::string>& word
 
 // The text's words after `head`, further lines below its text.
 std::string wrapped_text(const std::string& head, std::string_view text, std::size_t columns = 79);
+
+// Why there is no regular file to read: "no such file", "is a folder, not a file"; empty where one
+// is. Links are followed.
+std::string no_file_cause(const std::filesystem::path& path);
+// Throws ConfigError with that cause.
+void require_file(const std::filesystem::path& path);
 
 // Whole file as text, without the byte order mark that some programs put before it. Throws
 // ConfigError when it cannot be read, is larger than 64 MiB, or is not UTF-8.
@@ -56,7 +66,7 @@ void write_text(const std::filesystem::path& path, std::string_view text);
 // The folder and those above it, where they are missing. Throws ConfigError when it cannot be made.
 void make_folder(const std::filesystem::path& folder);
 
-// Escapes &, <, >, and quotes for HTML and SVG.
+// Escapes &, <, >, quotes, and control characters but line ends, for HTML and SVG.
 std::string escape_html(std::string_view text);
 
 }  // namespace etalon

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/file/file_writing.h"
+#include "core/file/text.h"
 #include "core/image/picture_codec.h"
 #include "core/program/errors.h"
 
@@ -49,6 +50,39 @@ bool is_cut_jpeg(const FileBytes& bytes) {
                    .find(end, at) == std::string_view::npos;
 }
 
+// Of a TIFF structure (TIFF 6.0, 2): the tag Orientation of its first directory; 1 without.
+unsigned tiff_orientation(std::string_view tiff) {
+    const bool low_first = tiff.starts_with("II");
+    const auto number = [&](std::size_t at, unsigned bytes) {
+        std::size_t value = 0;
+        for (unsigned i = 0; i < bytes; ++i) {
+            const std::size_t from = at + (low_first ? bytes - 1 - i : i);
+            value = value << 8 | (from < tiff.size() ? static_cast<unsigned char>(tiff[from]) : 0U);
+        }
+        return value;
+    };
+    constexpr std::size_t orientation = 0x0112, entry_bytes = 12, value_at = 8;
+    const std::size_t directory = number(4, 4), entries = number(directory, 2);
+    for (std::size_t i = 0; i < entries; ++i)
+        if (const std::size_t at = directory + 2 + i * entry_bytes; number(at, 2) == orientation)
+            return static_cast<unsigned>(number(at + value_at, 2));
+    return 1;
+}
+
+// A JPEG's (CIPA DC-008 "Exif", 4.7.2), as far as these bytes go; 1: the pixels stand as shown.
+unsigned exif_orientation(const FileBytes& bytes) {
+    constexpr std::string_view head("Exif\0\0", 6);
+    constexpr unsigned char marker = 0xff, app1 = 0xe1, start_of_scan = 0xda;
+    std::size_t at = 2;
+    while (at + 4 <= bytes.size() && bytes[at] == marker && bytes[at + 1] != start_of_scan) {
+        const std::size_t length = static_cast<std::size_t>(bytes[at + 2] << 8 | bytes[at + 3]);
+        if (bytes[at + 1] == app1 && text_at(bytes, at + 4, head.size()) == head)
+            return tiff_orientation(text_at(bytes, at + 4 + head.size(), length));
+        at += 2 + length;
+    }
+    return 1;
+}
+
 // What is not read at all, and why; empty for all others.
 std::string refusal(const FileBytes& bytes) {
     if (is_heif(bytes))
@@ -65,10 +99,9 @@ std::string refusal(const FileBytes& bytes) {
 constexpr std::uintmax_t longest_file = std::uintmax_t{1} << 31;
 
 FileBytes bytes_of(const std::filesystem::path& path) {
-    std::error_code error, ignored;
+    require_file(path);
+    std::error_code error;
     const std::uintmax_t size = std::filesystem::file_size(path, error);
-    if (!std::filesystem::exists(path, ignored))
-        throw ConfigError({path.string()}, "no such image");
     if (error || size > longest_file)
         throw ConfigError({path.string()}, error ? error.message() : "is longer than 2 GB");
     FileBytes bytes(size);
@@ -113,6 +146,19 @@ const char* name(TimeSource source) {
     constexpr const char* names[] = {"request", "device clock", "driver, start", "driver, end",
                                      "recording"};
     return names[static_cast<std::size_t>(source)];
+}
+
+bool is_marked_rotated(const std::filesystem::path& path) {
+    constexpr std::size_t head_bytes = 128u << 10;  // Exif is in the first segments, of 64 KiB each
+    if (!no_file_cause(path).empty())
+        return false;
+    FileBytes head(head_bytes);
+    std::ifstream file(path, std::ios::binary);
+    file.read(reinterpret_cast<char*>(head.data()), static_cast<std::streamsize>(head.size()));
+    head.resize(static_cast<std::size_t>(file.gcount()));
+    const unsigned orientation =
+        head.size() > 2 && head[0] == 0xff && head[1] == 0xd8 ? exif_orientation(head) : 1;
+    return orientation > 1 && orientation <= 8;
 }
 
 CodeImage read_image(const std::filesystem::path& path) {

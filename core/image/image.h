@@ -87,6 +87,10 @@ struct Frame {
 CodeImage read_image(const std::filesystem::path& path);
 void write_image(const std::filesystem::path& path, const CodeImage& image);
 
+// Whether it is a JPEG that viewers show rotated or mirrored, by EXIF's orientation. False for what
+// cannot be read. Reads 128 KiB.
+bool is_marked_rotated(const std::filesystem::path& path);
+
 // A picture for people, CV_8UC3 in OpenCV's order (BGR). Throws as above.
 void write_picture(const std::filesystem::path& path, const cv::Mat& bgr);
 

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <type_traits>
 #include <utility>
@@ -14,10 +15,15 @@
 
 namespace etalon {
 
-// Base of all errors thrown on purpose by this project.
+// Text of others (names, file names, devices) on one line, as it is printed: control characters of
+// Unicode, line separators and what turns the direction of text become "\n", "\t" or "\x1b", but
+// for those in `kept`. All else stays, also what is not UTF-8.
+std::string printable(std::string_view text, std::string_view kept = {});
+
+// Base of all errors thrown on purpose by this project. The message is printable.
 class Error : public std::runtime_error {
 public:
-    using std::runtime_error::runtime_error;
+    explicit Error(const std::string& message) : std::runtime_error(printable(message)) {}
 };
 
 // The place of a value in a file, or an argument on the command line.

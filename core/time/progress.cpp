@@ -19,19 +19,20 @@ std::string duration_text(Duration duration) {
     return fmt::format("{}:{:02} h", s / 3600, s % 3600 / 60);
 }
 
-std::string Progress::line(const std::string& phase, int done, int steps, Duration left,
-                           bool with_bar) {
+std::string Progress::line(const std::string& phase, int done, int steps,
+                           std::optional<Duration> left, bool with_bar) {
     const std::string count = fmt::format("{} of {}", done, steps);
     if (!with_bar)
-        return fmt::format("{}: {}, {} left", phase, count, duration_text(left));
+        return fmt::format("{}: {}{}", phase, count,
+                           left ? fmt::format(", {} left", duration_text(*left)) : "");
     const int full = static_cast<int>(static_cast<long long>(bar_columns) * done / steps);
     const std::string bar = std::string(static_cast<std::size_t>(full), '#') +
                             std::string(static_cast<std::size_t>(bar_columns - full), '.');
-    return fmt::format("{:<12.12} [{}] {:>14.14}  {:>9} left", phase, bar, count,
-                       duration_text(left));
+    return fmt::format("{:<12.12} [{}] {:>14.14}{}", phase, bar, count,
+                       left ? fmt::format("  {:>9} left", duration_text(*left)) : "");
 }
 
-void Progress::begin(const std::string& phase, int steps, Duration expected) {
+void Progress::begin(const std::string& phase, int steps, std::optional<Duration> expected) {
     end();
     phase_ = phase;
     steps_ = std::max(steps, 1);
@@ -70,10 +71,10 @@ void Progress::write(const std::string& text) {
     std::fflush(out_);
 }
 
-Duration Progress::time_left() const {
+std::optional<Duration> Progress::time_left() const {
     const int rest = steps_ - done_;
     if (done_ < trusted_steps)
-        return expected_ * rest / steps_;
+        return expected_ ? std::optional<Duration>(*expected_ * rest / steps_) : std::nullopt;
     return (clock_.now() - start_) * rest / done_;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdio>
+#include <optional>
 
 #include "core/time/clock.h"
 
@@ -17,9 +18,9 @@ public:
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
 
-    // A phase of `steps` > 0 equal steps; ends the one before. `expected` is what it should take:
-    // used until the first steps have shown it.
-    void begin(const std::string& phase, int steps, Duration expected);
+    // A phase of `steps` > 0 equal steps; ends the one before. `expected` is what it is known to
+    // take: used until the first steps have shown it. Without it no time left is told before.
+    void begin(const std::string& phase, int steps, std::optional<Duration> expected = {});
     void step();  // beyond the last one: nothing
     void end();
 
@@ -27,11 +28,11 @@ public:
     void note(const std::string& text);
 
     // The text after `done` of `steps` steps; for tests too.
-    static std::string line(const std::string& phase, int done, int steps, Duration left,
-                            bool with_bar);
+    static std::string line(const std::string& phase, int done, int steps,
+                            std::optional<Duration> left, bool with_bar);
 
 private:
-    Duration time_left() const;
+    std::optional<Duration> time_left() const;
     void show();
     void write(const std::string& text);
 
@@ -41,7 +42,7 @@ private:
     std::string phase_;
     int done_ = 0, steps_ = 0;
     Instant start_{};
-    Duration expected_{};
+    std::optional<Duration> expected_;
 };
 
 // "42 s", "3:07 min", "1:02 h"

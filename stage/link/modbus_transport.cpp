@@ -2,20 +2,105 @@
 
 #include <fmt/format.h>
 #include <modbus.h>
+#include <netdb.h>
 #include <poll.h>
 #include <sys/file.h>
+#include <sys/socket.h>
 #include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <span>
 
 namespace etalon {
 namespace {
 
-// The device answered, but with a refusal; the connection is in order.
-bool is_modbus_exception(int error) {
-    return error >= EMBXILFUN && error <= EMBXGTAR;
+using FrameBytes = std::vector<std::uint8_t>;
+using FrameView = std::span<const std::uint8_t>;
+
+void append_word(FrameBytes& bytes, int word) {
+    bytes.push_back(static_cast<std::uint8_t>(word >> 8));
+    bytes.push_back(static_cast<std::uint8_t>(word & 0xff));
+}
+
+int word_at(FrameView bytes, std::size_t at) {
+    return bytes[at] << 8 | bytes[at + 1];
+}
+
+// Function code and data ("MODBUS Application Protocol V1.1b3", 6).
+FrameBytes pdu_of(const ModbusRequest& request) {
+    const std::vector<std::uint16_t>& values = request.values;
+    FrameBytes pdu = {static_cast<std::uint8_t>(request.function)};
+    append_word(pdu, request.address);
+    append_word(pdu, request.function == 5   ? (values.front() != 0 ? 0xff00 : 0)
+                     : request.function == 6 ? values.front()
+                                             : request.count);
+    if (request.function == 15) {
+        pdu.push_back(static_cast<std::uint8_t>((values.size() + 7) / 8));
+        const std::size_t first = pdu.size();
+        pdu.resize(first + pdu.back());
+        for (std::size_t i = 0; i < values.size(); ++i)
+            if (values[i] != 0)
+                pdu[first + i / 8] = static_cast<std::uint8_t>(pdu[first + i / 8] | 1 << i % 8);
+    } else if (request.function == 16) {
+        pdu.push_back(static_cast<std::uint8_t>(2 * values.size()));
+        for (const std::uint16_t value : values)
+            append_word(pdu, value);
+    }
+    return pdu;
+}
+
+// The values of an answer to a read, or none; false where it does not fit the request.
+bool take_answer(const ModbusRequest& request, FrameView pdu, std::vector<std::uint16_t>& values) {
+    if (request.function > 4) {  // it repeats what the request begins with
+        const FrameBytes asked = pdu_of(request);
+        return std::ranges::equal(pdu, FrameView(asked).first(5));
+    }
+    const bool bits = request.function <= 2;
+    const auto count = static_cast<std::size_t>(request.count);
+    const std::size_t bytes = bits ? (count + 7) / 8 : 2 * count;
+    if (pdu.size() != 2 + bytes || pdu[0] != request.function || pdu[1] != bytes)
+        return false;
+    for (std::size_t i = 0; i < count; ++i)
+        values.push_back(static_cast<std::uint16_t>(bits ? pdu[2 + i / 8] >> i % 8 & 1
+                                                         : word_at(pdu, 2 + 2 * i)));
+    return true;
+}
+
+// What a whole answer of the unit says to the request. A refusal leaves the connection in order.
+ModbusReply reply_of(const ModbusRequest& request, FrameView pdu) {
+    ModbusReply reply;
+    if (pdu.size() == 2 && pdu[0] == (request.function | 0x80)) {
+        const int error = MODBUS_ENOBASE + pdu[1];
+        const bool is_known = error >= EMBXILFUN && error <= EMBXGTAR;
+        reply.cause = modbus_strerror(is_known ? error : EMBBADEXC);
+        if (is_known) {
+            reply.outcome = ModbusReply::Outcome::refused;
+            reply.exception = pdu[1];
+        }
+    } else if (take_answer(request, pdu, reply.values)) {
+        reply.outcome = ModbusReply::Outcome::answered;
+    } else {
+        reply.cause = "an answer that does not fit the request";
+    }
+    return reply;
+}
+
+// Of a name that nobody knows libmodbus says "Connection refused", too. Empty for one that leads to
+// an address.
+std::string name_failure(const StageLink& link) {
+    const auto* address = std::get_if<TcpAddress>(&link.address);
+    if (address == nullptr)
+        return "";
+    addrinfo* found = nullptr;
+    const int failure = getaddrinfo(address->host.c_str(), nullptr, nullptr, &found);
+    if (failure == 0)
+        freeaddrinfo(found);
+    return failure == 0
+               ? ""
+               : fmt::format("no host '{}' is known: {}", address->host, gai_strerror(failure));
 }
 
 modbus_t* make_context(const TcpAddress& address) {
@@ -48,13 +133,17 @@ public:
                                modbus_set_byte_timeout(context_, 0, 0) == 0 &&
                                modbus_connect(context_) == 0;
         std::string failure;
-        if (!connected)
-            failure = fmt::format("cannot connect: {}", modbus_strerror(errno));
+        const int error = errno;
+        if (!connected && error == ECONNREFUSED)
+            failure = name_failure(link_);
+        if (!connected && failure.empty())
+            failure = modbus_strerror(error);
         else if (link_.is_serial() && !takes_line_alone(context_))
-            failure = "cannot connect: another program uses the line";
-        if (!failure.empty())
-            close();
-        return failure;
+            failure = "another program uses the line";
+        if (failure.empty())
+            return "";
+        close();
+        return "cannot connect: " + failure;
     }
 
     // What a serial line has not sent yet must not go out later, and closing would wait for it.
@@ -68,23 +157,20 @@ public:
         context_ = nullptr;
     }
 
+    // libmodbus' own functions take the answer of any unit on TCP: frames are made and read here.
     ModbusReply exchange(const ModbusRequest& request, std::chrono::milliseconds timeout) override {
+        std::array<std::uint8_t, MODBUS_MAX_ADU_LENGTH> frame{};
+        const bool sent =
+            modbus_set_slave(context_, request.unit) == 0 && set_timeout(timeout) && send(request);
+        const int length = sent ? modbus_receive_confirmation(context_, frame.data()) : -1;
+        const int error = errno;
         ModbusReply reply;
-        reply.values.resize(request.values.empty() ? static_cast<std::size_t>(request.count) : 0);
-        const bool set = modbus_set_slave(context_, request.unit) == 0 && set_timeout(timeout);
-        const int done = set ? call(request, reply.values) : -1;
-        const int error = done < 0 ? errno : EMBBADDATA;
-        if (done == request.count) {
-            reply.outcome = ModbusReply::Outcome::answered;
-            return reply;
-        }
-        reply.values.clear();
-        if (is_modbus_exception(error)) {
-            reply.outcome = ModbusReply::Outcome::refused;
-            reply.exception = error - MODBUS_ENOBASE;
-        }
-        reply.cause = error == ETIMEDOUT ? fmt::format("no answer within {} ms", timeout.count())
-                                         : modbus_strerror(error);
+        if (length < 0)
+            reply.cause = error == ETIMEDOUT
+                              ? fmt::format("no answer within {} ms", timeout.count())
+                              : modbus_strerror(error);
+        else
+            reply = judged(request, FrameView(frame).first(static_cast<std::size_t>(length)));
         return reply;
     }
 
@@ -106,34 +192,43 @@ private:
                    context_, static_cast<std::uint32_t>(timeout.count() / 1000), microseconds) == 0;
     }
 
-    // The number of values read or written, or -1 and errno.
-    int call(const ModbusRequest& request, std::vector<std::uint16_t>& values) {
-        const int at = request.address, count = request.count;
-        std::vector<std::uint8_t> bits(request.values.begin(), request.values.end());
-        switch (request.function) {
-            case 1:
-            case 2: {
-                bits.resize(values.size());
-                const auto read = request.function == 1 ? modbus_read_bits : modbus_read_input_bits;
-                const int got = read(context_, at, count, bits.data());
-                std::ranges::copy(bits, values.begin());
-                return got;
-            }
-            case 3:
-                return modbus_read_registers(context_, at, count, values.data());
-            case 4:
-                return modbus_read_input_registers(context_, at, count, values.data());
-            case 5:
-                return modbus_write_bit(context_, at, bits.front());
-            case 15:
-                return modbus_write_bits(context_, at, count, bits.data());
-            default:
-                return modbus_write_registers(context_, at, count, request.values.data());
+    // "MODBUS Messaging on TCP/IP Implementation Guide V1.0b", 3.1.3: transaction, protocol 0,
+    // length, unit. On a serial line libmodbus adds the check sum, and keeps the sender's timing.
+    bool send(const ModbusRequest& request) {
+        const FrameBytes pdu = pdu_of(request);
+        FrameBytes frame;
+        if (!link_.is_serial()) {
+            append_word(frame, ++transaction_);
+            append_word(frame, 0);
+            append_word(frame, static_cast<int>(pdu.size()) + 1);
         }
+        frame.push_back(static_cast<std::uint8_t>(request.unit));
+        frame.insert(frame.end(), pdu.begin(), pdu.end());
+        if (link_.is_serial())
+            return modbus_send_raw_request(context_, frame.data(), static_cast<int>(frame.size())) >
+                   0;
+        return ::send(modbus_get_socket(context_), frame.data(), frame.size(), MSG_NOSIGNAL) ==
+               static_cast<ssize_t>(frame.size());
+    }
+
+    // Of a frame as libmodbus received it: empty from another unit of a serial line, whose check
+    // sum it has compared otherwise.
+    ModbusReply judged(const ModbusRequest& request, FrameView frame) const {
+        const std::size_t head = link_.is_serial() ? 1 : 7, tail = link_.is_serial() ? 2 : 0;
+        ModbusReply reply;
+        if (frame.size() < head + 2 + tail || frame[head - 1] != request.unit)
+            reply.cause = "an answer of another unit";
+        else if (!link_.is_serial() &&
+                 (word_at(frame, 0) != transaction_ || word_at(frame, 2) != 0))
+            reply.cause = "an answer to another request";
+        else
+            reply = reply_of(request, frame.subspan(head, frame.size() - head - tail));
+        return reply;
     }
 
     StageLink link_;
-    modbus_t* context_ = nullptr;  // null: not connected
+    modbus_t* context_ = nullptr;    // null: not connected
+    std::uint16_t transaction_ = 0;  // of the last request on TCP
 };
 
 }  // namespace

@@ -84,7 +84,6 @@ Observations of_one_size(std::vector<Observations> groups) {
 
 Observations observe_all(const CalibrationTarget& target, const std::string& spec,
                          const std::vector<std::filesystem::path>& photos) {
-    require_distinct(photos);
     std::vector<Observations> groups;
     std::map<std::string, std::string> by_content;
     for (const auto& photo : photos) {

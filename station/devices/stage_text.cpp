@@ -348,8 +348,11 @@ int run_stage_stop(const StageArguments& arguments) {
     const StopOnSignals signals(ignored);
     Session session(read_station_stage(arguments.station), arguments.trace, Opening::asks_nothing);
     if (!session.stage().stop()) {
-        print_stderr("etalon: the stage did NOT confirm that its axes stand still\n");
-        return ExitCode::run_error;
+        const std::string trace(trimmed(session.stage().trace()));
+        const std::string last = trace.substr(trace.rfind('\n') + 1);
+        return fail(ExitCode::run_error,
+                    "the stage did NOT confirm that its axes stand still; last request: " +
+                        last.substr(std::min(last.find("unit "), last.size())));
     }
     session.show(arguments.json);
     return 0;

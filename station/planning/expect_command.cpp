@@ -68,8 +68,7 @@ void print_text(const Expectation& expectation) {
 int run_expect(const ExpectArguments& arguments) {
     const ExpectationRequest request = request_of(arguments);
     StderrProgress progress;
-    progress.begin("rendering", request.poses,
-                   request.poses * (request.frames + 2) * std::chrono::milliseconds(10));
+    progress.begin("rendering", request.poses);
     const Expectation expectation = expect_errors(request, [&] { progress.count(); });
     progress.end();
     if (!arguments.out.empty())

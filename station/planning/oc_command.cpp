@@ -232,8 +232,7 @@ int run_oc(const OcArguments& arguments) {
         missing.push_back(shard.index - 1 + i * shard.count);
     StderrProgress progress;
     if (!missing.empty())
-        progress.begin("simulating", static_cast<int>(missing.size()),
-                       missing.size() * point_count(runs.planned()) * std::chrono::milliseconds(5));
+        progress.begin("simulating", static_cast<int>(missing.size()));
     runs.simulate(missing, [&](std::size_t run, std::span<const PointRun> points) {
         if (record)
             record->add(rows_of_run(run, points));

@@ -178,6 +178,8 @@ int run_plan(const PlanArguments& arguments) {
     if (!forecast)
         throw NumericalError(fmt::format("{}: a run as it declares ends with: {}",
                                          arguments.station.string(), forecast.cause));
+    if (const std::string exact = exact_knowledge(simulator->station()); !exact.empty())
+        fmt::print(stderr, "{}\n", exact);
     if (arguments.json) {
         fmt::print("{}\n", json_of(*simulator, *forecast.value).dump(1));
         return 0;

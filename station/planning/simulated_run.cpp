@@ -258,8 +258,7 @@ std::unique_ptr<const RunSimulator> study_plan(const std::filesystem::path& path
                           "uncertainty (`etalon characterise` measures it)");
     const std::vector<Rigid> poses = expected_poses(station, plan);
     StderrProgress progress;
-    progress.begin("rendering", static_cast<int>(poses.size()),
-                   poses.size() * noisy_frames * std::chrono::milliseconds(12));
+    progress.begin("rendering", static_cast<int>(poses.size()));
     DetectorStudy study = study_detector(expected_scene(station), poses, noisy_frames,
                                          station.plan.seed, [&] { progress.count(); });
     progress.end();

@@ -297,7 +297,7 @@ void read_frames(QualifyResult& result, Progress& progress, const std::stop_toke
     const std::size_t count = result.poses.size();
     if (count == 0)
         return;
-    progress.begin("reading", static_cast<int>(count), count * std::chrono::milliseconds(30));
+    progress.begin("reading", static_cast<int>(count));
     for (std::size_t first = 0; first < count; first += at_a_time) {
         const std::size_t end = std::min(first + at_a_time, count);
         // Isolated: a detector that waits for its own tasks must not begin another pose.

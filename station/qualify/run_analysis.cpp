@@ -14,8 +14,6 @@
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
-
 void throw_if_stopped(const std::stop_token& stop) {
     if (stop.stop_requested())
         throw Interrupted();
@@ -141,7 +139,7 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
         return photometric.rendered().at(camera_from_marker);
     };
     const auto hold_out = std::ranges::count(result.poses, true, &AnalysedPose::hold_out);
-    progress.begin("analysing", static_cast<int>(hold_out), hold_out * 10ms);
+    progress.begin("analysing", static_cast<int>(hold_out));
     result.analysis = qualify(input);
     result.poses = std::move(result.analysis->poses);
     compare_photos(result, photometric.rendered().view(), progress, stop);

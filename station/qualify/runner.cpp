@@ -367,7 +367,7 @@ void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<S
         result.reason = error.what();
     } catch (const std::exception& error) {
         result.outcome = RunOutcome::error;
-        result.reason = error.what();
+        result.reason = printable(error.what());
     }
     run.progress.end();
 }
@@ -414,6 +414,8 @@ void carry_out_session(const Run& run, RunSession session, std::unique_ptr<Camer
     run.record.write(run.result);
     for (const std::string& each : dropped)
         run.log("dropped", each);
+    if (const std::string exact = exact_knowledge(run.result.station); !exact.empty())
+        run.remark(exact);
     carry_out(run, std::move(camera), std::move(stage));
     close_record(run);
 }

@@ -347,16 +347,21 @@ Json pixels_json(const ImageAgreement& match) {
             {"findings", match.findings}};
 }
 
+// A sum of probabilities may be over 1 by its rounding.
+double at_most_one(double sum) {
+    return std::min(sum, 1.0);
+}
+
 Json causes_json(const Causes& causes) {
     const auto cause_json = [](const Cause& cause) -> Json {
         return {{"text", cause.text()},
-                {"probability", cause.probability},
+                {"probability", at_most_one(cause.probability)},
                 {"errors", cause.errors},
                 {"instead", cause.instead}};
     };
     return {{"ranked", json_list(causes.ranked, cause_json)},
-            {"no_error", causes.no_error},
-            {"none_of_these", causes.none_of_these},
+            {"no_error", at_most_one(causes.no_error)},
+            {"none_of_these", at_most_one(causes.none_of_these)},
             {"corner_scatter_px", causes.corner_scatter_px},
             {"scatter", causes.scatter}};
 }

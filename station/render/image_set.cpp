@@ -386,8 +386,7 @@ SetResult render_set(const RenderArguments& arguments, std::stop_token stop, Pro
             result.first_refusal = refusal;
         progress.step();
     };
-    // A tenth of a second an image, until the first ones have shown it.
-    progress.begin("render", static_cast<int>(missing), std::chrono::milliseconds(100) * missing);
+    progress.begin("render", static_cast<int>(missing));
     process_in_order(next_missing, make, record);
     progress.end();
     return result;

@@ -188,9 +188,11 @@ public:
         const int bound =
             port == 0 ? bind_to_any_port(address) : (bind_to_port(address, port) ? port : -1);
         if (bound < 0)
-            throw ConfigError({"--port"},
-                              fmt::format("{}:{} cannot be listened on: {}", address, port,
-                                          std::generic_category().message(errno)));
+            throw ConfigError(
+                {errno == EADDRNOTAVAIL ? "--listen" : "--port"},
+                fmt::format("{}:{} cannot be listened on: {}", address, port,
+                            errno == EADDRNOTAVAIL ? "it is no address of this machine"
+                                                   : std::generic_category().message(errno)));
         // The library lets five wait to be accepted: a sixth would try again a second later.
         ::listen(svr_sock_, SOMAXCONN);
         return bound;

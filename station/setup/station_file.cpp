@@ -1,6 +1,7 @@
 #include "station/setup/station_file.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "calib/files/camera_file.h"
 #include "compare/expect/expected_view.h"
@@ -38,9 +39,8 @@ std::string non_blank(const Value& value) {
 
 Path existing_file(const StrictFile& file, const Value& value) {
     const Path path = file.resolve(non_blank(value)).lexically_normal();
-    std::error_code ignored;
-    if (!std::filesystem::is_regular_file(path, ignored))
-        value.fail(fmt::format("no such file: {}", path.string()));
+    if (const std::string cause = no_file_cause(path); !cause.empty())
+        value.fail(fmt::format("{}: {}", cause, path.string()));
     return path;
 }
 
@@ -353,6 +353,32 @@ StationFile read_station(const Path& path, const Path& given_calibration) {
     station.limits = read_limits(limits_path);
     station.inputs = station_inputs(path, calibration, limits_path, station.stage.profile);
     return station;
+}
+
+std::string exact_knowledge(const StationFile& station) {
+    std::vector<std::string> names;
+    const auto add = [&](const std::optional<double>& uncertainty, const std::string& name) {
+        if (uncertainty == 0.0)
+            names.push_back(name);
+    };
+    for (const Axis& axis : station.stage.axes) {
+        add(axis.scale_uncertainty, "scale of " + axis.name);
+        add(axis.repeatability, "repeatability of " + axis.name);
+        add(axis.backlash_uncertainty, "backlash of " + axis.name);
+        add(axis.read_noise, "read-back of " + axis.name);
+        add(axis.direction_uncertainty, "direction of " + axis.name);
+        add(axis.point_uncertainty, "point of " + axis.name);
+    }
+    add(station.marker_size_uncertainty, "marker size");
+    add(station.marker_flatness_mm, "marker flatness");
+    if (station.temperature)
+        add(station.temperature->standard_uncertainty_k, "temperature");
+    if (names.empty())
+        return "";
+    return fmt::format(
+        "declared with an uncertainty of 0, so taken for exact: {}. Without its key "
+        "each is unknown",
+        fmt::join(names, ", "));
 }
 
 StationStage read_station_stage(const Path& path) {

@@ -99,6 +99,9 @@ StationFile read_station(const std::filesystem::path& path,
 // What the station's camera should see (compare/expect/expected_view.h).
 ExpectedScene expected_scene(const StationFile& station);
 
+// A remark on what the station declares with an uncertainty of 0, by name; empty without any.
+std::string exact_knowledge(const StationFile& station);
+
 // The stage's section alone: stopping the axes must not depend on the rest of the file.
 StationStage read_station_stage(const std::filesystem::path& path);
 

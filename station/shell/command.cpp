@@ -1,6 +1,7 @@
 #include "station/shell/command.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
@@ -18,8 +19,9 @@ CLI::Validator number_rule(std::optional<Number> (*parse)(std::string_view), Rul
     return CLI::Validator(
         [=](const std::string& text) -> std::string {
             const auto value = parse(text);
-            return value && is_allowed(*value) ? ""
-                                               : fmt::format("must be {}, not '{}'", words, text);
+            return value && is_allowed(*value)
+                       ? ""
+                       : fmt::format("must be {}, not '{}'{}", words, text, number_hint(text));
         },
         "");
 }
@@ -58,6 +60,75 @@ DescribedCommand described(const CLI::App& app) {
 }
 
 const SteadyClock steady_clock;
+
+// They would forge lines of what is printed, and hide in paths and names.
+void require_printable(int argc, char** argv) {
+    for (int i = 1; i < argc; ++i)
+        if (printable(argv[i]) != argv[i])
+            throw CLI::ParseError(fmt::format("'{}' holds a control character", printable(argv[i])),
+                                  CLI::ExitCodes::BaseClass);
+}
+
+// The first argument that this command does not know, and what it may have been meant to be; empty
+// where it knows all.
+std::string unknown_argument(const CLI::App& app) {
+    std::vector<std::string> words = app.remaining();
+    std::erase(words, "--");
+    if (words.empty())
+        return "";
+    const bool is_option = words.front().starts_with("-");
+    const std::string given = words.front().substr(0, is_option ? words.front().find('=') : -1);
+    const DescribedCommand known = described(app);
+    std::vector<std::string> names;
+    bool takes_arguments = false;
+    for (const DescribedOption& option : known.options) {
+        takes_arguments |= option.is_argument;
+        for (const std::string& name : option.names)
+            if (is_option && name.starts_with("--"))
+                names.push_back(name.substr(2));
+    }
+    for (const DescribedCommand& command : known.commands)
+        if (!is_option)
+            names.push_back(command.name);
+    const std::size_t bare = std::min(given.find_first_not_of('-'), given.size());
+    const std::string meant = nearest_word(given.substr(is_option ? bare : 0), names);
+    return fmt::format(
+        "'{}' is {}{}", given,
+        is_option                                   ? "no option of " + known.name
+        : known.commands.empty() || takes_arguments ? "one argument too many"
+                                                    : "no command of " + known.name,
+        meant.empty() ? "" : fmt::format("; did you mean '{}{}'?", is_option ? "--" : "", meant));
+}
+
+// CLI11's words for what a user meets most, in ours.
+std::string in_our_words(const CLI::ParseError& error, const CLI::App& chosen) {
+    const std::string text = error.what();
+    const std::string name = text.substr(0, text.find(':'));
+    if (error.get_name() == "ArgumentMismatch" && text.find(": At Most 1 ") != std::string::npos)
+        return name + " is given more than once: it takes one value";
+    if (error.get_name() == "ArgumentMismatch" && text.ends_with(" missing"))
+        return name + " needs a value";
+    if (error.get_name() == "ConversionError")
+        return text + number_hint(text.substr(text.rfind(' ') + 1));
+    if (text != "A subcommand is required")
+        return text;
+    std::vector<std::string> names;
+    for (const DescribedCommand& command : described(chosen).commands)
+        names.push_back(command.name);
+    return fmt::format("{} needs one of {}", chosen.get_name(), fmt::join(names, ", "));
+}
+
+// An argument that is not known comes first: it may be why another one is missing.
+std::string cause_of(const CLI::ParseError& error, const CLI::App& program) {
+    const CLI::App* app = &program;
+    for (;;) {
+        if (const std::string unknown = unknown_argument(*app); !unknown.empty())
+            return unknown;
+        if (app->get_subcommands().empty())
+            return in_our_words(error, *app);
+        app = app->get_subcommands().front();
+    }
+}
 
 }  // namespace
 
@@ -156,7 +227,7 @@ Command Command::add(std::function<int()> action, bool& json, const std::string&
 int fail(int exit_code, const std::string& message) {
     std::string line = message;
     std::replace(line.begin(), line.end(), '\n', ' ');
-    std::fprintf(stderr, "etalon: %s\n", std::string(trimmed(line)).c_str());
+    std::fprintf(stderr, "etalon: %s\n", printable(trimmed(line)).c_str());
     return exit_code;
 }
 
@@ -174,6 +245,7 @@ std::function<int()> parse_command_line(int argc, char** argv, const ProgramText
     declare(program);
     int exit_code = 0;
     try {
+        require_printable(argc, argv);
         app.parse(argc, argv);
         if (run)
             return run;
@@ -181,7 +253,7 @@ std::function<int()> parse_command_line(int argc, char** argv, const ProgramText
     } catch (const CLI::Success& request) {  // --help, --version
         exit_code = app.exit(request);
     } catch (const CLI::ParseError& error) {
-        exit_code = fail(ExitCode::usage_error, error.what());
+        exit_code = fail(ExitCode::usage_error, cause_of(error, app));
     }
     return [exit_code] { return exit_code; };
 }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <glob.h>
 
+#include <algorithm>
 #include <set>
 
 #include "core/file/file_writing.h"
@@ -61,6 +62,13 @@ PhotoFiles::PhotoFiles(const std::vector<std::filesystem::path>& given) {
         else
             paths_.push_back(path);
     }
+    require_distinct(paths_);
+    if (const auto rotated = std::ranges::count_if(paths_, is_marked_rotated); rotated > 0)
+        fmt::print(
+            stderr,
+            "{} of {} photographs are marked as rotated (EXIF): their pixels are read as the "
+            "sensor has them\n",
+            rotated, paths_.size());
 }
 
 PhotoFiles::~PhotoFiles() {
@@ -72,11 +80,15 @@ PhotoFiles::~PhotoFiles() {
 void PhotoFiles::add_pattern(const std::string& pattern) {
     glob_t found{};
     const int result = glob(pattern.c_str(), 0, nullptr, &found);
-    for (std::size_t i = 0; result == 0 && i < found.gl_pathc; ++i)
-        paths_.emplace_back(found.gl_pathv[i]);
+    const std::vector<std::string> names(found.gl_pathv, found.gl_pathv + found.gl_pathc);
     globfree(&found);
     if (result != 0)
         throw ConfigError({pattern}, "no file has a name like that");
+    for (const std::string& name : names) {
+        if (printable(name) != name)
+            throw ConfigError({name}, "holds a control character: give the file another name");
+        paths_.emplace_back(name);
+    }
 }
 
 void PhotoFiles::add_film(const std::string& name) {
@@ -98,9 +110,12 @@ void PhotoFiles::add_film(const std::string& name) {
 
 void require_distinct(const std::vector<std::filesystem::path>& photos) {
     std::set<std::filesystem::path> seen;
-    for (const std::filesystem::path& photo : photos)
-        if (!seen.insert(photo.lexically_normal()).second)
+    for (const std::filesystem::path& photo : photos) {
+        std::error_code error;
+        const std::filesystem::path file = weakly_canonical(photo, error);
+        if (!seen.insert(error ? photo : file).second)
             throw ConfigError({photo.string()}, "is given twice");
+    }
 }
 
 }  // namespace etalon

@@ -10,8 +10,9 @@ namespace etalon {
 class PhotoFiles {
 public:
     // In the order given, a pattern's by name, a film's by time; `every` takes each so many-th
-    // frame, from the first. Names of single files are not looked up. Throws ConfigError for a
-    // pattern that nothing matches, and a film that cannot be read, with its name.
+    // frame, from the first. Names of single files are not looked up. A line on stderr tells how
+    // many are marked as rotated. Throws ConfigError for a pattern that nothing matches, a name
+    // with a control character, a film that cannot be read, and as require_distinct().
     explicit PhotoFiles(const std::vector<std::filesystem::path>& given);
     ~PhotoFiles();
     PhotoFiles(const PhotoFiles&) = delete;
@@ -27,7 +28,8 @@ private:
     std::filesystem::path frames_;  // folder of the films' frames; empty without
 };
 
-// Throws ConfigError for a photograph that is given twice: it would count as two that agree.
+// Throws ConfigError for a photograph that is given twice, by whatever name: it would count as two
+// that agree.
 void require_distinct(const std::vector<std::filesystem::path>& photos);
 
 }  // namespace etalon

@@ -126,9 +126,9 @@ private:
         if (frame.garbage)
             reply.cause = serial_ ? "Invalid CRC" : "Invalid data";
         else if (!fits)
-            reply.cause = serial_ ? "Response not from requested slave" : "Invalid data";
+            reply.cause = serial_ ? "an answer of another unit" : "an answer to another request";
         else if (answered.function != request.function || answered.count != request.count)
-            reply.cause = "Invalid data";
+            reply.cause = "an answer that does not fit the request";
         else if (frame.exception != no_exception)
             reply = {ModbusReply::Outcome::refused,
                      frame.exception,

@@ -172,7 +172,7 @@ CameraModel written_and_read(const CameraModel& camera) {
 TEST(CameraFile, WritesWhatReadsBackToTheLastBit) {
     CameraModel camera = all_fourteen();
     camera.intrinsics.fx = 2000.0 / 3;
-    camera.serial = "a \"b\" \\ c\n#: d";
+    camera.serial = "a \"b\" \\ c #: d";
     camera.covariance = ParameterCovariance{{"fx", "cy", "tau_x"}, Eigen::MatrixXd(3, 3)};
     camera.covariance->matrix << 4, 0.1, 1.0 / 3, 0.1, 9, 1e-17, 1.0 / 3, 1e-17, 0.7;
     camera.lens = Lens{2.8, 1000.0 / 7, 650, {PointSpread::Kind::gaussian, 0.7}};

@@ -383,6 +383,26 @@ TEST(LimitsFile, SaysWhereAndWhatIsWrong) {
                 HasSubstr(":3:"));
 }
 
+TEST(LimitsFile, RefusesAMaximumBelowItsRms) {
+    const std::string head = "etalon: limits/1\nid: a\n";
+    const auto position = [&](double max) {
+        return refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n" +
+                       fmt::format("b3_position_field_max_mm: {{limit: {}, unit: mm}}\n", max));
+    };
+    EXPECT_EQ(position(0.07), "no error");
+    EXPECT_THAT(position(0.06),
+                EndsWith("limits.yaml:4: b3_position_field_max_mm.limit: is 0.06, below the limit "
+                         "of b3_position_field_rms_mm, 0.07: no maximum is below its RMS"));
+    for (const std::string kind : {"b3_rotation_field_{}_mrad", "b4_position_field_{}_mm"}) {
+        const std::string unit = kind.substr(kind.rfind('_') + 1);
+        std::string text = good;
+        for (const auto& [of, limit] : {std::pair("max", 1), std::pair("rms", 2)})
+            text +=
+                fmt::format(fmt::runtime(kind + ": {{limit: {}, unit: {}}}\n"), of, limit, unit);
+        EXPECT_THAT(refusal(text), HasSubstr("limits.yaml:5: ")) << kind;
+    }
+}
+
 TEST(LimitsFile, ReadsWhetherPixelsMustMatch) {
     EXPECT_TRUE(read_limits(file_with(good + "pixels: must_match\n")).pixels_must_match);
     EXPECT_THAT(refusal(good + "pixels: maybe\n"), HasSubstr("limits.yaml:5"));

@@ -6,6 +6,7 @@
 
 #include "core/config/csv_file.h"
 #include "core/config/file_schema.h"
+#include "core/config/json_entry.h"
 #include "core/config/yaml_text.h"
 #include "tests/paths.h"
 #include "tests/test.h"
@@ -54,6 +55,25 @@ TEST(StrictReader, NamesFileLineAndKeyOfEveryFault) {
               "test.yml:4: a.fx: doubled key, first given in line 3");
 }
 
+TEST(StrictReader, KnowsDecimalCommasTabsAndAMissingFirstLine) {
+    const auto number = [](const std::string& body) {
+        return config_error_of([&] {
+            const StrictFile file = open(body);
+            file.root().at("a").at("fx").number(positive);
+            file.finish();
+        });
+    };
+    EXPECT_EQ(number("a:\n  fx: 275,5\n"),
+              "test.yml:3: a.fx: must be a finite number, not '275,5'; a decimal point is a dot: "
+              "275.5");
+    EXPECT_EQ(number("a: {fx: 275,5}\n"), "test.yml:2: a.5: unknown key; a decimal point is a dot");
+    EXPECT_EQ(config_error_of([] { open("a: [1,5, 2,5]\n").root().at("a").numbers(2, positive); }),
+              "test.yml:2: a: must have 2 numbers, not 4; a decimal point is a dot");
+    EXPECT_EQ(number("a:\n\tfx: 7\n"), "test.yml:3: is indented by a tab: YAML takes spaces");
+    EXPECT_EQ(config_error_of([] { StrictFile::from_text("id: 5\n", "c.yml", "camera/1"); }),
+              "c.yml:1: must begin with 'etalon: camera/1'");
+}
+
 TEST(StrictReader, AnUnreadSectionIsAnUnknownKey) {
     const StrictFile file = open("a: 1\nextra: {b: 2}\n");
     file.root().at("a").number(any_number);
@@ -77,6 +97,28 @@ TEST(StrictReader, RefusesAnotherKindAndBrokenYaml) {
     EXPECT_NE(config_error_of([] { StrictFile::from_text("", "c.yml", "test/1"); }), "no error");
     EXPECT_NE(config_error_of([] { StrictFile::from_text("- a\n", "c.yml", "test/1"); }),
               "no error");
+}
+
+TEST(StrictReader, RefusesNamesThatWouldForgeLines) {
+    const auto refused = [](const std::string& text) {
+        return config_error_of([&] { open("id: " + text).root().at("id").text(); });
+    };
+    EXPECT_EQ(
+        refused("\"a\\nverdict PASS\""),
+        "test.yml:2: id: must be a line of text: 'a\\nverdict PASS' holds a control character");
+    // ESC, DEL, NEL, line separator, right-to-left override
+    for (const char* control : {"\\e[2J", "\\x7f", "\\N", "\\L", "\\u202e"})
+        EXPECT_THAT(refused("\"a" + std::string(control) + "\""), HasSubstr("control character"));
+    EXPECT_THAT(refused("|\n  a\n  verdict PASS\n"), HasSubstr("'a\\nverdict PASS'"));
+    EXPECT_EQ(open("id: >\n  one\n  line\n").root().at("id").text(), "one line");
+    EXPECT_EQ(open("id: \"µm ± 雪\"\n").root().at("id").text(), "µm ± 雪");
+    EXPECT_EQ(config_error_of([] { open("\"a\\nb\": 1\n"); }), "test.yml:2: a key must be a word");
+}
+
+// Of records: what others wrote there is shown, on its line.
+TEST(JsonEntry, GivesTextThatStaysOnItsLine) {
+    const JsonEntry entry(R"({"serial": "7\ndue camera 8"})", {"run.json"});
+    EXPECT_EQ(entry.at("serial").text(), R"(7\ndue camera 8)");
 }
 
 TEST(StrictReader, RefusesAliasesOfThemselvesAndTextBehindTheDocument) {
@@ -176,9 +218,20 @@ TEST_F(CsvFileTest, IsTheSameWithAByteOrderMarkCarriageReturnsAndEmptyLines) {
 }
 
 TEST_F(CsvFileTest, NamesTheLineOfWhatIsWrong) {
-    EXPECT_EQ(error_of([&] { read("", {"a,b", "c"}); }), ":1: the first line must be 'a,b' or 'c'");
+    EXPECT_EQ(error_of([&] {
+                  read("", {"a,b", "c"});
+              }),
+              ":1: the first line must be 'a,b' or 'c', not ''");
+    EXPECT_EQ(error_of([&] {
+                  read(
+                      "\xef\xbb\xbf"
+                      "a;b\r\n1;2\n",
+                      {"a,b"});
+              }),
+              ":1: the first line must be 'a,b', not 'a;b'");
     EXPECT_EQ(error_of([&] { read("a,b\n1,2\n\n1,2,3\n"); }),
-              ":4: has 3 cells, not the header's 2");
+              ":4: has 3 cells, not the header's 2; a decimal point is a dot");
+    EXPECT_EQ(error_of([&] { read("photo\na\x1b[2J\n"); }), ":2: holds a control character");
     EXPECT_EQ(error_of([&] { read("a\n3\n").column("b"); }), ":1: the header lacks the column 'b'");
     EXPECT_EQ(error_of([&] { read("a\n3\nnan\n").rows[1].number(0); }),
               ":3: 'nan' is not a finite number");

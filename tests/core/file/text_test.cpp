@@ -20,6 +20,12 @@ TEST(Text, ParsesWholeFiniteNumbersOnly) {
         EXPECT_FALSE(parse_number(wrong)) << wrong;
 }
 
+TEST(Text, ADecimalCommaGetsAHint) {
+    EXPECT_EQ(number_hint("1,5"), "; a decimal point is a dot: 1.5");
+    for (const char* other : {"1.5", "1,5,7", "a,b", ""})
+        EXPECT_EQ(number_hint(other), "") << other;
+}
+
 TEST(Text, ListOfNumbersMustHaveTheAskedLength) {
     EXPECT_EQ(parse_numbers("7,-5,0.25", 3, "--pose"), (std::vector<double>{7, -5, 0.25}));
     EXPECT_THROW(parse_numbers("7,-5", 3, "--pose"), ConfigError);
@@ -51,6 +57,26 @@ TEST(Text, FilesLoseTheirByteOrderMarkAndMustBeUtf8) {
     EXPECT_THROW(read_text(folder / "t"), ConfigError);
 }
 
+TEST(Text, SaysWhatStandsInPlaceOfAFile) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(mkfifo((folder / "fifo").c_str(), 0600), 0);
+    std::filesystem::create_symlink("loop", folder / "loop");
+    write_text(folder / "file", "");
+    std::filesystem::create_symlink("file", folder / "link");
+    const std::pair<std::filesystem::path, std::string> all[] = {
+        {folder / "none", "no such file"},
+        {folder / "", "is a folder, not a file"},
+        {folder / "fifo", "is a FIFO, not a file"},
+        {"/dev/null", "is a device, not a file"},
+        {folder / "loop", "cannot be read: Too many levels of symbolic links"}};
+    for (const auto& one : all) {
+        const std::string wanted = one.first.string() + ": " + one.second;
+        EXPECT_EQ(config_error_of([&] { read_text(one.first); }), wanted);
+        EXPECT_EQ(config_error_of([&] { sha256_of_file(one.first); }), wanted);
+    }
+    EXPECT_EQ(read_text(folder / "link"), "");
+}
+
 TEST(Text, ExactNumbersReadBackAsTheSameDouble) {
     for (const double value : {0.1, 1.0 / 3.0, 538.55, -1e-300, 12345678901234567.0})
         EXPECT_EQ(parse_number(exact(value)), value);
@@ -59,6 +85,7 @@ TEST(Text, ExactNumbersReadBackAsTheSameDouble) {
 TEST(Text, NearestWordFindsTheMisspelling) {
     EXPECT_EQ(nearest_word("focus_distanc_mm", {"f_number", "focus_distance_mm"}),
               "focus_distance_mm");
+    EXPECT_EQ(nearest_word("stat", {"stop", "start", "status"}), "status") << "which it begins";
     EXPECT_EQ(nearest_word("zzzzzz", {"f_number", "psf"}), "");
 }
 
@@ -68,7 +95,18 @@ TEST(Text, IsWrappedBelowItsHead) {
     EXPECT_EQ(wrapped_words("ab: ", {"cd", "efg", "hi"}, ", ", 2, 10), "ab: cd,\n  efg, hi\n");
 }
 
+TEST(Text, IsPrintableOnOneLine) {
+    EXPECT_EQ(printable("a\nb\tc\x1b[2J\x7f"), "a\\nb\\tc\\x1b[2J\\x7f");
+    EXPECT_EQ(printable("\xc2\x85 \u2028 \u202e \u2066 \u200f"),
+              "\\xc2\\x85 \\xe2\\x80\\xa8 \\xe2\\x80\\xae \\xe2\\x81\\xa6 \\xe2\\x80\\x8f");
+    for (const char* plain : {"", "a \\ b", "\u00a0\u00b5\u2010\u202f\u206a\u96ea", "\xff\xe9"})
+        EXPECT_EQ(printable(plain), plain);
+    EXPECT_EQ(printable("a\nb\r", "\n"), "a\nb\\x0d");
+    EXPECT_STREQ(ConfigError({"a\nb", 3}, "x\ny").what(), "a\\nb:3: x\\ny");
+}
+
 TEST(Text, EscapesWhatHtmlWouldRead) {
+    EXPECT_EQ(escape_html("a\x1b\n"), "a\\x1b\n");
     EXPECT_EQ(escape_html("<a & \"b\">"), "&lt;a &amp; &quot;b&quot;&gt;");
 }
 

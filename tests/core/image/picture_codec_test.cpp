@@ -221,6 +221,42 @@ TEST(Image, RefusesWhatIsNoImageAndNamesTheFile) {
     EXPECT_THROW(read_image(temporary("missing.png")), ConfigError);
 }
 
+// An APP1 segment with an Exif structure of one tag, Orientation (CIPA DC-008, 4.6.2), either way
+// round.
+Bytes marked_jpeg(unsigned char orientation, bool low_first) {
+    const Bytes low = {0xff, 0xe1, 0, 34, 'E',         'x', 'i', 'f', 0,    0, 'I', 'I',
+                       '*',  0,    8, 0,  0,           0,   1,   0,   0x12, 1, 3,   0,
+                       1,    0,    0, 0,  orientation, 0,   0,   0,   0,    0, 0,   0};
+    const Bytes high = {0xff, 0xe1, 0, 34, 'E', 'x',         'i', 'f', 0, 0,    'M', 'M',
+                        0,    '*',  0, 0,  0,   8,           0,   1,   1, 0x12, 0,   3,
+                        0,    0,    0, 1,  0,   orientation, 0,   0,   0, 0,    0,   0};
+    Bytes bytes = by_opencv(".jpg", picture(CV_8UC1));
+    const Bytes& segment = low_first ? low : high;
+    bytes.insert(bytes.begin() + 2, segment.begin(), segment.end());
+    return bytes;
+}
+
+TEST(Image, TellsWhatViewersShowRotatedAndReadsItAsTheSensorHasIt) {
+    const TemporaryFolder folder;
+    const auto put = [&](const Bytes& bytes) {
+        write_text(folder / "a.jpg", {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+        return folder / "a.jpg";
+    };
+    const Bytes plain = by_opencv(".jpg", picture(CV_8UC1));
+    const CodeImage image = read_image(put(plain));
+    EXPECT_FALSE(is_marked_rotated(put(plain)));
+    for (const bool low_first : {true, false})
+        for (const int orientation : {0, 1, 2, 3, 6, 8, 9}) {
+            const auto file = put(marked_jpeg(static_cast<unsigned char>(orientation), low_first));
+            EXPECT_EQ(is_marked_rotated(file), orientation > 1 && orientation < 9) << orientation;
+            expect_same(read_image(file).pixels, image.pixels, "rotated");
+        }
+    Bytes cut = marked_jpeg(6, true);
+    cut.resize(2 + 24);  // within the structure
+    EXPECT_FALSE(is_marked_rotated(put(cut)));
+    EXPECT_FALSE(is_marked_rotated(folder / "none.jpg"));
+}
+
 // What follows is no element of DICOM: its reader would end the program.
 TEST(Image, RefusesDicom) {
     const auto path = temporary("scan.png");

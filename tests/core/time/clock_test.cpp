@@ -81,6 +81,11 @@ std::string shown(const TemporaryFolder& folder, bool is_terminal) {
             progress.step();
         }
         progress.step();  // more than were announced: shown no more
+        progress.begin("guessing", 10);
+        for (int i = 0; i < 3; ++i) {
+            clock.advance(seconds(7));
+            progress.step();
+        }
     }
     std::fclose(file);
     return read_text(path);
@@ -90,18 +95,23 @@ std::string shown(const TemporaryFolder& folder, bool is_terminal) {
 TEST(Progress, IsAPlainLineForEachTenthWhereThereIsNoTerminal) {
     const TemporaryFolder folder;
     const std::vector<std::string> lines = split(shown(folder, false), '\n');
-    ASSERT_EQ(lines.size(), 12u);  // the beginning, ten tenths, and what follows the last newline
+    ASSERT_EQ(lines.size(),
+              16u);  // the beginnings, their tenths, and what follows the last newline
     EXPECT_EQ(lines[0], "measuring: 0 of 20, 1:40 min left");
     EXPECT_EQ(lines[1], "measuring: 2 of 20, 1:30 min left");
     EXPECT_EQ(lines[2], "measuring: 4 of 20, 32 s left");
     EXPECT_EQ(lines[5], "measuring: 10 of 20, 20 s left");
     EXPECT_EQ(lines[10], "measuring: 20 of 20, 0 s left");
+    // Where nobody knows what it takes: nothing, until three steps have shown it.
+    EXPECT_EQ(lines[11], "guessing: 0 of 10");
+    EXPECT_EQ(lines[13], "guessing: 2 of 10");
+    EXPECT_EQ(lines[14], "guessing: 3 of 10, 49 s left");
 }
 
 TEST(Progress, IsOneLineOfAtMost79ColumnsOnATerminal) {
     const TemporaryFolder folder;
     const std::string text = shown(folder, true);
-    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1);
+    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2) << "one for each phase";
     for (const std::string& drawn : split(text, '\r'))
         EXPECT_LE(trimmed(drawn).size(), 79u) << drawn;
     EXPECT_LE(Progress::line("analysing and more", 123456, 234567, seconds(360000), true).size(),

@@ -266,7 +266,7 @@ TEST(Marker, RefusesWhatItCannotDrawAndSaysWhy) {
     expect_refused("chessboard:9@25mm", "form AxB");
     expect_refused("chessboard:9x1@25mm", "number of inner corners");
     expect_refused("chessboard:9x99999999@25mm", "number of inner corners");
-    expect_refused("bitmap:/nowhere.png@5x7mm", "no such image");
+    expect_refused("bitmap:/nowhere.png@5x7mm", "no such file");
     expect_refused("apritag:36h11:5@50mm", "did you mean 'apriltag'");
     expect_refused("50mm", "KIND:WHAT@SIZEmm");
     expect_refused("", "KIND:WHAT@SIZEmm");

@@ -214,7 +214,8 @@ TEST(ErrorMap, NamesThePlaceOfEveryFault) {
             .substr((folder / "x.csv").string().size());
     };
     EXPECT_EQ(error("position_deg,error_deg,uncertainty_deg\n1,2,3\n2,3,4\n"),
-              ":1: the first line must be 'position_mm,error_um,uncertainty_um'");
+              ":1: the first line must be 'position_mm,error_um,uncertainty_um', not "
+              "'position_deg,error_deg,uncertainty_deg'");
     const std::string header = "position_mm,error_um,uncertainty_um\n";
     EXPECT_EQ(error(header + "1,2,3\n2,3\n"), ":3: has 2 cells, not the header's 3");
     EXPECT_EQ(error(header + "1,2,3\n2,x,4\n"), ":3: 'x' is not a finite number");

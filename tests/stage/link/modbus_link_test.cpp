@@ -1,5 +1,12 @@
 #include "stage/link/modbus_link.h"
 
+#include <arpa/inet.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "core/file/file_descriptor.h"
+#include "mocks/stage/modbus_framing.h"
+#include "mocks/stage/serial_pair.h"
 #include "stage/link/register_numbers.h"
 #include "stage/link/stage_link.h"
 #include "tests/fakes/memory_transport.h"
@@ -277,6 +284,69 @@ TEST(ModbusLink, TellsEveryExchangeToItsTrace) {
     EXPECT_EQ(lines[0],
               "+0.0 ms, took 0.0 ms: unit 3: read registers 5..6: no answer within 300 ms");
     EXPECT_EQ(lines[1], "+20.0 ms, took 0.0 ms: unit 3: read registers 5..6 = 0007 0007");
+}
+
+// ---- transport
+
+constexpr auto answer_time = 5s;  // the answers below lie ready: for a busy machine
+
+// What a request for register 3 of unit 5 makes of an answer with one value, 7.
+ModbusReply reply_on_line(int unit) {
+    const SerialPair line;
+    const auto transport =
+        make_modbus_transport({.address = SerialPort{.device = line.device(), .baud = 115200}});
+    EXPECT_EQ(transport->connect(answer_time), "");
+    const Bytes answer = to_bytes(ModbusFraming::rtu, {0, unit, {3, 2, 0, 7}});
+    EXPECT_EQ(::write(line.controller_end(), answer.data(), answer.size()), std::ssize(answer));
+    return transport->exchange({5, 3, 3, 1, {}}, answer_time);
+}
+
+// The same on a socket, as the first transaction.
+ModbusReply reply_on_tcp(int unit, int transaction = 1, Bytes pdu = {3, 2, 0, 7}) {
+    const FileDescriptor listener(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    const auto any = reinterpret_cast<sockaddr*>(&address);
+    EXPECT_EQ(bind(listener.get(), any, size), 0);
+    EXPECT_EQ(listen(listener.get(), 1), 0);
+    EXPECT_EQ(getsockname(listener.get(), any, &size), 0);
+    const auto transport =
+        make_modbus_transport({.address = TcpAddress{"127.0.0.1", ntohs(address.sin_port)}});
+    EXPECT_EQ(transport->connect(answer_time), "");
+    const FileDescriptor controller(accept(listener.get(), nullptr, nullptr));
+    const Bytes answer = to_bytes(ModbusFraming::tcp, {transaction, unit, std::move(pdu)});
+    EXPECT_EQ(::write(controller.get(), answer.data(), answer.size()), std::ssize(answer));
+    return transport->exchange({5, 3, 3, 1, {}}, answer_time);
+}
+
+TEST(ModbusTransport, TakesNoAnswerOfAnotherUnit) {
+    for (const auto reply : {+[](int unit) { return reply_on_tcp(unit); }, &reply_on_line}) {
+        EXPECT_EQ(reply(5).outcome, ModbusReply::Outcome::answered);
+        EXPECT_EQ(reply(5).values, Registers{7});
+        for (const int unit : {6, 0}) {
+            EXPECT_EQ(reply(unit).outcome, ModbusReply::Outcome::unknown) << unit;
+            EXPECT_EQ(reply(unit).cause, "an answer of another unit");
+        }
+    }
+}
+
+TEST(ModbusTransport, TakesNoAnswerThatDoesNotFit) {
+    EXPECT_EQ(reply_on_tcp(5, 2).cause, "an answer to another request");
+    for (const Bytes& pdu : {Bytes{3, 4, 0, 7, 0, 9}, Bytes{4, 2, 0, 7}, Bytes{1, 1, 1}})
+        EXPECT_EQ(reply_on_tcp(5, 1, pdu).cause, "an answer that does not fit the request");
+    const ModbusReply refused = reply_on_tcp(5, 1, {0x83, 2});
+    EXPECT_EQ(refused.outcome, ModbusReply::Outcome::refused);
+    EXPECT_EQ(refused.exception, 2);
+    EXPECT_EQ(reply_on_tcp(5, 1, {0x83, 99}).outcome, ModbusReply::Outcome::unknown);
+}
+
+// A label of a name has 63 characters at most (RFC 1035, 2.3.4): no server is asked.
+TEST(ModbusTransport, SaysThatAHostIsNotKnown) {
+    const std::string name(64, 'a');
+    EXPECT_THAT(make_modbus_transport({.address = TcpAddress{name, 502}})->connect(answer_time),
+                StartsWith("cannot connect: no host '" + name + "' is known: "));
 }
 
 // ---- memory transport

@@ -182,7 +182,7 @@ TEST_F(CompareCommand, RefusesContradictoryArgumentsBeforeItWritesAnything) {
     refused([](Arguments& a) { a.marker.clear(), a.board = "9x6"; }, "--square-mm");
     refused([](Arguments& a) { a.score_margin = "0.3,0.3"; }, "--score-margin");
     refused([&](Arguments& a) { a.photos = {folder_ / "missing.png"}; },
-            "missing.png: no such image");
+            "missing.png: no such file");
     refused([&](Arguments& a) { a.poses = poses("0,0,0,7,5,-210\n"); },
             "pose 1: the marker is behind the camera");
     refused([&](Arguments& a) { a.poses = poses("0,0,0,7,5,210\n0,0,0,7,5,220\n"); },

@@ -10,6 +10,7 @@
 #include "core/statistics/random.h"
 #include "station/qualify/image_result_cache.h"
 #include "station/qualify/run_analysis.h"
+#include "station/record/run_json.h"
 #include "tests/station/built_program.h"
 #include "tests/station/station_of_mocks.h"
 
@@ -407,6 +408,16 @@ TEST_F(QualifyReport, LeadsWithVerdictThenCauseThenWhatToDo) {
     }
     EXPECT_THAT(text, Not(HasSubstr("b3_position_field_max_mm is")));
     expect_readable_page(text);
+}
+
+// The sum of many explanations' probabilities, by its rounding.
+TEST_F(QualifyReport, NoProbabilityInRunJsonIsOverOne) {
+    analysis().causes.emplace();
+    analysis().causes->ranked = {{{{{"k1"}, 0.0, 0.0, "", {}}}, 1.0000000000002227}};
+    analysis().causes->no_error = 1.0000000000000002;
+    const auto causes = nlohmann::json::parse(run_json(result)).at("causes");
+    EXPECT_EQ(causes.at("ranked").at(0).at("probability"), 1.0);
+    EXPECT_EQ(causes.at("no_error"), 1.0);
 }
 
 TEST_F(QualifyReport, SaysOnceWhatToDoForAllErrorsOfAKind) {

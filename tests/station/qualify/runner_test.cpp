@@ -194,6 +194,17 @@ TEST_P(RunnerAtRest, EndsWithinOnePollPeriodWhileTheAxesSettle) {
     EXPECT_EQ(result.poses.size(), 2u);
 }
 
+TEST_F(Runner, NamesWhatIsDeclaredAsExact) {
+    EXPECT_THAT(mocks.run().remarks, Not(Contains(HasSubstr("exact"))));
+    std::filesystem::remove_all(mocks.record());
+    mocks.station.stage.axes[1].scale_uncertainty = 0.0;
+    mocks.station.marker_flatness_mm = 0.0;
+    EXPECT_THAT(
+        mocks.run().remarks,
+        Contains("declared with an uncertainty of 0, so taken for exact: scale of y, marker "
+                 "flatness. Without its key each is unknown"));
+}
+
 TEST_F(Runner, RecordsTheOperatorsWordThatAxesAreHomed) {
     EXPECT_THAT(mocks.run().remarks, Not(Contains(HasSubstr("--homed"))));
     std::filesystem::remove_all(mocks.record());

@@ -47,6 +47,74 @@ TEST(CommandLine, UsageErrorsAreOneLineAndExitCode3) {
                           3, "--square-mm");
 }
 
+// Words that programs read from stdout, docs/files.md.
+TEST(CommandLine, NoNameForgesALine) {
+    const TemporaryFolder folder;
+    write_station(folder, replaced(station_text, "id: test-station", "id: \"a\\nverdict PASS\""));
+    expect_one_line_error(etalon_with(folder, "plan station.yaml"), 3,
+                          "station.yaml:2: id: must be a line of text: 'a\\nverdict PASS'");
+    expect_one_line_error(etalon_with(folder, "detect \"$(printf 'a\\nverdict PASS')\" --marker x"),
+                          3, "'a\\nverdict PASS' holds a control character");
+    write_text(folder / "a\nverdict PASS.png", "");
+    expect_one_line_error(etalon_with(folder, "detect '*.png' --marker apriltag:36h11:5@50mm"), 3,
+                          "a\\nverdict PASS.png: holds a control character");
+}
+
+TEST(CommandLine, SaysWhatIsNoFileAndWhatAFileLacks) {
+    const TemporaryFolder folder;
+    std::filesystem::create_directory(folder / "d");
+    for (const char* command :
+         {"plan d", "camera show d", "detect d --marker apriltag:36h11:5@50mm",
+          "calibrate d --board 9x6 --square-mm 25 --out c.yml"})
+        expect_one_line_error(etalon_with(folder, command), 3, "d: is a folder, not a file");
+    write_station(folder);
+    write_text(folder / "camera.yml", replaced(camera_text, "etalon: camera/1\n", ""));
+    expect_one_line_error(etalon_with(folder, "camera show camera.yml"), 3,
+                          "camera.yml:1: must begin with 'etalon: camera/1'");
+    write_text(folder / "station.yaml", replaced(station_text, "etalon: station/1\n", ""));
+    expect_one_line_error(etalon_with(folder, "plan station.yaml"), 3,
+                          "station.yaml:1: must begin with 'etalon: station/1'");
+}
+
+// TEST-NET-1 (RFC 5737) is nobody's.
+TEST(CommandLine, ServeNamesTheOptionThatIsWrong) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    expect_one_line_error(etalon_with(folder, "serve station.yaml --listen 192.0.2.7"), 3,
+                          "--listen: 192.0.2.7:7530 cannot be listened on: it is no address");
+}
+
+// Nobody listens on port 9 of the loopback interface.
+TEST(CommandLine, AStopThatIsNotConfirmedSaysWhy) {
+    const TemporaryFolder folder;
+    write_station(folder, replaced(station_text, "port: 1599", "port: 9"));
+    expect_one_line_error(etalon_with(folder, "stage stop station.yaml"), 4,
+                          "its axes stand still; last request: unit 2: ");
+    EXPECT_THAT(read_text(folder / "err.txt"), EndsWith("cannot connect: Connection refused\n"));
+}
+
+TEST(CommandLine, SaysWhatIsNotKnownAndWhatWasMeant) {
+    const TemporaryFolder folder;
+    const auto refused = [&](const std::string& arguments, const std::string& message) {
+        const Finished finished = etalon_with(folder, arguments);
+        expect_one_line_error(finished, 3, "");
+        EXPECT_EQ(finished.err, "etalon: " + message + "\n");
+    };
+    refused("qualfy", "'qualfy' is no command of etalon; did you mean 'qualify'?");
+    refused("cal", "'cal' is no command of etalon; did you mean 'calibrate'?");
+    refused("stage stat x", "'stat' is no command of stage; did you mean 'status'?");
+    refused("--versoin", "'--versoin' is no option of etalon; did you mean '--version'?");
+    // before what is missing, which it may be meant to be
+    refused("calibrate a.png --ot=x", "'--ot' is no option of calibrate; did you mean '--out'?");
+    refused("qualify a.yaml b.yaml", "'b.yaml' is one argument too many");
+    refused("render --camera a --camera b", "--camera is given more than once: it takes one value");
+    refused("study a.yaml --shard", "--shard needs a value");
+    EXPECT_THAT(etalon_with(folder, "stage").err,
+                StartsWith("etalon: stage needs one of status, "));
+    EXPECT_THAT(etalon_with(folder, "calibrate a.png --board 9x6 --square-mm 1,5 --out c").err,
+                EndsWith("not '1,5'; a decimal point is a dot: 1.5\n"));
+}
+
 TEST(CommandLine, NamesTheLineAndKeyOfABadCameraFile) {
     const TemporaryFolder folder;
     write_station(folder);
@@ -238,6 +306,28 @@ TEST(CommandLine, ADeviceThatDoesNotAnswerIsExitCode4) {
     const Finished finished = etalon_with(folder, "qualify station.yaml --out record");
     EXPECT_EQ(finished.exit_code, 4) << finished.err;
     EXPECT_FALSE(std::filesystem::exists(folder / "record"));
+}
+
+TEST(CommandLine, APhotographCountsOnce) {
+    const TemporaryFolder folder;
+    write_image(folder / "a.png", {cv::Mat(240, 320, CV_8UC1, cv::Scalar(9)), 8});
+    std::filesystem::create_symlink("a.png", folder / "b.png");
+    for (const char* twice : {"a.png ./a.png", "a.png b.png", "'*.png'"})
+        expect_one_line_error(
+            etalon_with(folder, std::string("detect --marker apriltag:36h11:5@50mm ") + twice), 3,
+            "is given twice");
+}
+
+// A JPEG's head with EXIF's orientation 6, which viewers turn by a right angle.
+TEST(CommandLine, TellsOfPhotographsThatAreMarkedAsRotated) {
+    const TemporaryFolder folder;
+    write_image(folder / "a.png", {cv::Mat(240, 320, CV_8UC1, cv::Scalar(9)), 8});
+    constexpr char head[] =
+        "\xff\xd8\xff\xe1\0\x22"
+        "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+    write_text(folder / "b.jpg", {head, sizeof head - 1});
+    EXPECT_THAT(etalon_with(folder, "detect --marker apriltag:36h11:5@50mm a.png b.jpg").err,
+                StartsWith("1 of 2 photographs are marked as rotated (EXIF): "));
 }
 
 // ---- signals

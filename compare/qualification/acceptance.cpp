@@ -9,6 +9,7 @@
 
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/qualification.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {
@@ -24,7 +25,8 @@ AcceptanceCondition checked(const char* name, bool is_met, double value, double 
     return {name, is_met ? State::met : State::not_met, value, limit, unit, std::move(text)};
 }
 
-AcceptanceCondition volume_coverage(const std::vector<AnalysedPose>& poses) {
+AcceptanceCondition volume_coverage(const Qualification& result) {
+    const std::vector<AnalysedPose>& poses = result.poses;
     constexpr double min_share = 0.5;
     constexpr int min_planned = 2;
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
@@ -47,8 +49,12 @@ AcceptanceCondition volume_coverage(const std::vector<AnalysedPose>& poses) {
             smallest = std::min(smallest, static_cast<double>(used[i]) / planned[i]);
     return checked("volume coverage", smallest >= min_share, smallest, min_share, "1",
                    fmt::format("in the emptiest octant of the volume {:.0f} % of the hold-out "
-                               "poses were used, {:.0f} % are needed",
-                               100.0 * smallest, 100.0 * min_share));
+                               "poses were used, {:.0f} % are needed{}",
+                               100.0 * smallest, 100.0 * min_share,
+                               result.position_field->is_full()
+                                   ? ""
+                                   : "; they lie in a plane or on a line, and the verdict is of "
+                                     "what the camera does there"));
 }
 
 AcceptanceCondition poses_that_fit(const Qualification& result) {
@@ -162,21 +168,25 @@ AcceptanceCondition edges_alone(const QualificationInput& input, const Qualifica
 }
 
 struct Drift {
-    Eigen::Vector3d first_to_last_mm;
+    Eigen::Vector3d shift_mm;
     double uncertainty_mm = 0.0;  // U, k = 2, in its worst direction
+
+    bool is_told() const { return shift_mm.allFinite() && std::isfinite(uncertainty_mm); }
+    double least_mm() const { return shift_mm.norm() - uncertainty_mm; }
 };
 
-// A shift that grows with time, by weighted least squares beside the field.
+// A shift that goes with a number of each sample, over the numbers' range, by weighted least
+// squares beside the field.
 Drift fitted_drift(const BiasField& field, std::span<const FieldSample> samples,
-                   std::span<const double> times) {
-    const auto [first, last] = std::minmax_element(times.begin(), times.end());
-    const double middle = 0.5 * (*first + *last), duration = *last - *first;
+                   std::span<const double> numbers) {
+    const auto [first, last] = std::minmax_element(numbers.begin(), numbers.end());
+    const double middle = 0.5 * (*first + *last), range = *last - *first;
     const auto rows = 3 * std::ssize(samples);
     Eigen::MatrixXd shift(rows, 3);
     Eigen::VectorXd error(rows);
     for (std::size_t i = 0; i < samples.size(); ++i) {
         const auto k = static_cast<Eigen::Index>(3 * i);
-        shift.middleRows<3>(k) = (times[i] - middle) / duration * Eigen::Matrix3d::Identity();
+        shift.middleRows<3>(k) = (numbers[i] - middle) / range * Eigen::Matrix3d::Identity();
         error.segment<3>(k) = samples[i].error;
     }
     const Eigen::MatrixXd design = stacked_design(field, samples);
@@ -193,6 +203,48 @@ Drift fitted_drift(const BiasField& field, std::span<const FieldSample> samples,
                                                   .maxCoeff())};
 }
 
+// The longest pause between poses, where it is longer than all the rest of the run: what changes
+// steadily while poses are taken, or in the pause alone, is then no straight line in time.
+struct Pause {
+    double begin_s = 0.0, end_s = 0.0;
+};
+std::optional<Pause> long_pause(std::vector<double> times) {
+    std::ranges::sort(times);
+    Pause longest;
+    for (std::size_t i = 0; i + 1 < times.size(); ++i)
+        if (times[i + 1] - times[i] > longest.end_s - longest.begin_s)
+            longest = {times[i], times[i + 1]};
+    const double rest = times.back() - times.front() - (longest.end_s - longest.begin_s);
+    return longest.end_s - longest.begin_s > rest ? std::optional(longest) : std::nullopt;
+}
+
+// By time and, where a pause parts the run, by the order of the poses and from before to after it.
+struct DriftBy {
+    std::string words;
+    Drift drift;
+};
+std::vector<DriftBy> drifts(const BiasField& field, std::span<const FieldSample> samples,
+                            const std::vector<double>& times) {
+    const auto fitted = [&](const auto& number_of) {
+        std::vector<double> numbers;
+        for (const double time : times)
+            numbers.push_back(number_of(time));
+        return fitted_drift(field, samples, numbers);
+    };
+    std::vector<DriftBy> all = {
+        {"from the first to the last pose", fitted_drift(field, samples, times)}};
+    if (const auto pause = long_pause(times)) {
+        const std::string gap = fmt::format("a pause of {:.0f} s", pause->end_s - pause->begin_s);
+        all.push_back({"from the first to the last pose without " + gap, fitted([&](double time) {
+                           return time > pause->begin_s ? time - (pause->end_s - pause->begin_s)
+                                                        : time;
+                       })});
+        all.push_back({"from before to after " + gap,
+                       fitted([&](double time) { return time > pause->begin_s ? 1.0 : 0.0; })});
+    }
+    return all;
+}
+
 AcceptanceCondition drift(const QualificationInput& input, const Qualification& result,
                           std::span<const FieldSample> samples) {
     const char* title = "drift over the run";
@@ -205,15 +257,67 @@ AcceptanceCondition drift(const QualificationInput& input, const Qualification& 
     }
     if (times.size() != samples.size())
         throw NumericalError("acceptance: times and samples do not agree");
-    const Drift found = fitted_drift(*result.position_field, samples, times);
-    const double size = found.first_to_last_mm.norm(),
-                 limit = input.limits.by_quantity.at(quantity::position_rms);
-    if (!std::isfinite(size) || !std::isfinite(found.uncertainty_mm))
+    const double limit = input.limits.by_quantity.at(quantity::position_rms);
+    const std::vector<DriftBy> all = drifts(*result.position_field, samples, times);
+    if (!std::ranges::all_of(all, [](const DriftBy& by) { return by.drift.is_told(); }))
         return not_checked(title, "the poses' order does not let drift be told from the field");
-    return checked(title, size - found.uncertainty_mm <= limit, size, limit, "mm",
-                   fmt::format("{:.3f} mm from the first to the last pose, U = {:.3f} mm; it must "
-                               "not be shown to exceed {:.3f} mm",
-                               size, found.uncertainty_mm, limit));
+    const DriftBy& worst =
+        *std::ranges::max_element(all, {}, [](const DriftBy& by) { return by.drift.least_mm(); });
+    const double size = worst.drift.shift_mm.norm();
+    return checked(title, worst.drift.least_mm() <= limit, size, limit, "mm",
+                   fmt::format("{:.3f} mm {}, U = {:.3f} mm; it must not be shown to exceed {:.3f} "
+                               "mm",
+                               size, worst.words, worst.drift.uncertainty_mm, limit));
+}
+
+// How far the marker moves when an axis goes by its readings' standard deviation in a pose, all
+// axes together, mm.
+double reading_scatter_mm(const QualificationInput& input, const Qualification& result,
+                          std::size_t pose) {
+    const Eigen::Vector3d& centre =
+        result.registration->registration.carriage_from_marker.translation;
+    const AnalysedPose& at = result.poses[pose];
+    double square = 0.0;
+    for (std::size_t k = 0; k < input.axis_motions.size(); ++k) {
+        const StageAxisMotion& axis = input.axis_motions[k];
+        const double step_mm =
+            (axis.advanced.at(pose) * centre - at.base_from_carriage * centre).norm();
+        square += std::pow(at.read_back_deviation[k] * step_mm / axis.step, 2);
+    }
+    return std::sqrt(square);
+}
+
+AcceptanceCondition rest_within_poses(const QualificationInput& input,
+                                      const Qualification& result) {
+    constexpr double of_limit = 0.25;  // what is less adds a thirtieth to the limit's square
+    constexpr double normal_999 = 3.0902;
+    const char* title = "rest within poses";
+    double sum = 0.0, freedom = 0.0, worst = 0.0, declared = 0.0;
+    int count = 0, worst_pose = 0;
+    for (std::size_t i = 0; i < result.poses.size(); ++i) {
+        const AnalysedPose& pose = result.poses[i];
+        if (!pose.is_judged() || pose.readings.size() < 2 ||
+            pose.read_back_deviation.size() != input.axis_motions.size())
+            continue;
+        const double scatter = reading_scatter_mm(input, result, i);
+        if (scatter > worst)
+            worst_pose = pose.index;
+        worst = std::max(worst, scatter);
+        sum += scatter * scatter;
+        freedom += static_cast<double>(pose.readings.size() - 1);
+        ++count;
+    }
+    if (count == 0)
+        return {title, State::not_asked, 0.0, 0.0, "", "the poses carry no readings of the stage"};
+    for (const DeclaredRepeatability& axis : input.repeatability)
+        declared += axis.reading_mm * axis.reading_mm;
+    const double rms = std::sqrt(sum / count),
+                 limit = std::max(of_limit * input.limits.by_quantity.at(quantity::position_rms),
+                                  std::sqrt(declared * reduced_chi_square(normal_999, freedom)));
+    return checked(title, rms <= limit, rms, limit, "mm",
+                   fmt::format("while a pose is photographed the stage's readings scatter by "
+                               "{:.3f} mm RMS at the marker, by {:.3f} mm in pose {}",
+                               rms, worst, worst_pose));
 }
 
 // Of both poses at the same target: all but random errors are alike and drop out.
@@ -267,7 +371,7 @@ const char* name(State state) {
 std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput& input,
                                                        const Qualification& result,
                                                        std::span<const FieldSample> samples) {
-    return {volume_coverage(result.poses),
+    return {volume_coverage(result),
             poses_that_fit(result),
             residuals(result),
             residuals_over_image(input, result),
@@ -276,6 +380,7 @@ std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput&
                   result.corners->camera_alone, input),
             edges_alone(input, result),
             drift(input, result, samples),
+            rest_within_poses(input, result),
             repeatability(input, result)};
 }
 

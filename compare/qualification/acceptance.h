@@ -35,7 +35,10 @@ const char* name(AcceptanceCondition::State state);
 //     declared inputs       none is off by more than 4 standard uncertainties
 //     camera, edges alone   the field of these by themselves (joint_fit.h) is within the limits
 //     drift                 a change linear in time, beyond the field, is not shown to exceed the
-//                           limit of the position field's RMS
+//                           limit of the position field's RMS; in a run with a long pause nor one
+//                           linear in time without it, nor one from before to after it
+//     rest within poses     the stage's readings during a pose do not scatter by more than a
+//                           quarter of that limit, or than is declared
 //     repeatability         differences of poses visited again, by chi-square
 //
 // `samples` are those of result.position_field. Throws NumericalError for sizes that do not agree.

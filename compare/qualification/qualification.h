@@ -32,6 +32,8 @@ struct DeclaredRepeatability {
     std::string axis;
     // Standard deviation at the marker's centre, mm, of a rotary axis too. Nothing: unknown.
     std::optional<double> marker_mm;
+    double reading_mm =
+        0.0;  // the same of the declared noise of a single reading; 0: none declared
 };
 
 // What the uncertainty of an axis' error map leaves at the marker's centre, standard, mm. Its

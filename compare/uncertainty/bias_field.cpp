@@ -149,22 +149,43 @@ Eigen::Matrix3d by_angle(const Eigen::Vector3d& p, const Eigen::Vector3d& centre
     return columns;
 }
 
-}  // namespace
-
-Eigen::MatrixXd BiasField::design(const Eigen::Vector3d& position_mm) const {
-    const bool full = basis != FieldBasis::linear;
+Eigen::MatrixXd basis_at(const BiasField& field, const Eigen::Vector3d& position_mm) {
+    const bool full = field.basis != FieldBasis::linear;
     Eigen::MatrixXd b = Eigen::MatrixXd::Zero(3, full ? max_coefficients : 12);
-    const Eigen::Vector3d q = (position_mm - centre_mm) / length_mm;
+    const Eigen::Vector3d q = (position_mm - field.centre_mm) / length_mm;
     b.leftCols<3>().setIdentity();
     for (int k = 0; k < 3; ++k)
         b.block<3, 3>(0, 3 + 3 * k) = q[k] * Eigen::Matrix3d::Identity();
     if (full) {
         const Eigen::Vector3d p = position_mm / length_mm;
-        b.rightCols<3>() = basis == FieldBasis::position
+        b.rightCols<3>() = field.basis == FieldBasis::position
                                ? by_tangent(p, q)
-                               : by_angle(p, Eigen::Vector3d(centre_mm / length_mm));
+                               : by_angle(p, Eigen::Vector3d(field.centre_mm / length_mm));
     }
     return b;
+}
+
+// Positions in a plane leave some of the columns 0, or sums of others.
+Eigen::MatrixXd determined_combinations(const Eigen::MatrixXd& columns) {
+    constexpr double least = 1e-5;  // of the largest, with columns of one length
+    constexpr double rounding = 1e-9;
+    const Eigen::VectorXd lengths = columns.colwise().norm();
+    const double negligible = rounding * lengths.maxCoeff();
+    const Eigen::VectorXd unscale =
+        (lengths.array() > negligible).select(lengths.cwiseInverse(), 0.0);
+    const Eigen::BDCSVD<Eigen::MatrixXd> parts(columns * unscale.asDiagonal(), Eigen::ComputeThinV);
+    const Eigen::Index rank =
+        (parts.singularValues().array() > least * parts.singularValues()[0]).count();
+    if (rank == columns.cols())
+        return {};
+    return unscale.asDiagonal() * parts.matrixV().leftCols(rank);
+}
+
+}  // namespace
+
+Eigen::MatrixXd BiasField::design(const Eigen::Vector3d& position_mm) const {
+    const Eigen::MatrixXd basis_columns = basis_at(*this, position_mm);
+    return is_full() ? basis_columns : Eigen::MatrixXd(basis_columns * combinations);
 }
 
 Eigen::Vector3d BiasField::at(const Eigen::Vector3d& position_mm) const {
@@ -182,7 +203,10 @@ BiasField fit_smooth_field(std::span<const FieldSample> samples, FieldBasis basi
     field.samples = static_cast<int>(samples.size());
     for (const FieldSample& sample : samples)
         field.centre_mm += sample.position_mm / static_cast<double>(samples.size());
-    const Rows rows = rows_of(field, samples);
+    Rows rows = rows_of(field, samples);
+    field.combinations = determined_combinations(rows.design);
+    if (!field.is_full())
+        rows.design *= field.combinations;
     field.degrees_of_freedom = static_cast<int>(rows.design.rows() - rows.design.cols());
     field.scale_along = field.scale_across = 1.0;
     Eigen::VectorXd weight = Eigen::VectorXd::Ones(rows.value.size());

@@ -36,6 +36,9 @@ enum class FieldBasis {
 struct BiasField {
     FieldBasis basis = FieldBasis::position;
     Eigen::Vector3d centre_mm = Eigen::Vector3d::Zero();  // mean position of the samples
+    // Where the samples do not determine the whole basis, as all lie in a plane: sums of its columns
+    // that they do; the field is what it is there. Empty: each column.
+    Eigen::MatrixXd combinations;
     Eigen::VectorXd coefficients;
     Eigen::MatrixXd covariance;  // of the coefficients, from the residuals
     // Residual standard deviations in multiples of the samples' sigmas, and the plain ones in the
@@ -46,6 +49,7 @@ struct BiasField {
     int down_weighted = 0;  // samples that Huber's loss (3 standard deviations) held back
 
     Eigen::Vector3d at(const Eigen::Vector3d& position_mm) const;
+    bool is_full() const { return combinations.size() == 0; }
     // 3 x coefficients: the field is linear in its coefficients.
     Eigen::MatrixXd design(const Eigen::Vector3d& position_mm) const;
 };
@@ -54,7 +58,7 @@ struct BiasField {
 FieldBasis position_basis(const LensProjection& projection);
 
 // Least squares with Huber's weights and both noise levels re-estimated. Throws NumericalError for
-// fewer than 10 samples, samples that do not span the basis, and what is not finite.
+// fewer than 10 samples, all at one place, and what is not finite.
 BiasField fit_smooth_field(std::span<const FieldSample> samples, FieldBasis basis);
 
 // The samples' design matrices below one another, 3 rows per sample.

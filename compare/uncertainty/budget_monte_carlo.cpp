@@ -18,11 +18,6 @@ namespace {
 constexpr int draws = 2000;
 constexpr std::uint32_t stream = 1;  // summarize() draws from stream 0
 
-void throw_if_stopped(const std::stop_token& stop) {
-    if (stop.stop_requested())
-        throw Interrupted();
-}
-
 // The largest length of a field at many positions, for one field after another. The range of the
 // design's numbers in a box bounds it there: few boxes can hold the largest length.
 class LargestLength {

@@ -119,6 +119,13 @@ std::string JsonEntry::text() const {
     return printable(json_at(json_).get<std::string>());
 }
 
+std::string JsonEntry::line() const {
+    const std::string shown = text();
+    if (shown != json_at(json_).get<std::string>())
+        fail(fmt::format("must be a line of text: '{}' holds a control character", shown));
+    return shown;
+}
+
 std::vector<double> JsonEntry::numbers(std::size_t count, Range range) const {
     std::vector<double> values;
     for (const JsonEntry& item : items())

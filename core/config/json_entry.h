@@ -30,6 +30,7 @@ public:
     std::uint64_t whole() const;
     bool flag() const;
     std::string text() const;  // printable(), whoever wrote it
+    std::string line() const;  // of a request: refused where that is another text
     // A list of exactly `count` numbers.
     std::vector<double> numbers(std::size_t count, Range range = any_number) const;
 

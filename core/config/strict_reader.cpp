@@ -243,6 +243,7 @@ std::string Value::scalar() const {
     std::string text = node_->Scalar();
     if (text.ends_with('\n'))  // of a block, "about: >"
         text.pop_back();
+    require_utf8(text, place());  // yaml-cpp 0.7 makes a byte 0x85 of the escape \N
     if (printable(text) != text)
         fail(fmt::format("must be a line of text: '{}' holds a control character", text));
     return text;

@@ -61,7 +61,7 @@ int write_schema(const Arguments& arguments) {
 }
 
 int failed(int code, const std::exception& error) {
-    print_stderr("etalon-twin: {}\n", error.what());
+    etalon::print_stderr("etalon-twin: {}\n", error.what());
     return code;
 }
 

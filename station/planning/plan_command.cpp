@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "core/program/print_stderr.h"
 #include "report/json_text.h"
 #include "station/planning/simulated_run.h"
 #include "station/shell/command.h"
@@ -179,7 +180,7 @@ int run_plan(const PlanArguments& arguments) {
         throw NumericalError(fmt::format("{}: a run as it declares ends with: {}",
                                          arguments.station.string(), forecast.cause));
     if (const std::string exact = exact_knowledge(simulator->station()); !exact.empty())
-        fmt::print(stderr, "{}\n", exact);
+        print_stderr("{}\n", exact);
     if (arguments.json) {
         fmt::print("{}\n", json_of(*simulator, *forecast.value).dump(1));
         return 0;

@@ -10,6 +10,7 @@
 #include "station/qualify/runner.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
+#include "station/setup/plan.h"
 #include "station/setup/station_lock.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
@@ -24,6 +25,7 @@ struct QualifyArguments {
     std::vector<std::string> twin;  // arguments of the etalon-twin to start for the run; or none
     std::string operator_name;      // for the record
     bool homed = false;             // as the operator says: Stage::take_for_homed()
+    bool few_poses = false;         // too few for a verdict
     bool json = false;
 };
 struct ReportArguments {
@@ -98,9 +100,24 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
                                 progress, stop);
 }
 
+// Said before anything moves.
+void require_enough_poses(const StationFile& station) {
+    const std::vector<PlannedPose> poses = plan_of(station).poses;
+    const auto hold_out = std::ranges::count_if(poses, &PlannedPose::hold_out);
+    const auto training = std::ssize(poses) - hold_out;
+    if (training < min_training_poses || hold_out < min_hold_out_poses)
+        throw ConfigError(station.plan.place,
+                          fmt::format("{} training and {} hold-out poses are too few for a "
+                                      "verdict, which needs {} and {}: plan more, or measure "
+                                      "them all the same with --few-poses",
+                                      training, hold_out, min_training_poses, min_hold_out_poses));
+}
+
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                     const std::stop_token& stop) {
     const StationFile station = read_station(arguments.station, arguments.calibration);
+    if (!arguments.few_poses)
+        require_enough_poses(station);
     const StationLock stage_lock(station.stage, holder(arguments));
     return run_qualification(station, arguments.out,
                              devices(station, arguments, clock, progress, stop), clock, progress,
@@ -209,6 +226,8 @@ void declare_qualify(Command& program) {
                    "CAMERA");
     command.option("--operator", asked->operator_name, "who runs it: for the record", "NAME");
     command.flag("--homed", asked->homed, homed_help);
+    command.flag("--few-poses", asked->few_poses,
+                 "measure too few poses for a verdict all the same");
 }
 
 void declare_report(Command& program) {

@@ -14,11 +14,6 @@
 namespace etalon {
 namespace {
 
-void throw_if_stopped(const std::stop_token& stop) {
-    if (stop.stop_requested())
-        throw Interrupted();
-}
-
 // On the scale of the renders: the marker's white is `white_level`.
 PhotoResidual residual_of(const CodeImage& photo, const StationFile& station,
                           const ComparedArea& area, const PhotometricCamera& camera,

@@ -16,6 +16,8 @@
 namespace etalon {
 namespace {
 
+constexpr const char* odd_frame = "the corners are";  // how FrameRecord::detection begins
+
 std::optional<CornerNoise> corner_noise(const VisitedPose& pose) {
     if (pose.detections < 2)
         return std::nullopt;
@@ -191,6 +193,10 @@ VisitedPose visit(const Run& run, const PlannedPose& planned, const std::vector<
         if (frames[i].status == FrameStatus::complete)
             detect_frame(detector, frames[i].image, pose.frames[i]);
     average_corners(pose);
+    for (std::size_t i = 0; i < pose.frames.size(); ++i)
+        if (pose.frames[i].detection.starts_with(odd_frame))
+            run.remark(fmt::format("pose {}, frame {}: {}: a frame of another moment, not used",
+                                   pose.index, i, pose.frames[i].detection));
     return pose;
 }
 
@@ -513,7 +519,54 @@ void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame
         frame.corners = seen.corners->pixels;
 }
 
+namespace {
+
+Eigen::Vector2d median_corner(std::span<const FrameRecord* const> frames, std::size_t corner) {
+    Eigen::Vector2d middle;
+    for (Eigen::Index k = 0; k < 2; ++k) {
+        std::vector<double> all;
+        for (const FrameRecord* frame : frames)
+            all.push_back(frame->corners[corner][k]);
+        middle[k] = median(std::move(all));
+    }
+    return middle;
+}
+
+// A frame in which the marker lies far from where most frames of its pose show it is of another
+// moment: of the pose before, or taken in motion. Of two frames nobody can say which one.
+void leave_out_odd_frames(VisitedPose& pose) {
+    constexpr double times_usual = 10.0, least_px = 0.25;
+    std::vector<FrameRecord*> seen;
+    for (FrameRecord& frame : pose.frames)
+        if (!frame.corners.empty())
+            seen.push_back(&frame);
+    if (seen.size() < 3)
+        return;
+    std::vector<double> squares(seen.size(), 0.0);
+    const std::size_t corners = seen.front()->corners.size();
+    for (std::size_t i = 0; i < corners; ++i) {
+        const Eigen::Vector2d middle =
+            median_corner(std::vector<const FrameRecord*>(seen.begin(), seen.end()), i);
+        for (std::size_t k = 0; k < seen.size(); ++k)
+            squares[k] += (seen[k]->corners[i] - middle).squaredNorm();
+    }
+    const auto rms = [&](double square) {
+        return std::sqrt(square / static_cast<double>(corners));
+    };
+    const double most = std::max(times_usual * rms(median(squares)), least_px);
+    for (std::size_t k = 0; k < seen.size(); ++k)
+        if (rms(squares[k]) > most) {
+            seen[k]->corners.clear();
+            seen[k]->detection =
+                fmt::format("{} {:.2f} px from where the pose's other frames show the marker",
+                            odd_frame, rms(squares[k]));
+        }
+}
+
+}  // namespace
+
 void average_corners(VisitedPose& pose) {
+    leave_out_odd_frames(pose);
     for (const FrameRecord& frame : pose.frames) {
         if (frame.corners.empty())
             continue;

@@ -161,12 +161,12 @@ struct PageServer::Routes {
         {"POST /api/forecast", &PageServer::start_forecast},
         {"POST /api/run/start", action([](StationControl& control, const WebRequest& request) {
              const JsonEntry body = body_of(request, {"station", "serial", "operator"});
-             control.start_run(station_in(body), body.at("serial").text(),
-                               body.at("operator").text());
+             control.start_run(station_in(body), body.at("serial").line(),
+                               body.at("operator").line());
          })},
         {"POST /api/run/resume", action([](StationControl& control, const WebRequest& request) {
              const JsonEntry body = body_of(request, {"record", "operator"});
-             control.resume_run(body.at("record").text(), body.at("operator").text());
+             control.resume_run(body.at("record").line(), body.at("operator").line());
          })},
         {"POST /api/run/pause",
          action([](StationControl& control, const WebRequest&) { control.pause_run(); })},
@@ -176,11 +176,11 @@ struct PageServer::Routes {
          })},
         {"POST /api/stage/home", action([](StationControl& control, const WebRequest& request) {
              const JsonEntry body = body_of(request, {"station", "operator"});
-             control.home(station_in(body), body.at("operator").text());
+             control.home(station_in(body), body.at("operator").line());
          })},
         {"POST /api/stage/jog", action([](StationControl& control, const WebRequest& request) {
              const JsonEntry body = body_of(request, {"station", "operator", "axis", "step"});
-             control.jog(station_in(body), body.at("operator").text(), body.at("axis").text(),
+             control.jog(station_in(body), body.at("operator").line(), body.at("axis").line(),
                          body.at("step").number({-1000.0, 1000.0}));
          })},
         {"POST /api/live/start", action([](StationControl& control, const WebRequest& request) {

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "core/file/text.h"
+#include "core/program/print_stderr.h"
 #include "station/serve/http_server.h"
 #include "station/serve/page_server.h"
 #include "station/shell/command.h"
@@ -43,7 +44,7 @@ Workplace workplace_of(const ServeArguments& arguments) {
     if (!arguments.calibrations.empty()) {
         workplace.calibrations = std::filesystem::absolute(arguments.calibrations);
         for (const std::string& file : read_calibrations(arguments.calibrations).skipped)
-            fmt::print(stderr, "etalon serve: skipped: {}\n", file);
+            print_stderr("etalon serve: skipped: {}\n", file);
     }
     return workplace;
 }

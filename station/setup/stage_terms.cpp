@@ -152,6 +152,8 @@ std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> 
             const double size = std::hypot(*approach, reading_uncertainty(poses, i));
             term.marker_mm = marker_shift(axes, q, i, size, carriage_from_marker);
         }
+        if (axes[i].read_noise)
+            term.reading_mm = marker_shift(axes, q, i, *axes[i].read_noise, carriage_from_marker);
         terms.push_back(term);
     }
     return terms;

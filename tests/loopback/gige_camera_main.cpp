@@ -51,7 +51,7 @@ int main(int argc, char** argv) {
     try {
         return run(options, number);
     } catch (const etalon::Error& error) {
-        print_stderr("gige-camera: {}\n", error.what());
+        etalon::print_stderr("gige-camera: {}\n", error.what());
         return 4;
     }
 }

@@ -584,7 +584,7 @@ TEST_F(KilledStudy, GoesOnWithWhatIsMissingAndEndsWithTheSameBytes) {
         const int kept = bytes("out") == 0 ? 0 : whole_poses("out");
         const auto program = begin("out");
         if (kept < poses) {
-            EXPECT_THAT(program->line(), StartsWith(fmt::format("study: 0 of {},", poses - kept)));
+            EXPECT_THAT(program->line(), StartsWith(fmt::format("study: 0 of {}", poses - kept)));
         }
         kills += kill_when(*program, [&] { return bytes("out") >= moment; });
     }

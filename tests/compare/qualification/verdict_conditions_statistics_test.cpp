@@ -229,6 +229,48 @@ TEST(Conditions, WithholdPassWhenTheRunDrifts) {
     EXPECT_NE(result.verdict, Outcome::pass);
 }
 
+// The run rests for ten hours after 20 hold-out poses; then the camera stands 0.4 mm aside, and
+// otherwise it slides by as much while poses are taken. A line over the whole time shows neither.
+TEST(Conditions, SeeADriftBesideAPause) {
+    const SimulatedRun run = demo_run();
+    const auto all = positions(run, *run.plan_seed);
+    constexpr double pause_s = 36'000.0;
+    for (const bool slides : {false, true}) {
+        QualificationInput input = input_of(run, 1);
+        for (std::size_t pose = 0; pose < input.poses.size(); ++pose) {
+            const bool later = pose >= static_cast<std::size_t>(run.training) + 20;
+            SimulatedRun moved = run;
+            moved.camera_from_base.translation.x() +=
+                slides ? 0.5 * (static_cast<double>(pose) / 69.0 - 0.5) : (later ? 0.4 : 0.0);
+            input.poses[pose].corners = photo(moved, all[pose], 1, pose);
+            *input.poses[pose].settled_s += later ? pause_s : 0.0;
+        }
+        const AcceptanceCondition found = condition(qualify(input), "drift over the run");
+        EXPECT_EQ(found.state, State::not_met) << found.text;
+        EXPECT_THAT(found.text, HasSubstr("a pause of 36002 s"));
+    }
+}
+
+// Readings of x that scatter by 0.24 mm within every pose, though no pose is off.
+TEST(Conditions, WithholdPassWhereTheStageDoesNotRest) {
+    QualificationInput input = demo_input();
+    const auto with_readings = [&](double scatter_mm) {
+        for (VisitedPose& pose : input.poses) {
+            pose.readings.assign(4, {});
+            pose.read_back_deviation = {scatter_mm, 0.0, 0.0, 0.0};
+        }
+        return condition(qualify(input), "rest within poses");
+    };
+    EXPECT_EQ(condition(qualify(input), "rest within poses").state, State::not_asked);
+    EXPECT_EQ(with_readings(0.03).state, State::met);
+    const AcceptanceCondition found = with_readings(0.24);
+    EXPECT_EQ(found.state, State::not_met);
+    EXPECT_NEAR(found.value, 0.24, 1e-9);
+    EXPECT_NE(qualify(input).verdict, Outcome::pass);
+    input.repeatability[0].reading_mm = 0.25;
+    EXPECT_EQ(with_readings(0.24).state, State::met);
+}
+
 // Without times drift cannot be told, and no PASS rests on that unless the limits say so.
 TEST(Conditions, WithholdPassWhereTheyCannotBeChecked) {
     QualificationInput input = demo_input();

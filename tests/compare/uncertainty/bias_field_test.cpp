@@ -42,6 +42,32 @@ TEST(BiasField, OfAWideLensFollowsAWrongDistortionAllAround) {
     EXPECT_THROW(fit_smooth_field(all, FieldBasis::position), NumericalError);
 }
 
+// Nothing tells how the errors change across the plane z = 420 mm; in it they are found as ever.
+TEST(BiasField, OfAPlaneIsTheFieldInThatPlane) {
+    const auto in_plane = [](std::size_t i) {
+        Eigen::Vector3d p = position(i);
+        p.z() = 420.0;
+        return p;
+    };
+    for (const FieldBasis basis :
+         {FieldBasis::position, FieldBasis::position_by_angle, FieldBasis::linear}) {
+        std::vector<FieldSample> all;
+        for (std::size_t i = 0; i < 40; ++i) {
+            const Eigen::Vector3d p = in_plane(i);
+            all.push_back({.position_mm = p,
+                           .error = {0.02 + 1e-4 * p.x(), 3e-4 * p.x() - 2e-4 * p.y(), 0.1}});
+        }
+        const BiasField field = fit_smooth_field(all, basis);
+        EXPECT_FALSE(field.is_full());
+        for (std::size_t i = 100; i < 120; ++i) {
+            const Eigen::Vector3d p = in_plane(i);
+            const Eigen::Vector3d expected(0.02 + 1e-4 * p.x(), 3e-4 * p.x() - 2e-4 * p.y(), 0.1);
+            EXPECT_LT((field.at(p) - expected).norm(), 1e-9);
+        }
+    }
+    EXPECT_TRUE(fit_smooth_field(samples(40, 1.0, 0.0, 1), FieldBasis::position).is_full());
+}
+
 TEST(BiasField, ByAngleIsTheOneByTangentNearTheAxis) {
     for (const Eigen::Vector3d& p : {Eigen::Vector3d(1.1, -0.7, 400.0), Eigen::Vector3d(0, 0, 250)})
         for (Eigen::Index column = 12; column < 15; ++column) {
@@ -93,10 +119,6 @@ TEST(BiasField, IsHardlyMovedByOneWildSample) {
 
 TEST(BiasField, RefusesSamplesThatCannotCarryIt) {
     EXPECT_THROW(fit_smooth_field(samples(9, 1.0, 0.01, 1), FieldBasis::linear), NumericalError);
-    std::vector<FieldSample> flat = samples(40, 1.0, 0.01, 1);
-    for (FieldSample& sample : flat)
-        sample.position_mm.z() = 500.0;
-    EXPECT_THROW(fit_smooth_field(flat, FieldBasis::linear), NumericalError);
     std::vector<FieldSample> bad = samples(40, 1.0, 0.01, 1);
     bad[3].error.y() = std::numeric_limits<double>::quiet_NaN();
     EXPECT_THROW(fit_smooth_field(bad, FieldBasis::position), NumericalError);

@@ -224,7 +224,7 @@ TEST(AtomicFile, WritesToAPipeOrADeviceAndReplacesNeither) {
     const TemporaryFolder folder;
     const std::filesystem::path pipe = folder / "pipe";
     ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
-    const FileDescriptor reader(open(pipe.c_str(), O_RDWR | O_NONBLOCK));
+    const FileDescriptor reader(::open(pipe.c_str(), O_RDWR | O_NONBLOCK));
     write_text(pipe, "seven");
     std::array<char, 9> bytes{};
     EXPECT_EQ(read(reader.get(), bytes.data(), bytes.size()), 5);

@@ -415,5 +415,27 @@ TEST(PartialMarker, IsNotDetectedWhereMeansOverFramesAreTaken) {
     EXPECT_EQ(wholly.detection, "");
 }
 
+// One frame of five is of the pose before; of two nobody can say which one is.
+TEST(AverageCorners, LeaveOutAFrameOfAnotherMoment) {
+    VisitedPose pose;
+    for (int i = 0; i < 5; ++i) {
+        FrameRecord& frame = pose.frames.emplace_back();
+        const double off = (i == 2 ? 7.0 : 0.0) + 0.01 * i;
+        frame.corners = {{100.0 + off, 50.0}, {140.0, 52.0 + off}, {141.0, 90.0}, {99.0, 91.0}};
+    }
+    VisitedPose two = pose;
+    two.frames.erase(two.frames.begin(), two.frames.begin() + 2);
+    two.frames.resize(2);
+    average_corners(pose);
+    EXPECT_EQ(pose.detections, 4);
+    EXPECT_TRUE(pose.frames[2].corners.empty());
+    EXPECT_EQ(pose.frames[2].detection,
+              "the corners are 4.94 px from where the pose's other frames show the marker");
+    EXPECT_NEAR(pose.corners[0].x(), 100.0 + 0.01 * (0 + 1 + 3 + 4) / 4.0, 1e-12);
+    average_corners(two);
+    EXPECT_EQ(two.detections, 2);
+    EXPECT_GT(two.corner_noise->variance_px2, 1.0);
+}
+
 }  // namespace
 }  // namespace etalon

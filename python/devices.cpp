@@ -40,8 +40,7 @@ void SharedStage::run(const std::function<void(Stage&, std::stop_token)>& work) 
         const auto stop = [&] { either.request_stop(); };
         const std::stop_callback by_interrupt(interrupted, stop);
         const std::stop_callback by_halt(halted, stop);
-        if (either.stop_requested())
-            throw Interrupted();
+        throw_if_stopped(either.get_token());
         work(open(), either.get_token());
     });
 }

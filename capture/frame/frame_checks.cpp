@@ -141,8 +141,7 @@ void wait_until_after(Clock& clock, Instant t, std::stop_token stop) {
     while (clock.now() <= t)
         if (!clock.wait_until(t + Duration(1), stop))
             throw Interrupted();
-    if (stop.stop_requested())
-        throw Interrupted();
+    throw_if_stopped(stop);
 }
 
 }  // namespace etalon

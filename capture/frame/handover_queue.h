@@ -34,8 +34,7 @@ public:
     std::optional<Value> pop(Duration at_most, const std::stop_token& stop) {
         std::unique_lock lock(mutex_);
         arrived_.wait_for(lock, stop, at_most, [&] { return ended_ || !values_.empty(); });
-        if (stop.stop_requested())
-            throw Interrupted();
+        throw_if_stopped(stop);
         if (values_.empty())
             return std::nullopt;
         Value oldest = std::move(values_.front());

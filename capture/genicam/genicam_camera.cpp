@@ -71,8 +71,7 @@ public:
     Buffer next(const Clock& clock, Instant deadline, std::stop_token stop) {
         const auto slice = static_cast<guint64>(microseconds(look_around).count());
         do {
-            if (stop.stop_requested())
-                throw Interrupted();
+            throw_if_stopped(stop);
             if (device_.lost())
                 device_.fail("wait for a frame", "the camera is lost: it no longer answers");
             if (Buffer buffer{arv_stream_timeout_pop_buffer(stream_.get(), slice)})

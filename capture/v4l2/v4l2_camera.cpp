@@ -693,8 +693,7 @@ private:
         int too_old = 0;
         bool announced = false;
         do {
-            if (stop.stop_requested())
-                throw Interrupted();
+            throw_if_stopped(stop);
             if (const auto buffer = stream_->take()) {
                 std::optional<Frame> frame = judged(*buffer, t);
                 stream_->give_back(*buffer);

@@ -9,12 +9,14 @@
 
 #include "compare/qualification/diagnosis_input.h"
 #include "compare/qualification/qualification.h"
-#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {
 
 using State = AcceptanceCondition::State;
+
+// What is less than this part of a limit adds a thirtieth to its square.
+constexpr double of_limit = 0.25;
 
 AcceptanceCondition not_checked(const char* name, std::string why) {
     return {name, State::not_checked, 0.0, 0.0, "", std::move(why)};
@@ -86,7 +88,6 @@ AcceptanceCondition residuals(const Qualification& result) {
 
 AcceptanceCondition residuals_over_image(const QualificationInput& input,
                                          const Qualification& result) {
-    constexpr double of_limit = 0.25;  // what is less adds a thirtieth to the limit's square
     const ImageCoherence& found = result.corners->coherence;
     const double size_mm = result.corners->coherent_rms_mm,
                  least_mm = of_limit * input.limits.by_quantity.at(quantity::position_rms);
@@ -289,8 +290,6 @@ double reading_scatter_mm(const QualificationInput& input, const Qualification& 
 
 AcceptanceCondition rest_within_poses(const QualificationInput& input,
                                       const Qualification& result) {
-    constexpr double of_limit = 0.25;  // what is less adds a thirtieth to the limit's square
-    constexpr double normal_999 = 3.0902;
     const char* title = "rest within poses";
     double sum = 0.0, freedom = 0.0, worst = 0.0, declared = 0.0;
     int count = 0, worst_pose = 0;
@@ -313,7 +312,7 @@ AcceptanceCondition rest_within_poses(const QualificationInput& input,
         declared += axis.reading_mm * axis.reading_mm;
     const double rms = std::sqrt(sum / count),
                  limit = std::max(of_limit * input.limits.by_quantity.at(quantity::position_rms),
-                                  std::sqrt(declared * reduced_chi_square(normal_999, freedom)));
+                                  std::sqrt(declared * chi_square_limit(freedom)));
     return checked(title, rms <= limit, rms, limit, "mm",
                    fmt::format("while a pose is photographed the stage's readings scatter by "
                                "{:.3f} mm RMS at the marker, by {:.3f} mm in pose {}",

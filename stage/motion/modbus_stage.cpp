@@ -227,8 +227,7 @@ private:
     }
 
     Run begin(const char* request, std::vector<Condition> ends, std::stop_token stop) {
-        if (stop.stop_requested())
-            throw Interrupted();
+        throw_if_stopped(stop);
         Run run{request, std::move(ends), std::move(stop)};
         run.started.resize(axes_.size());
         poll(run);
@@ -336,8 +335,7 @@ private:
 
     void carry_out(const std::vector<Step>& steps, Run& run) {
         for (const Step& step : steps) {
-            if (run.stop.stop_requested())
-                throw Interrupted();
+            throw_if_stopped(run.stop);
             switch (step.kind) {
                 case Step::Kind::require:
                     require_conditions(step, run);
@@ -395,8 +393,7 @@ private:
     void confirm_start(Run& run, std::size_t first_axis, std::size_t count) {
         const Instant deadline = clock_.now() + start_time;
         for (;;) {
-            if (run.stop.stop_requested())
-                throw Interrupted();
+            throw_if_stopped(run.stop);
             keep_watchdog(false);
             poll(run);
             bool started = true;
@@ -452,8 +449,7 @@ private:
         int stable = 0;
         Instant stable_since{};
         for (;;) {
-            if (run.stop.stop_requested())
-                throw Interrupted();
+            throw_if_stopped(run.stop);
             keep_watchdog(false);
             poll(run);
             const Instant now = clock_.now();

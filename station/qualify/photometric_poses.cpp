@@ -170,8 +170,7 @@ RunEvidence PhotometricPoses::pixels() const {
             const DeviatingCamera camera(model, deviating);
             std::vector<PhotoEvidence> all(which.size());
             tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
-                if (stop_.stop_requested())
-                    throw Interrupted();
+                throw_if_stopped(stop_);
                 const VisitedPose& pose = *compared[which[i]];
                 all[i] = measured(recorded_photo(run_, *first_whole(pose)),
                                   found_.at(pose.index).compared_at, camera, noise_scale);
@@ -186,8 +185,7 @@ void PhotometricPoses::set_in(QualifyResult& result) {
     for (const VisitedPose& pose : result.poses)
         add(pose);
     tasks_.wait();
-    if (stop_.stop_requested())
-        throw Interrupted();
+    throw_if_stopped(stop_);
     kept_.keep(found_);
     for (VisitedPose& pose : result.poses) {
         const auto found = found_.find(pose.index);

@@ -102,11 +102,11 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
 
 // Said before anything moves.
 void require_enough_poses(const StationFile& station) {
-    const std::vector<PlannedPose> poses = plan_of(station).poses;
-    const auto hold_out = std::ranges::count_if(poses, &PlannedPose::hold_out);
-    const auto training = std::ssize(poses) - hold_out;
+    const PlanRequest& plan = station.plan;
+    const int training = plan.poses - hold_out_poses(plan),
+              hold_out = hold_out_poses(plan) + plan.repeats;
     if (training < min_training_poses || hold_out < min_hold_out_poses)
-        throw ConfigError(station.plan.place,
+        throw ConfigError(plan.place,
                           fmt::format("{} training and {} hold-out poses are too few for a "
                                       "verdict, which needs {} and {}: plan more, or measure "
                                       "them all the same with --few-poses",

@@ -277,8 +277,7 @@ void read_frames(QualifyResult& result, Progress& progress, const std::stop_toke
     tbb::enumerable_thread_specific<std::unique_ptr<Detector>> detectors(
         [&] { return make_detector(station.detector, station.marker, station.detector); });
     const auto read = [&](VisitedPose& pose) {
-        if (stop.stop_requested())
-            throw Interrupted();
+        throw_if_stopped(stop);
         const KeptPose* kept = kept_pixels.of(pose);
         for (std::size_t i = 0; i < pose.frames.size(); ++i) {
             FrameRecord& frame = pose.frames[i];

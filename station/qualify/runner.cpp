@@ -58,10 +58,7 @@ struct Run {
         log("remark", text);
         return true;
     }
-    void throw_if_stopped() const {
-        if (stop.stop_requested())
-            throw Interrupted();
-    }
+    void throw_if_stopped() const { etalon::throw_if_stopped(stop); }
 };
 
 void require_same_camera(const StationFile& station, const CameraIdentity& identity) {

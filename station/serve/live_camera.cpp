@@ -124,8 +124,7 @@ void LiveCamera::take_pictures(Camera& camera, CaptureSettings settings, Clock& 
         pictures_.put(std::move(picture));
         next += period;
         clock.wait_until(next, stop);
-        if (stop.stop_requested())
-            throw Interrupted();
+        throw_if_stopped(stop);
     }
 }
 

@@ -34,8 +34,8 @@ std::vector<double> target_of(const PlanRequest& request, const std::vector<doub
 
 std::vector<PlannedPose> sampled_poses(const PlanRequest& request, std::span<const Axis> axes,
                                        const MotionRules& rules, const TargetFilter& is_useful) {
-    const long hold_out = std::lround(request.hold_out * request.poses);
-    const long training = request.poses - hold_out;
+    const int hold_out = hold_out_poses(request);
+    const int training = request.poses - hold_out;
     if (hold_out < 1 || training < 1)
         throw ConfigError(request.place,
                           fmt::format("{} poses with hold_out {} leave {} for "
@@ -157,6 +157,10 @@ Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
     for (std::size_t i = 0; i < axes.size(); ++i)
         longest_s = std::max(longest_s, std::abs(to[i] - from[i]) / axes[i].speed);
     return duration_of(longest_s);
+}
+
+int hold_out_poses(const PlanRequest& request) {
+    return static_cast<int>(std::lround(request.hold_out * request.poses));
 }
 
 Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,

@@ -20,6 +20,9 @@ struct Plan {
     Duration expected_duration{};
 };
 
+// How many of the poses judge, without those that are visited again.
+int hold_out_poses(const PlanRequest& request);
+
 // Whether a target is of use; empty: every one is.
 using TargetFilter = std::function<bool(const std::vector<double>& target)>;
 

@@ -45,18 +45,6 @@ Eigen::VectorXd mapped(const std::vector<double>& values) {
     return Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values));
 }
 
-// From -1 to 1 over what was visited; all zero where nothing moved.
-Eigen::VectorXd normalised(const Eigen::VectorXd& positions) {
-    const double low = positions.minCoeff(), high = positions.maxCoeff();
-    if (!(high > low))
-        return Eigen::VectorXd::Zero(positions.size());
-    return (2.0 * positions.array() - (low + high)) / (high - low);
-}
-
-const char* unit_of(const StageAxisMotion& axis) {
-    return axis.is_linear ? "mm" : "rad";
-}
-
 // Half of it each way from the middle of the two sides.
 void add_backlash(std::vector<ErrorCandidate>& all, const StageAxisMotion& axis,
                   const Eigen::VectorXd& advanced) {
@@ -75,7 +63,7 @@ void add_straightness(std::vector<ErrorCandidate>& all, const SignatureChain& ch
                       const StageAxisMotion& axis) {
     if (axis.aside[0].empty())
         return;
-    const Eigen::VectorXd bow = 1.0 - normalised(mapped(axis.position)).array().square();
+    const Eigen::VectorXd bow = 1.0 - normalised(axis.position).array().square();
     Eigen::MatrixXd columns(0, 2);
     for (int way = 0; way < 2; ++way) {
         const Eigen::VectorXd column =
@@ -111,7 +99,7 @@ void add_common_scale(std::vector<ErrorCandidate>& all, const CandidateRequest& 
 void add_drift(std::vector<ErrorCandidate>& all, const CandidateRequest& request) {
     if (request.times_s.size() != request.chain.poses.size())
         return;
-    const Eigen::VectorXd time = 0.5 * normalised(mapped(request.times_s));
+    const Eigen::VectorXd time = 0.5 * normalised(request.times_s);
     const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size());
     ErrorCandidate drift{
         "drift", "mm",
@@ -188,6 +176,18 @@ void add_pixel_candidates(std::vector<ErrorCandidate>& all, const CandidateReque
 }
 
 }  // namespace
+
+Eigen::VectorXd normalised(const std::vector<double>& of) {
+    const Eigen::VectorXd positions = mapped(of);
+    const double low = positions.minCoeff(), high = positions.maxCoeff();
+    if (!(high > low))
+        return Eigen::VectorXd::Zero(positions.size());
+    return (2.0 * positions.array() - (low + high)) / (high - low);
+}
+
+const char* unit_of(const StageAxisMotion& axis) {
+    return axis.is_linear ? "mm" : "rad";
+}
 
 std::vector<ErrorCandidate> error_candidates(const CandidateRequest& request,
                                              const std::map<std::string, double>& sizes) {

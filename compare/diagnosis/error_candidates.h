@@ -23,6 +23,12 @@ struct StageAxisMotion {
     std::array<std::vector<Rigid>, 2> aside;
 };
 
+// "mm", or "rad" of a rotary axis.
+const char* unit_of(const StageAxisMotion& axis);
+
+// Positions or times from -1 to 1 over what was visited; all zero where nothing moved.
+Eigen::VectorXd normalised(const std::vector<double>& of);
+
 struct ErrorCandidate {
     std::string name, unit;
     std::string remedy;  // what to do first: "look at the stage's axis z: backlash"

@@ -33,12 +33,6 @@ Eigen::MatrixXd factor_of(const Followed& followed, double length) {
     return solver.eigenvectors().rightCols(kept) * values.tail(kept).cwiseSqrt().asDiagonal();
 }
 
-Eigen::MatrixXd from_minus_to_plus_1(const std::vector<double>& of) {
-    const Eigen::Map<const Eigen::VectorXd> values(of.data(), std::ssize(of));
-    const double low = values.minCoeff(), high = values.maxCoeff();
-    return (2.0 * values.array() - low - high) / std::max(high - low, 1e-12);
-}
-
 bool moves(const StageAxisMotion& axis) {
     const auto [low, high] = std::ranges::minmax(axis.position);
     return high > low;
@@ -47,7 +41,7 @@ bool moves(const StageAxisMotion& axis) {
 // Of a rotary axis two: after a turn it is where it was.
 Eigen::MatrixXd coordinates_of(const StageAxisMotion& axis) {
     if (axis.is_linear)
-        return from_minus_to_plus_1(axis.position);
+        return normalised(axis.position);
     const Eigen::Map<const Eigen::ArrayXd> angle(axis.position.data(), std::ssize(axis.position));
     Eigen::MatrixXd circle(angle.size(), 2);
     circle << angle.cos(), angle.sin();
@@ -106,7 +100,7 @@ std::vector<Followed> all_followed(const CandidateRequest& request) {
         all.push_back({"the place in the volume", volume, {0.4, 1.0}});
     all.push_back({"the place in the image", places_in_image(request.chain), {0.15, 0.4}});
     if (request.times_s.size() == request.chain.poses.size()) {
-        const Eigen::MatrixXd time = from_minus_to_plus_1(request.times_s);
+        const Eigen::MatrixXd time = normalised(request.times_s);
         all.push_back({"time", time, {0.15, 0.4, 1.0}});
         all.push_back({"time in steps", time, {0.3, 2.0}, true});
     }
@@ -128,7 +122,7 @@ std::vector<NamedMoves> all_moves(const CandidateRequest& request) {
             continue;
         const Eigen::VectorXd advance = sensitivity_px(request, axis) / axis.step;
         const Eigen::Index rows = advance.size() / std::ssize(chain.poses);
-        all.push_back({"an error of " + axis.name, axis.is_linear ? "mm" : "rad", {}});
+        all.push_back({"an error of " + axis.name, unit_of(axis), {}});
         NamedMoves& one = all.back();
         for (std::size_t i = 0; i < chain.poses.size(); ++i)
             one.perturbations.emplace_back(chain.pose_jacobian(i).colPivHouseholderQr().solve(
